@@ -201,13 +201,15 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
     reference = before[0].reference if before else found.interval
     median = before[0].median if before else float(np.median(kept)) if kept.size else found.interval
     exact, whole = 2 * window.spacing + 1e-9 * median, steps / median if median > 0 else steps
-    index = np.arange(end - begin) + np.cumsum(lost[own])
-    index = index.astype(np.float64) + (row + sum(int(np.sum(b.found.lost)) - b.found.repeated for b in before))
+    repeated = found.repeated[(found.repeated >= begin) & (found.repeated < end)] + offset
+    repeats = np.bincount(repeated - row, minlength=end - begin)
+    missing = sum(int(np.sum(b.found.lost)) - b.found.repeated.size for b in before)
+    index = (row + missing + np.arange(end - begin) + np.cumsum(lost[own] - repeats)).astype(np.float64)
     rows = np.flatnonzero(lost[own])
     raw = np.diff(window.ticks)[low - 1 : end - 1]
     return _Block(
         rows=end - begin,
-        found=replace(found, rows=rows + row, lost=lost[own][rows]),
+        found=replace(found, rows=rows + row, lost=lost[own][rows], repeated=repeated),
         walls=tuple((int(w) + offset, float(window.ticks[w])) for w in walls if begin <= w < end),
         index=float(np.mean(index)),
         tick=float(np.mean(ticks[own])),
@@ -283,7 +285,7 @@ def _interval(
 ) -> tuple[float, Remark | None]:
     """Sampling interval in ticks, with the digits that the time stamps show, and a remark if it is a mean."""
     interval, median, spacing = _slope(blocks), blocks[0].median, max(b.spacing for b in blocks)
-    whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated for b in blocks)
+    whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
     mean = whole / max(1, count - 1 + int(np.sum(lost)) - repeated)
     exact = 2 * spacing + 1e-9 * median
     if all(b.exact for b in blocks) and abs(mean - median) <= exact and abs(interval - median) <= exact + 1e-7 * median:

@@ -16,7 +16,7 @@ sample moves it for good.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,15 +73,15 @@ class Found:
         Row after each gap, and the number of samples lost there, at least 1.
     width : int
         Rows whose statistics were compared; 1 if single rows show the lost samples.
-    repeated : int
-        Number of rows that the time stamps count twice.
+    repeated : (R,) array
+        Rows that were written twice.
     """
 
     interval: float
     rows: Rows
     lost: Rows
     width: int
-    repeated: int = 0
+    repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Found:
@@ -187,7 +187,8 @@ def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
 
 def _are_slips(found: Found) -> bool:
     """Whether there are no gaps, or so many regular ones that they are the rounding of another rate."""
-    return found.rows.size + found.repeated == 0 or found.rows.size + found.repeated >= _SLIPS
+    count = found.rows.size + found.repeated.size
+    return count == 0 or count >= _SLIPS
 
 
 def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Found | None:
@@ -584,7 +585,7 @@ def _assembled(
             before, after = (float(_STATISTICS[name](side[None])[0]) for side in sides)
             rise[row] = round(rise[row] + steps[row] / slope + after - before)
     rows = np.flatnonzero(rise > 0)
-    repeated = int(-np.sum(rise[rise < 0]))
+    repeated = np.repeat(np.arange(rise.size), np.maximum(-rise, 0).astype(np.int64))
     return Found(slope, rows, rise[rows].astype(np.int64), width=width, repeated=repeated)
 
 

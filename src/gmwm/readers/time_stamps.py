@@ -117,7 +117,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
     if not unit:
         unit = _inferred_unit(ticks, float(values[0]), rate)
         remark = Remark.of("time-unit-inferred", unit=unit)
-    return Stamps(ticks, float(values[0]), spacing, unit, integer), remark
+    return Stamps(ticks, float(values[0]), spacing, unit, integer=integer), remark
 
 
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
