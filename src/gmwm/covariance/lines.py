@@ -25,7 +25,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Matrix
+from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import filtered
 from gmwm.covariance.design import Design
 from gmwm.errors import MissingTheoryError
@@ -57,6 +57,11 @@ class Line:
     cycles: float
     gain: NDArray[np.complex128]
 
+    @property
+    def amplitude(self) -> float:
+        """A, in u."""
+        return math.sqrt(2.0 * self.power)
+
 
 def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
     """Separate the noise of a model (None if it has none; the model itself without sinusoids) from its sinusoids.
@@ -84,8 +89,10 @@ def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diag
     """The contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
     total = _of_phases(noise, lines, design)
     if noise is not None:
+        many = [line for line in lines if np.any(_stages(line, design) < 0)]
+        density = dict(zip(many, _density(noise, [line.cycles for line in many], design).tolist(), strict=True))
         for line in lines:
-            total += _with_noise(noise, line, design, diagonal=diagonal)
+            total += _with_noise(noise, line, design, density=density.get(line, 0.0), diagonal=diagonal)
     return np.asarray(np.diag(total).copy() if diagonal else total)
 
 
@@ -138,14 +145,13 @@ def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
 # --- line and noise -----------------------------------------------------------------------------------
 
 
-def _with_noise(noise: Model, line: Line, design: Design, *, diagonal: bool) -> Matrix:
-    """4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J)."""
+def _with_noise(noise: Model, line: Line, design: Design, *, density: float, diagonal: bool) -> Matrix:
+    """4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), with the spectral density of the noise where it is used."""
     size, counts = design.levels.size, design.counts.astype(np.float64)
     stages = _stages(line, design)
     total = np.zeros((size, size))
     if np.any(stages < 0):
         square = np.abs(line.gain) ** 2
-        density = _density(noise, line.cycles, design)
         total += 4.0 * line.power * density * np.outer(square, square) / np.maximum.outer(counts, counts)
     if np.any(stages >= 0):
         lags = filtered.Lags(noise, design)
@@ -175,19 +181,19 @@ def _stages(line: Line, design: Design) -> NDArray[np.int64]:
     return np.where(enough, stage, -1)
 
 
-def _density(noise: Model, cycles: float, design: Design) -> float:
-    """Spectral density S (u² per cycle per sample) of the noise at a frequency that is not 0."""
-    total = 0.0
+def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
+    """Spectral density S (u² per cycle per sample) of the noise at frequencies that are not 0."""
+    total = np.zeros(len(cycles))
     for process in noise.processes:
-        if process.scale > 0:
-            total += (
-                design.rate * float(process.psd([abs(cycles) * design.rate], design.rate)[0])
-                if process.has("psd")
-                else process.scale
-                * _summed_density(
-                    type(process), tuple(process.nonlinear.tolist()), cycles, samples=design.samples, rate=design.rate
-                )
-            )
+        if process.scale == 0:
+            continue
+        if process.has("psd"):
+            total += design.rate * process.psd(np.abs(cycles) * design.rate, design.rate)
+            continue
+        shape = (type(process), tuple(process.nonlinear.tolist()))
+        total += process.scale * np.array([
+            _summed_density(*shape, at, samples=design.samples, rate=design.rate) for at in cycles
+        ])  # fmt: skip
     return total
 
 

@@ -452,12 +452,15 @@ def _equivalent(
             continue
         if level[candidate.structure] != level[best.structure]:
             difference = candidate.wic.value - best.wic.value
-            if difference > SURELY or _rejected(candidate, best):
+            if difference > SURELY:
                 continue
             # A simpler model does not override a clear difference of the criteria.
             if difference > CLEAR * difference_error(candidate.fit, best.fit, explored[0].matrix, explored[0].wavelet):
                 continue
             if not as_good(explored, candidate.fits, rivals=best.fits, size=1 - confidence, draws=draws, seed=seed):
+                continue
+            # Last, because the test fits the candidate again with its own weights.
+            if _rejected(candidate, best):
                 continue
         equivalent.append(candidate)
     return equivalent
