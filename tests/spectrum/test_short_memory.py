@@ -172,10 +172,10 @@ def test_every_descent_ends_no_higher_and_with_stable_roots():
     starts = list(_starts(data, white, (2, 2)))
     assert len(starts) >= 5
     for start in starts:
-        end = _descend(data, *start)
+        end = _descend(data, *start, white.scale)
         assert np.abs(np.roots([1.0, *end.a])).max() <= POLE + 1e-9
         assert np.abs(np.roots([1.0, *end.b])).max() <= 1
-    assert min(_descend(data, *start).loss for start in starts) < white.loss / 10
+    assert min(_descend(data, *start, white.scale).loss for start in starts) < white.loss / 10
 
 
 def test_a_rise_below_the_data_is_not_used():

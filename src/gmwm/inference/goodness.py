@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import freeze
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._text import Summarised, counted
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
@@ -168,8 +168,11 @@ def _statistic(fit: Fit) -> tuple[float, int]:
     if len(columns) >= len(wv):
         raise _too_few(fit, len(columns), len(wv))
     root = square_root(precision(covariance(fit.model, design)))
-    left = root @ (wv.variance - fit.implied)
-    slopes = root @ relative_jacobian(fit.model, design, columns)
+    return unexplained(root @ (wv.variance - fit.implied), root @ relative_jacobian(fit.model, design, columns))
+
+
+def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
+    """Squared length of a vector (J,) without its part in the span of some columns (J, p), and the rank of these."""
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)

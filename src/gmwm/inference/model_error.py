@@ -20,8 +20,8 @@ from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import nearly_settled
 from gmwm.estimation.weighting import precision, square_root
-from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
-from gmwm.inference.goodness import usable_levels
+from gmwm.inference.asymptotic import columns_of, relative_jacobian
+from gmwm.inference.goodness import unexplained, usable_levels
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
@@ -209,13 +209,6 @@ class Distance:
         return int(self.left.size - self.slopes.shape[1])
 
     @property
-    def pvalue(self) -> float:
-        """Probability of a distance at least as large if the model is right; 1 without degrees of freedom."""
-        from scipy.special import gammaincc
-
-        return float(gammaincc(self.freedom / 2, self.statistic(0.0) / 2)) if self.freedom > 0 else 1.0
-
-    @property
     def surely(self) -> float:
         """The p-value with every level as a degree of freedom: at least that of any sum within the fitted one."""
         from scipy.special import gammaincc
@@ -225,11 +218,7 @@ class Distance:
     def statistic(self, error: float) -> float:
         """The chi-square statistic if the model has a relative error: without the part that the parameters can fit."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
-        weighted, miss = root @ self.slopes, root @ self.left
-        length = np.linalg.norm(weighted, axis=0)
-        axes, strength, _ = np.linalg.svd(weighted[:, length > 0] / length[length > 0], full_matrices=False)
-        taken = axes[:, strength > COLLINEAR * strength.max(initial=0.0)].T @ miss
-        return float(miss @ miss - taken @ taken)
+        return unexplained(root @ self.left, root @ self.slopes)[0]
 
     def error(self) -> float:
         """The relative error with which the statistic equals its degrees of freedom."""

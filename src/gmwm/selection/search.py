@@ -32,7 +32,7 @@ from gmwm.selection.options import RankingOptions
 from gmwm.selection.ranking import Ranking
 from gmwm.selection.structure import freedom, nested, without_values
 from gmwm.spectrum.result import PowerSpectrum
-from gmwm.spectrum.short_memory import ShortMemory, short_memory
+from gmwm.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.variance.result import WaveletVariance
 
 SLOW = "4*GM + WN + QN + FN + RW + DR"
@@ -247,7 +247,7 @@ def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
     return (*free, *(process for _, process in found[MOST_FREE:]))
 
 
-def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> ShortMemory | None:
+def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
     """The noise at high frequencies beside the slow terms of a fit."""
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
@@ -276,7 +276,7 @@ def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float
     return total
 
 
-def _process(shape: ShortMemory) -> Process:
+def _process(shape: SpectralShape) -> Process:
     """The ARMA process of a shape, with its variance free."""
     p, q = shape.phi.size, shape.theta.size
     if p + q == 0:
@@ -288,7 +288,7 @@ def _process(shape: ShortMemory) -> Process:
     return kind(**{name: Fixed(value) for name, value in zip(names, values, strict=True)})
 
 
-def _with_shape(wv: WaveletVariance, fit: Fit, shape: ShortMemory, process: Process) -> WaveletVariance:
+def _with_shape(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
     """The data with the covariance from the uncertainty of a shape whose density at the frequency 0 is free."""
     if not shape.covariance.size:
         return wv

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ _SMOOTH = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ShortMemory:
+class SpectralShape:
     """An ARMA process whose power spectral density follows the measured one at high frequencies.
 
     Attributes
@@ -68,7 +69,7 @@ class ShortMemory:
 
 def short_memory(
     frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector
-) -> ShortMemory:
+) -> SpectralShape:
     """Fit the ARMA process of lowest order that describes a power spectral density, in addition to a known part.
 
     The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). Starting from white
@@ -91,7 +92,7 @@ def short_memory(
 
     Returns
     -------
-    ShortMemory
+    SpectralShape
 
     References
     ----------
@@ -108,12 +109,15 @@ def short_memory(
     best = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
     price, path = math.log(density.size), [best]
     while True:
-        found = [
-            _descend(data, *start)
+        starts = [
+            start
             for more in STEPS
             if best.a.size + more[0] <= HIGHEST and best.b.size + more[1] <= HIGHEST
             for start in _starts(data, best, more)
         ]
+        # A real root does not depend on the angle, and both residuals can be largest at the same frequency.
+        distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in starts}.values()
+        found = [_descend(data, a, b, best.scale) for a, b in distinct]
         found = [point for point in found if abs(_bend(data, point)) <= FLAT]
         next_best = min(found, key=lambda point: _score(point, price), default=best)
         if _score(next_best, price) >= _score(best, price):
@@ -140,12 +144,25 @@ class _Point:
     scale: float
     loss: float
     left: Vector
-    jacobian: Matrix
+    share: Vector
+    waves: NDArray[np.complex128]
 
     @property
     def order(self) -> int:
         """Number of coefficients."""
         return self.a.size + self.b.size
+
+    @cached_property
+    def jacobian(self) -> Matrix:
+        """Derivatives (n, 1 + p + q) of the logarithm of the density by the scale, a and b."""
+        before, after = self.waves[:, : self.a.size], self.waves[:, : self.b.size]
+        with np.errstate(all="ignore"):
+            columns = [
+                np.ones((self.left.size, 1)),
+                -2 * (before / (1 + before @ self.a)[:, None]).real,
+                2 * (after / (1 + after @ self.b)[:, None]).real,
+            ]
+            return np.asarray(np.concatenate(columns, axis=1) * self.share[:, None])
 
 
 def _evaluated(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
@@ -154,16 +171,10 @@ def _evaluated(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
     with np.errstate(all="ignore"):
         own = np.exp(scale) * np.abs(above) ** 2 / np.abs(below) ** 2
         total = own + data.known
-        left = data.logs - np.log(total)
-        columns = [
-            np.ones((data.logs.size, 1)),
-            -2 * np.real(data.waves[:, : a.size] / below[:, None]),
-            2 * np.real(data.waves[:, : b.size] / above[:, None]),
-        ]
-        jacobian = np.concatenate(columns, axis=1) * (own / total)[:, None]
+        left, share = data.logs - np.log(total), own / total
     loss = float(np.sum(data.weights * left**2))
     loss = loss if math.isfinite(loss) else math.inf
-    return _Point(a=a, b=b, scale=scale, loss=loss, left=left, jacobian=jacobian)
+    return _Point(a=a, b=b, scale=scale, loss=loss, left=left, share=share, waves=data.waves)
 
 
 def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
@@ -237,7 +248,7 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
     return np.real(np.poly(roots))[1:], gain
 
 
-def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector, float]]:
+def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
     """Starting points: the best process so far, with further roots where its residuals are largest, and at the ends."""
     scaled = np.sqrt(data.weights) * best.left
     smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
@@ -248,11 +259,10 @@ def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[
             yield (
                 _widened(best.a, more[0], data.angles[worst], above),
                 _widened(best.b, more[1], data.angles[worst], below),
-                best.scale,
             )
-    yield _widened(best.a, more[0], math.pi, 0.6), _widened(best.b, more[1], math.pi, 0.6), best.scale
-    if sum(more) < len(more) + 1:
-        yield _widened(best.a, more[0], 0.5, 0.6), _widened(best.b, more[1], 0.5, 0.5), best.scale
+    yield _widened(best.a, more[0], math.pi, 0.6), _widened(best.b, more[1], math.pi, 0.6)
+    if sum(more) <= 2:
+        yield _widened(best.a, more[0], 0.5, 0.6), _widened(best.b, more[1], 0.5, 0.5)
 
 
 def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
@@ -265,9 +275,9 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
     return whole[1:]
 
 
-def _reported(data: _Data, point: _Point) -> ShortMemory:
+def _reported(data: _Data, point: _Point) -> SpectralShape:
     sign = np.concatenate([-np.ones(point.a.size), np.ones(point.b.size)])
-    return ShortMemory(
+    return SpectralShape(
         phi=-point.a, theta=point.b.copy(), innovation=math.exp(point.scale),
         covariance=_scatter(point, data)[1:, 1:] * np.outer(sign, sign),
         misfit=point.loss / max(data.logs.size - point.jacobian.shape[1], 1),
