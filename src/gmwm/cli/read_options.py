@@ -20,7 +20,15 @@ if TYPE_CHECKING:
 
 INPUT = "Input"
 
-File = Annotated[Path, typer.Argument(help="Recording, in any supported format.", metavar="FILE", show_default=False)]
+File = Annotated[
+    Path,
+    typer.Argument(
+        help="Recording, in any supported format; or a pattern in quotes, 'hour_*.csv', of files that continue one "
+        "another.",
+        metavar="FILE",
+        show_default=False,
+    ),
+]
 Rate = Annotated[
     float | None,
     typer.Option(help="Sampling rate (Hz). Not needed if the file has time stamps.", rich_help_panel=INPUT),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.options import BadLines, Columns, Gaps, ReadOptions
 from gmwm.readers.axis_units import Scales, resolve, time_unit
-from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.readers.base import Layout, Reader, Rows
 from gmwm.readers.clock import clock_of
 from gmwm.readers.columns import Choice, choose, described
 from gmwm.readers.lost_samples import (
@@ -32,6 +31,7 @@ from gmwm.readers.lost_samples import (
 )
 from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.scale_factors import multiply
+from gmwm.readers.several_files import Source, found_reader, source_words
 from gmwm.readers.text_stamps import holds_stamps, require_readable
 from gmwm.readers.time_stamps import Timing, beside_stated, unstamped
 from gmwm.remarks import Remark
@@ -41,7 +41,7 @@ from gmwm.units import SI_UNIT
 
 
 def read(
-    path: str | os.PathLike[str],
+    path: Source,
     rate: float | None = None,
     columns: Columns | None = None,
     units: Mapping[str, str] | None = None,
@@ -60,8 +60,9 @@ def read(
 
     Parameters
     ----------
-    path : path
-        A file in any of the formats of docs/formats.md. The content decides the format, not the name.
+    path : path or sequence of paths
+        A file in any of the formats of docs/formats.md. The content decides the format, not the name. A list, or
+        a pattern such as "logs/hour_*.csv", is one recording in several files that continue one another.
     rate : float, optional
         Samples per second (Hz). It is needed if the file has no time stamps. If it has, the rate must agree with them
         within 1 %, and is used instead of theirs.
@@ -138,11 +139,10 @@ def read(
     return read_file(path, options)
 
 
-def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
+def read_file(path: Source, options: ReadOptions) -> Imu:
     """The recording in a file, as `read` gives it, by options that are checked."""
     rate, units = options.rate, options.units
-    file = existing_file(path)
-    reader = find_reader(file, options.format)
+    file, reader = found_reader(path, options.format)
     layout = one_layout(reader, file, options.topic)
     choice = choose(layout, options.columns, file)
     require_time(layout, choice, rate, file)
@@ -150,7 +150,7 @@ def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
     rows = _all_rows(reader, file, layout, choice)
     imu = recording_of(rows, layout, choice, options=options, units=units, path=file)
     warn(imu.remarks, stacklevel=3)
-    imu = replace(imu, source=str(path))
+    imu = replace(imu, source=source_words(path))
     if options.ranges is not None:
         imu = cut(imu, options.start, options.stop, options.skip)
     return imu.longest() if options.gaps == "longest" else imu

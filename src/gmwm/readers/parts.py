@@ -19,6 +19,7 @@ from gmwm.readers.api import one_layout
 from gmwm.readers.base import Layout, Mark, Reader, existing_file, find_reader
 from gmwm.readers.chunks import Chunk, ChunkBuilder, Interpretation, RowSummary
 from gmwm.readers.lost_samples import Sifted, sift
+from gmwm.readers.several_files import SeveralFiles
 from gmwm.readers.streams import Stream
 
 SHORTEST = 4096
@@ -151,6 +152,11 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
     if origin is None:
         raise OptionError(
             "a growing recording cannot be divided into parts", advice="Save it to a file and pass the file."
+        )
+    if isinstance(origin.reader, SeveralFiles):
+        raise OptionError(
+            "a recording in several files cannot be divided into parts",
+            advice="Leave {--scheduler} and {--workers} out, or write the recording to one file with `gmwm convert`.",
         )
     if stream._kept is not None:
         raise OptionError(

@@ -5,7 +5,6 @@ Units and rate come from the first rows. Values, segments and their times are th
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,6 +31,7 @@ from gmwm.readers.lost_samples import as_floats, is_missing, sift
 from gmwm.readers.reading_warnings import STAMPS, of_file, warn
 from gmwm.readers.running_clock import Pace
 from gmwm.readers.scale_factors import multiply
+from gmwm.readers.several_files import SeveralFiles, Source, files_of, found_reader, source_words
 from gmwm.readers.time_stamps import Timing, as_stamps
 from gmwm.readers.trimming import Kept, trimmed
 from gmwm.remarks import Remark
@@ -60,8 +60,9 @@ any computer together with the copies that an estimate needs."""
 
 
 def is_large(path: Path) -> bool:
-    """Whether commands and fleets stream a file instead of reading it."""
-    return path.is_file() and path.stat().st_size >= LARGE
+    """Whether commands and fleets stream a file, or several by their pattern, instead of reading it."""
+    files = [Path(file) for file in files_of(path)]
+    return sum(file.stat().st_size for file in files if file.is_file()) >= LARGE
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,6 +279,8 @@ class Stream:
         # Another process opens the file again.
         if self._origin is None:
             raise TypeError("a recording that is still being written cannot be sent to another process")
+        if isinstance(self._origin.reader, SeveralFiles):
+            raise TypeError("a recording in several files cannot be sent to another process")
         origin = self._origin
         skip = origin.layout.skip_bad_lines
         return _again, (origin.path, origin.reader.name, origin.topic, skip, self._found, self._size, self._kept)
@@ -287,7 +290,7 @@ class Stream:
 
 
 def stream(
-    path: str | os.PathLike[str],
+    path: Source,
     rate: float | None = None,
     columns: Columns | None = None,
     units: Mapping[str, str] | None = None,
@@ -353,10 +356,9 @@ def stream(
     return stream_file(path, options, as_whole_number(chunk, "chunk", 1))
 
 
-def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int = CHUNK) -> Stream:
+def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
     """The recording in a file, as `stream` gives it, by options that are checked; all its segments are kept."""
-    file = existing_file(path)
-    reader = find_reader(file, options.format)
+    file, reader = found_reader(path, options.format)
     layout = one_layout(reader, file, options.topic)
     choice = streamed(choose(layout, options.columns, file))
     require_time(layout, choice, options.rate, file)
@@ -369,7 +371,9 @@ def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int =
     warn(found.remarks, stacklevel=3)
     wanted = tuple(found.choice.columns.values())
     origin = Origin(file, reader, layout=layout, wanted=wanted, topic=options.topic)
-    return Stream(source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.ranges)
+    return Stream(
+        source=source_words(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.ranges
+    )
 
 
 class TimeColumn:
@@ -428,7 +432,7 @@ def _again(
         warnings.simplefilter("ignore")
         layout = replace(one_layout(reader, path, topic), skip_bad_lines=skip)
     origin = Origin(path, reader, layout=layout, wanted=tuple(found.choice.columns.values()), topic=topic)
-    return Stream(source=str(path), found=found, chunks=origin.chunks, size=size, origin=origin, kept=kept)
+    return Stream(source=source_words(path), found=found, chunks=origin.chunks, size=size, origin=origin, kept=kept)
 
 
 def streamed(choice: Choice) -> Choice:

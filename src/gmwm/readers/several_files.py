@@ -1,0 +1,126 @@
+"""Several files that continue one another, such as a file for each hour, as one recording.
+
+They are a sequence of paths, or a pattern such as logs/hour_*.csv, whose files are in the order of the numbers in their
+names. The time stamps show how much is missing between two files. Without time stamps this is not known, and one sample
+counts as lost.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.errors import ReadError
+from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.readers.column_names import recognise
+from gmwm.readers.lost_samples import MISSING
+from gmwm.remarks import Remark
+
+Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+"""A file, a pattern, or a sequence of files."""
+
+
+def found_reader(path: Source, format: str | None) -> tuple[Path, Reader]:
+    """The file and its reader; of several files the first one, and a reader of all of them.
+
+    Raises
+    ------
+    ReadError
+        If a file does not exist, or no reader recognises it.
+    OptionError
+        If `path` is not a path, or there is no reader of the name `format`.
+    """
+    files = [existing_file(file) for file in files_of(path)]
+    readers = [find_reader(file, format) for file in files]
+    return files[0], readers[0] if len(files) == 1 else SeveralFiles(files, readers)
+
+
+def files_of(path: Any) -> list[Any]:
+    """The paths of a recording: one, or all that a sequence or a pattern has."""
+    if isinstance(path, list | tuple) and path:
+        return list(path)
+    if not isinstance(path, str | os.PathLike) or not re.search(r"[*?\[]", os.fsdecode(path)) or Path(path).exists():
+        return [path]
+    pattern = Path(os.fsdecode(path))
+    anchor = Path(pattern.anchor) if pattern.anchor else Path()
+    found = anchor.glob(str(pattern.relative_to(pattern.anchor) if pattern.anchor else pattern))
+    return sorted(found, key=_in_order) or [path]
+
+
+def _in_order(path: Path) -> list[tuple[int, str]]:
+    """A key that sorts numbers in names by their size: hour_2 before hour_10."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", str(path))]
+
+
+def source_words(path: Source) -> str:
+    """Name of a recording for titles.
+
+    >>> source_words("a.csv"), source_words(["a.csv", "b.csv", "c.csv"])
+    ('a.csv', 'a.csv and 2 more')
+    """
+    if isinstance(path, str | os.PathLike):
+        return str(path)
+    return f"{path[0]} and {len(path) - 1} more" if len(path) > 1 else str(path[0])
+
+
+class SeveralFiles(Reader):
+    """Reads several files one after the other. It is not registered, because no content chooses it."""
+
+    name: ClassVar[str] = "several files"
+    extensions: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, files: Sequence[Path], readers: Sequence[Reader]) -> None:
+        self._files, self._readers = tuple(files), tuple(readers)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """0, because the number of files decides."""
+        return 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The recordings of the first file."""
+        joined = Remark.of("files-joined", files=tuple(file.name for file in self._files))
+        return tuple(
+            replace(layout, remarks=(*layout.remarks, joined)) for layout in self._readers[0].layouts(self._files[0])
+        )
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """The rows of all files."""
+        stamped = any((c.axis or recognise(c.name).axis) == "time" for c in (layout.channels[k] for k in wanted))
+        for k, (file, reader) in enumerate(zip(self._files, self._readers, strict=True)):
+            own = layout if k == 0 else self._alike(file, reader, layout, wanted)
+            last: Rows = {}
+            for last in reader.chunks(file, own, wanted):
+                yield last
+            if not stamped and last and k + 1 < len(self._files):
+                yield {column: _missing(values) for column, values in last.items()}
+
+    def _alike(self, file: Path, reader: Reader, layout: Layout, wanted: Sequence[int]) -> Layout:
+        """The recording of another file that continues that of the first one.
+
+        Raises
+        ------
+        ReadError
+            If there is none with the same columns.
+        """
+        for own in reader.layouts(file):
+            names = [channel.name for channel in own.channels]
+            same = len(names) == len(layout.channels) and all(names[k] == layout.channels[k].name for k in wanted)
+            if own.topic == layout.topic and same:
+                return replace(own, skip_bad_lines=layout.skip_bad_lines)
+        shown = ", ".join(layout.channels[k].name or f"number {k}" for k in wanted)
+        raise ReadError(
+            f"{file} does not continue {self._files[0]}: it has no recording with the same columns, {shown}",
+            advice="Read the two files one at a time.",
+        )
+
+
+def _missing(values: NDArray[Any]) -> NDArray[Any]:
+    """A missing value of the type of a column."""
+    return np.full(1, np.nan if values.dtype.kind == "f" else MISSING, dtype=values.dtype)
