@@ -21,7 +21,7 @@ BEGIN = datetime.datetime(2024, 5, 1, tzinfo=datetime.UTC)
 
 def same(imu, rate=200.0):
     assert imu.axes == AXES
-    assert imu.rate == pytest.approx(rate, rel=1e-12)
+    assert imu.rate == pytest.approx(rate, rel=1e-9)
     assert len(imu.segments) == 1
     np.testing.assert_array_equal(np.column_stack([imu[axis].values for axis in AXES]), VALUES)
 

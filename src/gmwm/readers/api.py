@@ -146,7 +146,7 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
     layout = one_layout(reader, file, options.topic)
     choice = choose(layout, options.columns, file)
     require_time(layout, choice, rate, file)
-    layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
+    layout = layout.read_as(options.bad_lines, "time" in choice.columns)
     rows = _all_rows(reader, file, layout, choice)
     imu = recording_of(rows, layout, choice, options=options, units=units, path=file)
     warn(imu.remarks, stacklevel=3)

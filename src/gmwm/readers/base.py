@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -88,6 +88,8 @@ class Layout:
         Why the recording cannot be read.
     skip_bad_lines : bool
         Whether lines that cannot be read become rows of missing values instead of an error.
+    stamped : bool
+        Whether the time stamps of the recording are used.
     """
 
     channels: tuple[Channel, ...]
@@ -104,6 +106,11 @@ class Layout:
     extent: tuple[int, float] | None = None
     unreadable: ReadError | None = None
     skip_bad_lines: bool = False
+    stamped: bool = True
+
+    def read_as(self, bad_lines: str, stamped: bool) -> Layout:
+        """The layout with the options for its rows."""
+        return replace(self, skip_bad_lines=bad_lines == "skip", stamped=stamped)
 
     @property
     def named(self) -> bool:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
-from gmwm.readers.column_names import recognise
 from gmwm.readers.lost_samples import MISSING
 from gmwm.remarks import Remark
 
@@ -92,13 +91,12 @@ class SeveralFiles(Reader):
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The rows of all files."""
-        stamped = any((c.axis or recognise(c.name).axis) == "time" for c in (layout.channels[k] for k in wanted))
         for k, (file, reader) in enumerate(zip(self._files, self._readers, strict=True)):
             own = layout if k == 0 else self._alike(file, reader, layout, wanted)
             last: Rows = {}
             for last in reader.chunks(file, own, wanted):
                 yield last
-            if not stamped and last and k + 1 < len(self._files):
+            if not layout.stamped and last and k + 1 < len(self._files):
                 yield {column: _missing(values) for column, values in last.items()}
 
     def _alike(self, file: Path, reader: Reader, layout: Layout, wanted: Sequence[int]) -> Layout:

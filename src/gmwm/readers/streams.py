@@ -362,7 +362,7 @@ def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Strea
     layout = one_layout(reader, file, options.topic)
     choice = streamed(choose(layout, options.columns, file))
     require_time(layout, choice, options.rate, file)
-    layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
+    layout = layout.read_as(options.bad_lines, "time" in choice.columns)
     head = first_rows(reader.chunks(file, layout, list(choice.columns.values())), choice)
     stamps = None
     if "time" in choice.columns:
