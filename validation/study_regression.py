@@ -44,7 +44,7 @@ SLOPE = 0.1
 def run(reduced: bool = False) -> dict[str, Any]:
     """Coverage and size for each noise and course, and the slope under each departure."""
     rows: list[dict[str, Any]] = []
-    count = 4 if reduced else 100
+    count = 4 if reduced else 24
     names, courses = (list(NOISES)[1:2], COURSES[:1]) if reduced else (list(NOISES), COURSES)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

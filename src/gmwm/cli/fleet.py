@@ -15,6 +15,7 @@ from gmwm.cli.command import command
 from gmwm.cli.measuring import MACHINES
 from gmwm.cli.options import (
     RESULT,
+    AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
@@ -29,6 +30,7 @@ from gmwm.errors import DataError, OptionError
 from gmwm.fleets.discovery import FILE
 from gmwm.fleets.storage import TABLE
 from gmwm.options import ReadOptions
+from gmwm.regression.against import AUTO
 from gmwm.remarks import Remark
 from gmwm.variance.biweight import EFFICIENCY
 
@@ -74,6 +76,7 @@ def fleet(
     ] = None,
     axis: Axes = None,
     within: Searched = SEARCHED,
+    against: AgainstOption = AUTO,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",
@@ -122,6 +125,7 @@ def fleet(
     asked = CalibrationOptions(
         within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
+        against=against,
         axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
     )  # fmt: skip
     with _bar() as advance:

@@ -55,20 +55,29 @@ def mixture(variance: Vector, freedom: Vector, design: Design, *, within: float 
     The mixture has only processes whose covariance is known. With `within`, it has no drift, and no process with a
     correlation time (s) above `within`, apart from random walks and flicker noise.
     """
-    processes, shapes = _candidates(tuple(design.levels.tolist()), design.longest, design.rate, design.filter)
-    known = [
-        k
-        for k, process in enumerate(processes)
-        if process.has("generalised_covariance") and (within == np.inf or _short(process, design.rate, within))
-    ]
-    curve, weights = _likeliest(variance, freedom, shapes[known])
+    levels = tuple(design.levels.tolist())
+    processes, shapes = _candidates(levels, design.longest, design.rate, design.filter)
+    known = _known(levels, design.longest, rate=design.rate, filter=design.filter, within=within)
+    curve, weights = _likeliest(variance, freedom, shapes[list(known)])
     chosen = [(processes[k], float(weight)) for k, weight in zip(known, weights, strict=True) if weight > 0]
     parts = [p.with_values(**{p.scale_parameter().name: p.value_from(weight)}) for p, weight in chosen]
     return curve, Model(tuple(parts))
 
 
+@lru_cache(maxsize=64)
+def _known(
+    levels: tuple[int, ...], samples: int, *, rate: float, filter: WaveletFilter, within: float
+) -> tuple[int, ...]:
+    """Places of the candidates whose covariance is known, up to a correlation time."""
+    processes, _ = _candidates(levels, samples, rate, filter)
+    return tuple(
+        k for k, process in enumerate(processes)
+        if process.has("generalised_covariance") and (within == np.inf or _short(process, rate, within))
+    )  # fmt: skip
+
+
 def _short(process: Process, rate: float, within: float) -> bool:
-    """Whether a process has mean zero, and a correlation time of at most `within` (s) or none."""
+    """Whether a process has mean zero, and a correlation time of at most `within` (s), an infinite one or none."""
     time = process.correlation_time(rate)
     return not np.any(process.mean(np.arange(2))) and (time is None or time <= within or time == np.inf)
 

@@ -28,6 +28,7 @@ from gmwm.options import ReadOptions
 from gmwm.processes.model import ModelLike
 from gmwm.processes.validation import as_seed
 from gmwm.readers import find_reader
+from gmwm.regression.against import AUTO
 from gmwm.remarks import Remark
 from gmwm.units import SI_UNIT
 
@@ -50,6 +51,7 @@ def fleet(
     efficiency: float = 0.6,
     draws: int = 1000,
     rng: int | np.random.Generator = 0,
+    against: str = AUTO,
     axes: str | Sequence[str] | None = None,
     reading: Mapping[str, Any] | ReadOptions | None = None,
     pattern: str | None = None,
@@ -71,9 +73,9 @@ def fleet(
         a unit is its path in the folder.
     output : path
         Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
-    within, robust, weighting, criterion, confidence, efficiency, draws, rng, axes
+    within, robust, weighting, criterion, confidence, efficiency, draws, rng, against, axes
         As for `calibrate`, for every unit. From a Generator, one integer is drawn for all units. A later run with
-        another integer calibrates all units again.
+        another integer calibrates all units again. `against` must be text, because units have different lengths.
     reading : mapping or ReadOptions, optional
         Arguments of `read` for every recording: {"rate": 100.0, "units": {"gyro": "deg/s"}}.
     pattern : str, optional
@@ -120,9 +122,11 @@ def fleet(
     ('unit0.parquet', 'gyro_x', 'WN')
     >>> folder.cleanup()
     """
+    if not isinstance(against, str):
+        raise OptionError(argument="against", expected="text such as 'temperature:2' for a fleet", got=against)
     options = CalibrationOptions(
         within=within, robust=robust, weighting=weighting, criterion=criterion, confidence=confidence,
-        efficiency=efficiency, draws=draws, seed=as_seed(rng), axes=axes,
+        efficiency=efficiency, draws=draws, seed=as_seed(rng), against=against, axes=axes,
     )  # fmt: skip
     return calibrate_fleet(
         recordings, output, options, _read_options(reading), pattern=pattern, scheduler=scheduler, workers=workers,

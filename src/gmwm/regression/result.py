@@ -247,8 +247,8 @@ class Regression(Summarised, Mapping[str, Coefficient]):
     def polynomial(self, reference: float | None = None) -> Vector:
         """Coefficients of the bias as a polynomial in temperature − reference, from the constant upwards.
 
-        For drivers that compensate temperature: PX4 writes TC_G0_X0 … X3 with the reference TC_G0_TREF, and ArduPilot
-        INS_TCAL1_GYR1 … GYR3 with 35 °C. The sum of these terms is subtracted from the axis.
+        For drivers that subtract it: PX4 has the parameters TC_G0_X0_0 to TC_G0_X3_0 with the reference TC_G0_TREF, and
+        ArduPilot INS_TCAL1_GYR1_X to GYR3_X, which are 10⁶ times the coefficients from degree 1 at 35 °C.
 
         Parameters
         ----------
@@ -273,7 +273,8 @@ class Regression(Summarised, Mapping[str, Coefficient]):
             )
         own = [self.mean] + [self[c.name].value for c in self.columns if c.term == term.name and "lag" not in c.name]
         at = self.references[TEMPERATURE]
-        shifted = np.polynomial.Polynomial(own)(np.polynomial.Polynomial([(reference or at) - at, 1.0]))
+        away = 0.0 if reference is None else reference - at
+        shifted = np.polynomial.Polynomial(own)(np.polynomial.Polynomial([away, 1.0]))
         found = np.zeros(len(own))
         found[: shifted.coef.size] = shifted.coef
         return found
