@@ -54,6 +54,7 @@ def test_the_effect_at_a_point_and_the_polynomial_agree(followed):
     effect = found.curve(at)
     own = found.polynomial(20.0)
     assert np.allclose(np.polynomial.Polynomial(own)(at - 20.0), found.mean + effect.value)
+    assert np.allclose(np.polynomial.Polynomial(found.polynomial(0.0))(at), found.mean + effect.value)
     assert np.all(effect.lower < effect.value)
     assert np.all(effect.value < effect.upper)
     assert found.curve([found.references["temperature"]]).value == pytest.approx([0.0])
