@@ -137,10 +137,13 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
         else:
             nodes, shares = _interpolation(int(length))
             new_lag[new], new_weight[new] = lag[begins[chosen], None] + nodes, weight[old] @ shares
-    at = LagGrid(np.repeat(fine[begins], kept), np.repeat(coarse[begins], kept), new_lag)
+    # Beyond the reach of both filters the process has no covariance. Each pair keeps a node.
+    used = new_weight != 0
+    used[places[np.searchsorted(begins, starts)]] = True
+    at = LagGrid(np.repeat(fine[begins], kept)[used], np.repeat(coarse[begins], kept)[used], new_lag[used])
     return ShapeSums(
-        levels=design.levels.tolist(), at=at, weight=new_weight, starts=places[np.searchsorted(begins, starts)],
-        first=first, second=second,
+        levels=design.levels.tolist(), at=at, weight=new_weight[used],
+        starts=np.cumsum(np.append(0, used))[places[np.searchsorted(begins, starts)]], first=first, second=second,
     )  # fmt: skip
 
 
