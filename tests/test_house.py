@@ -384,6 +384,7 @@ def _split_at_and(words: list[str]) -> Iterator[list[str]]:
             start = index + 1
 
 
+@pytest.mark.docs
 def test_readme_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from gmwm.simulation import reference_imu, simulate
 
@@ -396,6 +397,7 @@ def test_readme_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         exec(compile(block, "README.md", "exec"), names)
 
 
+@pytest.mark.docs
 def test_readme_shows_what_the_demo_prints(tmp_path: Path) -> None:
     (shown,) = blocks("README.md", "text")
     command = [sys.executable, "-m", "gmwm", "demo", "--output", str(tmp_path)]
