@@ -28,6 +28,7 @@ from gmwm.spectrum import PowerSpectrum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
 
     from gmwm.exporters.reduction import Rule
     from gmwm.plots.view import UnitSystem, ViewName
@@ -212,6 +213,19 @@ class Calibration(Summarised, Mapping[str, Fit]):
             Show all remarks instead of the five most severe ones.
         """
         return summary(self, every=every)
+
+    def to_frame(self, units: str = "datasheet") -> DataFrame:
+        """The numbers of all axes as a Polars data frame: one row for each axis and number.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            See `Datasheet.table`.
+        """
+        from polars import DataFrame
+
+        rows = [{"axis": axis} | row for axis, sheet in self.datasheets.items() for row in sheet.table(units)]
+        return DataFrame(rows, infer_schema_length=None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the calibration as dicts, lists, numbers and strings, as docs/calibration-format.md describes."""

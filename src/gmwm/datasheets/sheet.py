@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from gmwm._arrays import Vector, freeze
 from gmwm._tables import aligned
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.remarks import Dialect, Remark, texts
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -99,6 +102,12 @@ class Datasheet(Mapping[str, Entry]):
                  "upper_only": entry.upper_only, "term": entry.term, "text": entry.text(units)}
             )  # fmt: skip
         return rows
+
+    def to_frame(self, units: str = "datasheet") -> DataFrame:
+        """The numbers as a Polars data frame: the rows of `table`."""
+        from polars import DataFrame
+
+        return DataFrame(self.table(units))
 
     def summary(self, units: str = "datasheet") -> str:
         """Describe the numbers in text: intervals, the value in another common unit, and remarks.

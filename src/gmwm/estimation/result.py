@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from gmwm.processes.model import Model
 from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 _HOW_WRITTEN = "Pass the values that `Fit.to_dict()` returned."
 
@@ -157,6 +160,30 @@ class Fit(InferenceMethods, KalmanMethods):
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks about the terms, the weights and the wavelet variance. Read them before using the fit."""
         return (*self.diagnostics.remarks, *self.wavelet_variance.remarks)
+
+    def to_frame(self, level: float = 0.95) -> DataFrame:
+        """The estimates as a Polars data frame: parameter, value, low and high of the interval, and unit.
+
+        Parameters
+        ----------
+        level : float
+            Confidence level of the intervals.
+        """
+        from polars import DataFrame
+
+        limits, units = self.confidence_intervals(level), self.units()
+        nan = (float("nan"), float("nan"))
+        rows = [
+            {
+                "parameter": name,
+                "value": value,
+                "low": float(limits.get(name, nan)[0]),
+                "high": float(limits.get(name, nan)[1]),
+                "unit": units.get(name, ""),
+            }
+            for name, value in self.parameters.items()
+        ]
+        return DataFrame(rows)
 
     def to_dict(self) -> dict[str, Any]:
         """The fit as numbers, lists and strings, ready for JSON."""

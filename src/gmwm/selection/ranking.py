@@ -24,6 +24,7 @@ from gmwm.selection.structure import structure_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
 
     from gmwm.plots.view import UnitSystem, ViewName
 
@@ -196,6 +197,25 @@ class Ranking:
             "candidates": [candidate.to_dict() for candidate in self.candidates],
             "remarks": [remark.to_dict() for remark in self.remarks],
         }
+
+    def to_frame(self) -> DataFrame:
+        """The candidates as a Polars data frame, the best first: one row for each model."""
+        from polars import DataFrame
+
+        rows = [
+            {
+                "model": one.structure,
+                "wic": one.wic.value,
+                "difference": one.difference,
+                "parameters": one.parameters,
+                "p": one.pvalue,
+                "equivalent": one.equivalent,
+                "recommended": one.recommended,
+                "same_as": one.same_as,
+            }
+            for one in self
+        ]
+        return DataFrame(rows, infer_schema_length=None)
 
     def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
         """Header and rows of the table: the first `limit` distinct candidates, and every equivalent one."""

@@ -17,6 +17,7 @@ from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
 
     from gmwm.plots.view import UnitSystem, ViewName
 
@@ -109,6 +110,12 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of each axis as plain numbers, lists and strings, by axis."""
         return {axis: wv.to_dict() for axis, wv in self.curves.items()}
+
+    def to_frame(self) -> DataFrame:
+        """The curves as a Polars data frame: one row for each axis and level."""
+        from polars import concat, lit
+
+        return concat([curve.to_frame().select(lit(axis).alias("axis"), "*") for axis, curve in self.items()])
 
     def summary(self) -> str:
         """Format a table for each sensor: the variance of each axis at every scale."""

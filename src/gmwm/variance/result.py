@@ -22,6 +22,7 @@ from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_fr
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
 
     from gmwm.plots.view import UnitSystem, ViewName
 
@@ -306,6 +307,27 @@ class WaveletVariance(Summarised):
             first = next(k for k, stride in enumerate(self.strides) if stride > 1)
             remarks.append(Remark.of("levels-strided", self.axis, first=Quantity(float(self.tau[first]), "s")))
         return tuple(remarks)
+
+    def to_frame(self) -> DataFrame:
+        """The curve as a Polars data frame: one row for each level.
+
+        >>> import gmwm
+        >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_frame().columns
+        ['level', 'tau', 'variance', 'lower', 'upper', 'coefficients', 'degrees_of_freedom']
+        """
+        from polars import DataFrame
+
+        return DataFrame(
+            {
+                "level": self.levels,
+                "tau": self.tau,
+                "variance": self.variance,
+                "lower": self.lower,
+                "upper": self.upper,
+                "coefficients": self.counts,
+                "degrees_of_freedom": self.degrees_of_freedom,
+            }
+        )
 
     def summary(self) -> str:
         """A table: scale, variance, limits and number of coefficients of every level."""
