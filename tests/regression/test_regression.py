@@ -141,6 +141,13 @@ def test_a_temperature_below_its_reading_error_is_refused():
     assert only(found.remarks, "temperature-unknown").facts["reason"]
 
 
+def test_a_constant_temperature_needs_no_remark():
+    imu = recording({"gyro_x": 1e-3 * noise(np.random.default_rng(16))}, np.full(N, 25.0))
+    found = gmwm.inspect(imu)
+    assert not {"temperature-unknown", "conditions-removed", "conditions-without-effect"} & set(codes(found.remarks))
+    assert found.regressions == {}
+
+
 def test_inspect_tests_each_axis():
     rng = np.random.default_rng(11)
     imu = recording(

@@ -54,6 +54,8 @@ class Conditions:
         """
         if not signals or not (asked.terms or (asked.automatic and temperature is not None)):
             return cls()
+        if asked.automatic and temperature is not None and np.ptp(temperature) == 0:
+            return cls()  # a constant temperature has no effect
         first = next(iter(signals.values()))
         arrays = dict(asked.arrays or {})
         if temperature is not None:
