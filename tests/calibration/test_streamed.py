@@ -56,6 +56,7 @@ def test_more_samples_than_fit_into_memory(path, monkeypatch):
     whole = gmwm.calibrate(gmwm.read(path), within="WN + RW")
     monkeypatch.setattr(batches, "BATCH", 5_000)
     monkeypatch.setattr(passes, "exact_levels", lambda axes: 10)
+    monkeypatch.setattr(passes, "held_samples", lambda axes: 7_000)
     found, again = (gmwm.calibrate(data, within="WN + RW") for data in (gmwm.read(path), gmwm.stream(path)))
     assert plain(found) == plain(again)
     for axis in whole:
@@ -91,7 +92,7 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
 
     monkeypatch.setattr(FirstPass, "second_pass", between)
     monkeypatch.setattr(batches, "BATCH", 1_500)
-    monkeypatch.setattr(passes, "exact_levels", lambda axes: 8)
+    monkeypatch.setattr(passes, "held_samples", lambda axes: 100)
     stream = gmwm.stream(file, rate=100.0)
     found, seen = measured_recording(stream, stream.axes, CalibrationOptions())
     assert sum(map(len, stream)) == 3000

@@ -195,6 +195,17 @@ def test_samples_that_fit_into_memory_have_the_result_of_memory():
     assert live.result().remarks == ()
 
 
+def test_samples_are_held_up_to_a_number():
+    x = walk(20_000)
+    held, summed = (WaveletAccumulator(RATE, exact=8, held=number) for number in (20_000, 19_999))
+    for one in (held, summed):
+        one.update(x[:15_000])
+        one.update(x[15_000:])
+    assert held.result().to_dict() == wavelet_variance(x, RATE).to_dict()
+    same(summed.result(), part(x, 0, 8).result())
+    assert summed.result().strides[-1] > 1
+
+
 def test_strided_levels_are_named():
     found = part(walk(20_000), exact=10).result()
     assert codes(found.remarks) == ["levels-strided"]

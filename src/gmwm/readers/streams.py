@@ -129,21 +129,21 @@ class Stream:
     ) -> WaveletVariances:
         """Compute the wavelet variance of each axis; a robust estimate reads the recording twice by default.
 
-        Of fewer than 2^exact samples, the result is that of `gmwm.wavelet_variance`, to the last bit. Of more samples,
-        the levels after `exact` use the coefficients at every τ/64-th sample, see `WaveletAccumulator`; a remark says
-        so. Segments between gaps are measured together; no coefficient spans a gap.
+        By default, the wavelet variance of up to 8.4 million samples of six axes is that of `gmwm.wavelet_variance`, to
+        the last bit. Of more samples, the levels after `exact` use the coefficients at every τ/64-th sample, see
+        `WaveletAccumulator`; a remark says so. Segments between gaps are measured together; no coefficient spans a gap.
 
         Parameters
         ----------
         levels : int, optional
             Number of levels J; by default all that have a coefficient.
         exact : int, optional
-            Number of levels that use every coefficient, 6 to 24. By default as many as fit into 512 MiB: 21 for six
-            axes. Workers return what they know of a part, so that their default is 19 for six axes.
+            Number of levels that use every coefficient of 2^exact samples or more, 6 to 24. By default as many as fit
+            into 512 MiB: 21 for six axes. Workers return what they know of a part; their default is 19 for six axes.
         robust, efficiency : bool, float
             As for `gmwm.wavelet_variance`.
         passes : 2 or 1
-            Number of times that a robust estimate of 2^exact samples or more reads the recording. Two passes are exact
+            Number of times that a robust estimate reads a recording that exceeds this memory. Two passes are exact
             and give the slope, see `SecondPass`. One pass agrees to 1e-4 with the estimate from all coefficients, and
             to 5e-3 at a level with so many outliers that only the median is left.
         confidence : float

@@ -18,7 +18,7 @@ from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import exact_levels
+from gmwm.variance.open_segments import exact_levels, held_samples
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.second_pass import SecondPass
 
@@ -178,10 +178,16 @@ def accumulators(
     robust: bool = False,
 ) -> dict[str, WaveletAccumulator]:  # fmt: skip
     """An empty accumulator for each axis."""
-    count = exact_levels(len(axes)) if exact is None else exact
+    count, held = (exact_levels(len(axes)), held_samples(len(axes))) if exact is None else (exact, None)
     return {
         axis: WaveletAccumulator(
-            recording.rate, levels=levels, exact=count, unit=unit_of(recording, axis), axis=axis, robust=robust
+            recording.rate,
+            levels=levels,
+            held=held,
+            exact=count,
+            unit=unit_of(recording, axis),
+            axis=axis,
+            robust=robust,
         )
         for axis in axes
     }

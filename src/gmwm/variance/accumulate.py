@@ -54,6 +54,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         Whether to support robust results. Histograms of |W| with fine bins then take some 64 kB per level, and the time
         is four times as long. Robust results have a relative error of 1e-4 (5e-3 at a level with so many outliers that
         only the median is defined); `second_pass` makes them exact.
+    held : int, optional
+        Number of samples up to which the samples themselves are kept, and all results are those of `wavelet_variance`,
+        to the last bit; 2^exact − 1 by default. Memory is 8 bytes for each sample.
 
     Raises
     ------
@@ -86,8 +89,10 @@ class WaveletAccumulator(SegmentedAccumulator):
         unit: str = "",
         axis: str = "",
         robust: bool = False,
+        held: int | None = None,
     ) -> None:
-        super().__init__(DEEPEST if levels is None else levels, exact, start, SKETCH_COLLECTOR if robust else None)
+        collector = SKETCH_COLLECTOR if robust else None
+        super().__init__(DEEPEST if levels is None else levels, exact, start, collector, held=held)
         self.rate, self.unit, self.axis, self.robust = as_rate(rate), unit, axis, bool(robust)
         self._thinned = ThinnedValues()
 
@@ -111,8 +116,8 @@ class WaveletAccumulator(SegmentedAccumulator):
     ) -> WaveletVariance:
         """Compute the classical or robust wavelet variance of the samples so far; more samples may follow.
 
-        Of fewer than 2^exact samples, the result is that of `wavelet_variance`, to the last bit. Of more samples, a
-        robust result is computed from histograms of the coefficients. It does not contain the slope of the recording,
+        Of at most `held` samples, the result is that of `wavelet_variance`, to the last bit. Of more samples, a robust
+        result is computed from histograms of the coefficients. It does not contain the slope of the recording,
         so a fitted drift has no sign. `second_pass` then gives the exact robust result with the slope.
 
         Parameters
@@ -308,6 +313,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             unit=self.unit,
             axis=self.axis,
             robust=self.robust,
+            held=self.held,
         )
         made._take_state(self)
         made._thinned = self._thinned

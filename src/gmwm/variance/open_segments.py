@@ -23,11 +23,13 @@ MOST_EXACT = 24
 SAMPLE_BYTES = 40
 """Memory of an accumulator for each of 2^exact samples: the first and the last ones of a segment, and what is computed
 from a panel with the samples before it."""
-MEMORY = 1 << 29
-"""Memory (bytes) within which the accumulators of all axes of a recording stay by default: a choice. For six axes, all
-levels of 2.1 million samples are exact: 5.8 h at 100 Hz, 35 min at 1 kHz."""
 DEEPEST = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
+MEMORY = 1 << 29
+"""Memory (bytes) within which the accumulators of all axes of a recording stay by default: a choice. For six axes,
+8.4 million samples are held, 23 h at 100 Hz or 2.3 h at 1 kHz; of more samples, 21 levels are exact."""
+HELD_BYTES = 8
+"""Memory of an accumulator for each sample that is held."""
 PANEL = 1 << 20
 """Largest number of samples that are processed together."""
 LARGE = 1 << 18
@@ -37,8 +39,8 @@ LARGE = 1 << 18
 class SegmentedAccumulator:
     """Sums over the coefficients of a record that arrives in chunks. The result does not depend on the chunk sizes.
 
-    Up to 2^exact − 1 samples are held as they are: all their levels are exact. With more samples, the sums are formed
-    panel by panel.
+    Up to `held` samples are kept as they are: all their levels are exact. With more samples, the sums are formed panel
+    by panel.
 
     Parameters
     ----------
@@ -50,12 +52,17 @@ class SegmentedAccumulator:
         Index of the first sample in the record.
     collector : StatisticsCollector or None
         Collects further statistics of the coefficients, besides their squares.
+    held : int, optional
+        Number of samples that are kept as they are; by default 2^exact − 1, which have no further levels.
     """
 
-    def __init__(self, levels: int, exact: int, start: int, collector: StatisticsCollector | None) -> None:
+    def __init__(
+        self, levels: int, exact: int, start: int, collector: StatisticsCollector | None, held: int | None = None
+    ) -> None:
         self.exact = whole(exact, "exact", LEAST_EXACT, MOST_EXACT)
         self.levels = whole(levels, "levels", 1, DEEPEST)
         self.start = whole(start, "start", 0, 1 << 62)
+        self.held = (1 << self.exact) - 1 if held is None else whole(held, "held", 0, 1 << 62)
         # The first segment, if a gap closed it; the sums of the segments in between; the open segment.
         self._first: SegmentState | None = None
         self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
@@ -99,7 +106,7 @@ class SegmentedAccumulator:
             If a value is NaN or infinite. The chunk is rejected, and the earlier samples are kept.
         """
         x = as_vector(chunk, "chunk", at_least=0)
-        room = (1 << self.exact) - 1 if self.holds_all else PANEL
+        room = self.held if self.holds_all else PANEL
         if len(self._held) + x.size > room:
             self._fold()
         if x.size > room or (x.size >= LARGE and not self.holds_all):
@@ -234,6 +241,15 @@ def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYT
     (21, 23)
     """
     return min(max((memory // (sample_bytes * axes)).bit_length() - 1, LEAST_EXACT), MOST_EXACT)
+
+
+def held_samples(axes: int) -> int:
+    """Number of samples that the accumulators of all axes hold by default.
+
+    >>> held_samples(6)
+    8388608
+    """
+    return 1 << ((MEMORY // (HELD_BYTES * axes)).bit_length() - 1)
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:
