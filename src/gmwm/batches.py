@@ -200,9 +200,9 @@ def gathered(
     """Gather chunks of any size into batches."""
     batch = _Gathered(axes, rate)
     for chunk in chunks:
-        yield from batch.add(chunk)
         if done is not None:
             done(chunk.first + len(chunk))
+        yield from batch.add(chunk)
     yield from batch.end()
 
 
