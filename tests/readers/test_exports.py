@@ -202,3 +202,12 @@ def test_counts_of_betaflight_need_a_unit(tmp_path):
     with raises(UnitError, "gyro_x, gyro_y, gyro_z", "declared"):
         read(tmp_path / "a.csv")
     assert read(tmp_path / "a.csv", units={"gyro": "deg/s"}, scale={"gyro": 0.1}).rate == 100
+
+
+def test_columns_without_names_are_guessed_by_gravity(tmp_path):
+    (tmp_path / "a.log").write_text(table("", ACCEL, GYRO).lstrip())
+    with pytest.raises(ReadError, match=r"for example columns=\['accel_x', 'accel_y', 'accel_z', 'gyro_x'"):
+        read(tmp_path / "a.log")
+    (tmp_path / "b.log").write_text(table("", SECONDS, GYRO, ACCEL).lstrip())
+    with pytest.raises(ReadError, match=r"for example columns=\['time', 'gyro_x', 'gyro_y'"):
+        read(tmp_path / "b.log")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from gmwm.options import ROLES, Columns
 from gmwm.readers.base import Layout
 from gmwm.readers.column_names import clean, recognise
 from gmwm.remarks import Remark
+from gmwm.units import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)
@@ -184,11 +186,22 @@ def _shown(layout: Layout) -> str:
     return ", ".join(layout.first_row[:8]) + (", …" if len(layout.first_row) > 8 else "")
 
 
+def _is_gravity(cells: Sequence[str]) -> bool:
+    """Whether three numbers are those of accelerometers at rest, in m/s² or g, within 10 %."""
+    try:
+        norm = math.hypot(*map(float, cells))
+    except ValueError:
+        return False
+    return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
+
+
 def _nameless(layout: Layout, path: Path) -> ReadError:
     """The error for columns without names, with the first row and an example of the option."""
     count = len(layout.channels)
     usual = {7: ("time", *AXES), 6: AXES, 4: ("time", *AXES[:3]), 3: AXES[:3], 2: ("time", "gyro_x"), 1: ("gyro_x",)}
     guess = usual.get(count, (*AXES, *[""] * max(0, count - 6)))
+    if count in (6, 7) and _is_gravity(layout.first_row[count - 6 : count - 3]):
+        guess = (*guess[: count - 6], *AXES[3:], *AXES[:3])
     return ReadError(
         f"{path} has {count} columns without names; the first row is {_shown(layout)}",
         advice="Name the columns in their order, for example {--columns=@example}.",
