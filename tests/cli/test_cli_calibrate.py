@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import numpy as np
 import pytest
 
 import gmwm as library
@@ -238,3 +239,21 @@ def test_a_dead_axis_does_not_fail_the_others(gmwm, recording, tmp_path):
     assert "gyro_z is left out" in outcome.err
     found = outcome.json
     assert set(found["axes"]) == {"gyro_x", "gyro_y", "accel_x", "accel_y", "accel_z"}
+
+
+def test_all_topics_of_a_file(gmwm, tmp_path):
+    rng = np.random.default_rng(1)
+    rows = "".join(
+        f"{10_000 * k},{sensor},{','.join(map(str, rng.normal(size=3)))},{','.join(map(str, rng.normal(size=3)))}\n"
+        for k in range(2000)
+        for sensor in (0, 1)
+    )
+    (tmp_path / "imu.csv").write_text("TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n" + rows)
+    asked = ("--within", "WN + RW", "--robust", "no", "--all-topics", "--output", tmp_path / "results")
+    done = gmwm("calibrate", tmp_path / "imu.csv", *asked, "--json")
+    assert done.code == 0
+    assert list(done.json["topics"]) == ["I=0", "I=1"]
+    for topic in ("I=0", "I=1"):
+        assert (tmp_path / "results" / topic / "calibration.json").is_file()
+        assert len(done.json["topics"][topic]["axes"]) == 6
+    assert gmwm("calibrate", tmp_path / "imu.csv", "--all-topics", "--topic", "I=0").code == 2

@@ -28,7 +28,8 @@ from gmwm.cli.options import (
     parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
-from gmwm.cli.read_options import Axes, File, chosen_names
+from gmwm.cli.read_options import INPUT, Axes, File, chosen_names
+from gmwm.cli.topics import each_topic
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.regression.against import AUTO
@@ -86,6 +87,14 @@ def calibrate(
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
+    all_topics: Annotated[
+        bool,
+        typer.Option(
+            help="Calibrate each inertial recording of a file that holds several, with its results in a directory of "
+            "its own.",
+            rich_help_panel=INPUT,
+        ),
+    ] = False,
 ) -> Outcome:
     """Choose and fit the noise model of each axis, and print its numbers as in a datasheet.
 
@@ -109,13 +118,23 @@ def calibrate(
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
         against=against,
     )  # fmt: skip
-    recording = opened(
-        file, reading, chunked, spread=scheduler is not None or workers is not None, whole=memory_for(against)
-    )
-    asked = replace(asked, axes=chosen_names(recording.axes, axis))
-    if output is not None:
-        made_directory(output)
-    found = calibrated(recording, asked, scheduler=scheduler, workers=workers).of_file(file)
+
+    def one(reading: ReadOptions, output: Path | None) -> Outcome:
+        spread = scheduler is not None or workers is not None
+        recording = opened(file, reading, chunked, spread=spread, whole=memory_for(against))
+        if output is not None:
+            made_directory(output)
+        wanted = replace(asked, axes=chosen_names(recording.axes, axis))
+        found = calibrated(recording, wanted, scheduler=scheduler, workers=workers).of_file(file)
+        return _outcome(found, file, output, view=view, datasheet=datasheet)
+
+    return each_topic(one, file, reading, output) if all_topics else one(reading, output)
+
+
+def _outcome(
+    found: Calibration, file: Path, output: Path | None, *, view: Literal["wavelet", "allan"], datasheet: bool
+) -> Outcome:
+    """The outcome of a calibration, with its files."""
     files = () if output is None else calibration_files(found, output, view, datasheet)
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
     written = file_names((*files, *kalibr.files))

@@ -228,6 +228,19 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     )
 
 
+def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
+    """Names of the inertial recordings in a file, in their order.
+
+    Raises
+    ------
+    ReadError, OptionError
+        If the file cannot be read.
+    """
+    file, reader = found_reader(path, format)
+    layouts = reader.layouts(file)
+    return tuple(layout.topic for layout in layouts if layout.inertial or len(layouts) == 1)
+
+
 def _readable(layout: Layout, path: Path) -> Layout:
     """The layout, if it has columns.
 

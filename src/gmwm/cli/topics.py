@@ -1,0 +1,73 @@
+"""Run a command for each recording of a file that holds several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from gmwm.cli.output import Outcome
+from gmwm.errors import DataError, GmwmError, OptionError
+from gmwm.options import ReadOptions
+from gmwm.remarks import Remark
+
+
+def each_topic(
+    one: Callable[[ReadOptions, Path | None], Outcome], file: Path, reading: ReadOptions, output: Path | None
+) -> Outcome:
+    """The outcomes of a command for all inertial recordings of a file, as one outcome.
+
+    Parameters
+    ----------
+    one : callable
+        The command for one recording and its directory for results.
+    file : Path
+        The file.
+    reading : ReadOptions
+        Options for reading, without a topic.
+    output : Path or None
+        Directory for results; each recording has a directory in it.
+
+    Raises
+    ------
+    OptionError
+        If a topic is given too.
+    GmwmError
+        If no recording can be used.
+    """
+    from gmwm.readers.api import inertial_topics
+
+    if reading.topic is not None:
+        raise OptionError(argument="topic", expected="left out with --all-topics", got=reading.topic)
+    done: dict[str, Outcome] = {}
+    failed: dict[str, str] = {}
+    for topic in inertial_topics(file, reading.format):
+        try:
+            done[topic] = one(replace(reading, topic=topic), None if output is None else output / folder_of(topic))
+        except GmwmError as error:
+            failed[topic] = error.reason
+    if not done:
+        topic, reason = next(iter(failed.items()))
+        raise DataError(f"none of {len(failed)} recordings of {file} can be used; the first one is {topic}: {reason}")
+    outcomes = tuple(done.values())
+    return Outcome(
+        command=outcomes[0].command,
+        document={"file": str(file), "topics": {topic: found.document for topic, found in done.items()}},
+        text="\n\n".join(f"Topic {topic}\n{found.text}" for topic, found in done.items()),
+        all_text="\n\n".join(f"Topic {topic}\n{found.all_text}" for topic, found in done.items()),
+        files=tuple(new for found in outcomes for new in found.files),
+        obsolete=tuple(old for found in outcomes for old in found.obsolete),
+        remarks=(
+            *(remark for found in outcomes for remark in found.remarks),
+            *(Remark.of("not-calibrated", topic, reason=reason) for topic, reason in failed.items()),
+        ),
+    )
+
+
+def folder_of(topic: str) -> str:
+    """Name of the directory for the results of a topic.
+
+    >>> folder_of("/imu0/data"), folder_of("sensor_combined_0"), folder_of("../x")
+    ('imu0_data', 'sensor_combined_0', 'x')
+    """
+    return "_".join(part for part in topic.replace("\\", "/").split("/") if part.strip(".")) or "recording"
