@@ -17,7 +17,7 @@ from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.options import BadLines, Columns, Gaps, ReadOptions
 from gmwm.readers.axis_units import Scales, resolve, time_unit
 from gmwm.readers.base import Layout, Reader, Rows
-from gmwm.readers.clock import clock_of
+from gmwm.readers.clock import clock_of, rows_between
 from gmwm.readers.columns import Choice, choose, described
 from gmwm.readers.lost_samples import (
     Sifted,
@@ -29,6 +29,7 @@ from gmwm.readers.lost_samples import (
     temperature_of,
     without_lost,
 )
+from gmwm.readers.rate_check import RateChangeError
 from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.scale_factors import multiply
 from gmwm.readers.several_files import Source, found_reader, source_words
@@ -148,11 +149,25 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
     require_time(layout, choice, rate, file)
     layout = layout.read_as(options.bad_lines, "time" in choice.columns)
     rows = _all_rows(reader, file, layout, choice)
-    imu = recording_of(rows, layout, choice, options=options, units=units, path=file)
+    begin = 0.0
+    try:
+        imu = recording_of(rows, layout, choice, options=options, units=units, path=file)
+    except RateChangeError:
+        if not options.ranges:
+            raise
+        # The part between two times may have one rate although the whole has not.
+        unit, stamps = time_unit(layout, choice, units)[0], rows[choice.columns["time"]]
+        times = (options.ranges[0][0], options.ranges[-1][1])
+        part, begin = rows_between(stamps, unit, options.rate, begin=times[0], end=times[1])
+        rows = {k: column[part] for k, column in rows.items()}
+        imu = recording_of(rows, layout, choice, options=options, units=units, path=file)
     warn(imu.remarks, stacklevel=3)
     imu = replace(imu, source=source_words(path))
     if options.ranges is not None:
-        imu = cut(imu, options.start, options.stop, options.skip)
+        imu = replace(imu, time_base=imu.time_base and replace(imu.time_base, left=begin))
+        skip = [(max(a - begin, 0.0), b - begin) for a, b in options.skip if b > begin]
+        stop = None if options.stop is None else options.stop - begin
+        imu = cut(imu, max((options.start or 0.0) - begin, 0.0), stop, skip)
     return imu.longest() if options.gaps == "longest" else imu
 
 

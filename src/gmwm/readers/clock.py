@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError
+from gmwm.readers.loss_levels import Rows
 from gmwm.readers.rate_check import require_one_rate, require_order
-from gmwm.readers.sampling_interval import Found, Rows, find_losses, resolution_of
+from gmwm.readers.sampling_interval import Found, find_losses, resolution_of
 from gmwm.readers.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
 from gmwm.readers.time_stamps import Timing, about_stamps, as_stamps
 from gmwm.remarks import Quantity, Remark
@@ -127,6 +128,21 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
         raise ReadError("the time column is empty")
     seconds, per_second = LONG_TIME_UNITS.get(unit, 1), TIME_UNITS.get(unit, 1)
     return _joined(blocks, float(first) * seconds, per_second, unit if unit in TIME_UNITS else "s", rate=rate), remark
+
+
+def rows_between(
+    values: NDArray[Any], unit: str, rate: float | None, *, begin: float, end: float
+) -> tuple[slice, float]:
+    """The rows between two times (s) from the first time stamp, and the time of the first of these rows.
+
+    Parameters and errors are those of `clock_of`, for a whole column. Before a clock is known, each row has the time of
+    its time stamp.
+    """
+    unit = unit or as_stamps(values, unit, rate)[0].unit
+    window = _Window.of(values, values[0].item(), unit)
+    ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)
+    first, last = np.searchsorted(ticks, [begin * window.per_second, end * window.per_second]).tolist()
+    return slice(first, last), float(ticks[min(first, ticks.size - 1)]) / window.per_second
 
 
 def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int, int]]:

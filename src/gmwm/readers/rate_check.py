@@ -33,6 +33,10 @@ _RESETS, _RESET_SHARE = 8, 1e-2
 """Backward steps of the clock that are accepted in any recording, and their share; they split the recording."""
 
 
+class RateChangeError(ReadError):
+    """The sampling rate changes within a recording."""
+
+
 @dataclass(frozen=True)
 class Change:
     """A change of the sampling interval: the first sample with the new interval, and both intervals (ticks)."""
@@ -83,7 +87,7 @@ def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
 
     Raises
     ------
-    ReadError
+    RateChangeError
         If it changes; the message has both rates, and the row and the time of the change from the first sample, for
         ticks that count from the first sample. `row` is the number of rows before the first one of `ticks`.
     """
@@ -92,7 +96,7 @@ def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
         return
     when = float(ticks[change.index]) / per_second
     before, after = per_second / change.before, per_second / change.after
-    raise ReadError(
+    raise RateChangeError(
         f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s from the start of the "
         f"recording (row {row + change.index + 1}), by the time stamps",
         advice="Read one part at a time: the first with {--stop=@when}, the second with {--start=@when}.",

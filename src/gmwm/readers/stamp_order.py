@@ -22,6 +22,8 @@ _HOUR = 3600
 """Seconds by which summer time moves a clock."""
 _HOUR_WITHIN = 0.25
 """Largest difference of such a step from an hour and one sampling interval (s), unless half an interval is longer."""
+_LOST = 64
+"""Most samples that may be lost where a counter wraps around."""
 _LONGEST = 1e10
 """Longest time between two time stamps of a recording (s), 300 years: nanoseconds since 1970 reach as far."""
 _BEHIND = 8
@@ -92,9 +94,9 @@ def nominal_interval(ticks: Vector) -> float:
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> Ordered:
     """Undo wraps of a counter and changes to and from summer time.
 
-    A step backward is a wrap if the step is one sampling interval after 2¹⁶, 2²⁴ or 2³² ticks are added (for time
-    stamps that are not integers: ns, µs or ms). A step of an hour, forward or backward, is summer time if one sampling
-    interval is left of it.
+    A step backward is a wrap if one sampling interval, or a few dozen, are left of it after 2¹⁶, 2²⁴ or 2³² ticks are
+    added (for time stamps that are not integers: ns, µs or ms). A step of an hour, forward or backward, is summer time
+    if one sampling interval is left of it.
     """
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
@@ -130,7 +132,8 @@ def _wraps(
     """Length of the counter and the intervals in which it wraps, if most steps backward are wraps of it."""
     back = np.flatnonzero(steps < 0)
     for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
-        wraps = back[np.abs(steps[back] + length - nominal) <= near]
+        rest = steps[back] + length
+        wraps = back[(rest >= nominal - near) & (rest <= nominal + max(near, min(_LOST * nominal, length / 8)))]
         if wraps.size and wraps.size >= 0.5 * back.size and length > 8 * nominal:
             yield length, wraps
             return
