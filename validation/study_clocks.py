@@ -68,8 +68,8 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each kind of clock."""
     lines = [
         f"Each kind of clock was simulated {result['seeds']} times. *Rate*: largest relative error. *Gaps*: number of "
-        "true gaps in all records; of these *missed*, of *wrong length*, and *moved*: not found at their row, but within "
-        "the *uncertainty*, the number of rows for which the time stamps do not show where the samples were lost. "
+        "true gaps in all records; of these *missed*, of *wrong length*, and *moved*: not found at their row, but "
+        "within the *uncertainty*, the number of rows for which the time stamps do not show where samples were lost. "
         "*Invented*: gaps that do not exist. *Right*: records whose rate is right to 1e-4, with all gaps and no other, "
         "and with the error or warning that is due (a changed rate; regular losses).",
         "",
@@ -80,8 +80,8 @@ def table(result: dict[str, Any]) -> str:
         if limit:
             lines += [
                 "",
-                "Jitter of a fifth of the sampling interval, or jitter and rounding together, hide some losses: two losses "
-                "next to each other are found as one gap, or a gap is found as two.",
+                "Jitter of a fifth of the sampling interval, or jitter and rounding together, hide some losses: two "
+                "losses next to each other are found as one gap, or a gap is found as two.",
                 "",
                 *lines[2:4],
             ]

@@ -20,16 +20,16 @@ class TimeBase:
     Parameters
     ----------
     rate : float
-        Samples per second (Hz): the declared rate if there is one, otherwise 1 / median interval. If time stamps are
-        so rounded that a clock of the median interval departs from them, it is 1 / mean interval between gaps.
+        Samples per second (Hz): the declared rate if there is one, otherwise 1 / mean sampling interval.
     stamped : bool
         Whether the recording has time stamps.
     start : float
         First time stamp (s).
     jitter : float
-        Root mean square deviation of the intervals within segments from their median (s).
+        Root mean square deviation of the intervals within segments from the sampling interval (s).
     gaps : tuple of (index, duration)
-        For each gap, the index of the first sample after it and the time from the sample before it (s).
+        For each gap, the index of the first sample after it and the time from the sample before it (s),
+        a whole number of sampling intervals.
     duplicates : int
         Number of time stamps that are equal to the one before.
     backward : int

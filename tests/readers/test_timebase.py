@@ -283,3 +283,55 @@ def test_a_clock_in_brackets_is_no_unit(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("time (UTC),gx [rad/s]\n" + "".join(f"{k / 100},{k % 3}\n" for k in range(50)))
     assert read(path).rate == 100
+
+
+def test_losses_at_regular_distances_are_ambiguous_and_the_rate_decides():
+    k = np.delete(np.arange(20_000), np.arange(9, 20_000, 10))
+    stamps = (k + np.random.default_rng(1).normal(0, 0.1, k.size)) * 0.01
+    found = base(stamps)
+    assert found.base.rate == pytest.approx(100, rel=1e-5)
+    assert len(found.segments) == 2000
+    facts = only(found.remarks, "losses-regular").facts
+    assert (facts["every"], facts["other"].value) == (10, pytest.approx(90, rel=1e-3))
+    assert len(base(stamps, rate=100).segments) == 2000
+    lower = base(stamps, rate=90)
+    assert (lower.segments, lower.base.rate) == (((0, 18_000),), 90)
+
+
+def test_a_counter_of_32_bits_and_summer_time_are_no_gaps():
+    found = base((np.arange(5000) * 4000 + 2**32 - 10_000_000) % 2**32, "us")
+    assert (found.base.rate, found.segments, found.base.backward) == (250, ((0, 5000),), 0)
+    assert only(found.remarks, "stamps-wrapped").facts["length"].value == pytest.approx(2**32 / 1e6)
+    for sign, direction in ((1, "forward"), (-1, "back")):
+        leaps = base(1.7e9 + np.arange(5000) * 0.01 + sign * 3600 * (np.arange(5000) > 2000))
+        assert leaps.segments == ((0, 5000),)
+        assert only(leaps.remarks, "stamps-hour").facts == {"count": 1, "direction": direction}
+
+
+def test_one_stamp_out_of_order_is_no_gap():
+    for shift in (-0.034, 0.5, 1e6):
+        stamps = np.arange(3000) * 0.01
+        stamps[1500] += shift
+        found = base(stamps)
+        assert found.segments == ((0, 3000),)
+        assert found.base.rate == pytest.approx(100, rel=1e-5)
+        assert found.base.backward == 1
+
+
+def test_time_stamps_of_no_recording():
+    with raises(ReadError, "no recording", advises=["columns="]):
+        base(np.sort(np.random.default_rng(1).normal(size=500)) * 1e300)
+
+
+def test_a_rate_that_changes_can_be_cut(tmp_path):
+    stamps = np.cumsum(np.repeat([0.0, 0.01, 0.02], [1, 5000, 4999])) + 100
+    path = saved(tmp_path, stamps)
+    with raises(ReadError, "50 s from the start", advises=["stop=50", "start=50"]):
+        read(path)
+    assert read(path, stop=50).rate == pytest.approx(100, rel=1e-9)
+    second = read(path, start=50.5)
+    assert second.rate == pytest.approx(50, rel=1e-9)
+    assert second.time_base.left == pytest.approx(50.5, abs=0.02)
+    assert second["gyro_x"].start == pytest.approx(150.5, abs=0.02)
+    middle = read(path, start=60, stop=80, skip=[(65, 70)])
+    assert [last - first for first, last in middle.segments] == [250, 500]

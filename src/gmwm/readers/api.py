@@ -29,7 +29,6 @@ from gmwm.readers.lost_samples import (
     temperature_of,
     without_lost,
 )
-from gmwm.readers.rate_check import RateChangeError
 from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.scale_factors import multiply
 from gmwm.readers.several_files import Source, found_reader, source_words
@@ -152,8 +151,8 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
     begin = 0.0
     try:
         imu = recording_of(rows, layout, choice, options=options, units=units, path=file)
-    except RateChangeError:
-        if not options.ranges:
+    except ReadError as error:
+        if not options.ranges or "when" not in error.facts:
             raise
         # The part between two times may have one rate although the whole has not.
         unit, stamps = time_unit(layout, choice, units)[0], rows[choice.columns["time"]]

@@ -33,10 +33,6 @@ _RESETS, _RESET_SHARE = 8, 1e-2
 """Backward steps of the clock that are accepted in any recording, and their share; they split the recording."""
 
 
-class RateChangeError(ReadError):
-    """The sampling rate changes within a recording."""
-
-
 @dataclass(frozen=True)
 class Change:
     """A change of the sampling interval: the first sample with the new interval, and both intervals (ticks)."""
@@ -87,16 +83,16 @@ def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
 
     Raises
     ------
-    RateChangeError
-        If it changes; the message has both rates, and the row and the time of the change from the first sample, for
-        ticks that count from the first sample. `row` is the number of rows before the first one of `ticks`.
+    ReadError
+        If it changes, with the time as the fact `when`. The message has both rates, the row, and the time from the
+        first sample if `ticks` count from it; `row` is the number of rows before the first one of `ticks`.
     """
     change = rate_change(ticks)
     if change is None:
         return
     when = float(ticks[change.index]) / per_second
     before, after = per_second / change.before, per_second / change.after
-    raise RateChangeError(
+    raise ReadError(
         f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s from the start of the "
         f"recording (row {row + change.index + 1}), by the time stamps",
         advice="Read one part at a time: the first with {--stop=@when}, the second with {--start=@when}.",

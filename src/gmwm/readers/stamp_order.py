@@ -133,7 +133,9 @@ def _wraps(
     back = np.flatnonzero(steps < 0)
     for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
         rest = steps[back] + length
-        wraps = back[(rest >= nominal - near) & (rest <= nominal + max(near, min(_LOST * nominal, length / 8)))]
+        some = np.round(rest / nominal)  # sampling intervals that are left
+        missing = (some >= 1) & (some <= min(_LOST, length / nominal / 8)) & (np.abs(rest / nominal - some) <= 0.25)
+        wraps = back[(np.abs(rest - nominal) <= near) | missing]
         if wraps.size and wraps.size >= 0.5 * back.size and length > 8 * nominal:
             yield length, wraps
             return

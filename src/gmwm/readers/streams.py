@@ -1,6 +1,7 @@
 """Stream a recording in SI units, in chunks of samples, from a file that may be larger than memory.
 
-Units and rate come from the first rows. Values, segments and their times are the same as those of `read`.
+Units come from the first rows, rate and segments from all time stamps, which are read first. Values, segments and their
+times are the same as those of `read`.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ class Stream:
     axes : tuple of str
         Names of the axes, gyroscopes first.
     time_base : TimeBase
-        Properties of the time stamps: of the first rows, and of all rows after an iteration to the end.
+        Properties of the time stamps; of a live stream those of the first rows, and after an iteration of all rows.
     remarks : tuple of Remark
         How the file was understood.
     """
@@ -335,8 +336,7 @@ def stream(
     InferredUnitWarning
         If the unit of the accelerometers was inferred from their norm.
     TimeBaseWarning
-        If the file states another rate than its time stamps show; and at the end of an iteration, if time stamps
-        repeat, step backward or jitter, or show another rate than the first rows.
+        If the file states another rate than its time stamps show, or if time stamps repeat, step backward or jitter.
 
     Examples
     --------
