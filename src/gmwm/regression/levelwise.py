@@ -5,9 +5,8 @@ For y = X β + ε, with W_j the Haar coefficients of level j, D_j = W_j X and w_
     P = Σ_j w_j D_jᵀ D_j,   β̂ = P⁻¹ Σ_j w_j D_jᵀ W_j y = B y,   B = P⁻¹ Uᵀ,   U = Σ_j w_j W_jᵀ D_j,
     Cov β̂ = B Σ Bᵀ,   E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂).
 
-The columns of U sum to zero in every run of values, so that Σ may be the generalised covariance of a random walk. The
-standard error is at most 1.2 times that of generalised least squares with the covariance matrix (docs/validation/
-regression.md).
+The columns of U sum to zero in every run of values, so that Σ may be the generalised covariance of a random walk.
+docs/validation/regression.md compares the error with that of generalised least squares with the true covariance matrix.
 """
 
 from __future__ import annotations
