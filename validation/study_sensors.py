@@ -31,7 +31,7 @@ from validation import sensors
 
 NAME = "sensors"
 SEED = 20261212
-REPEATS = 100
+REPEATS = 40
 REDUCED = ("base", "flicker-weak", "agree-20s")
 ACCEPTED = 0.01
 """p-value of the goodness-of-fit test below which a model counts as rejected."""
