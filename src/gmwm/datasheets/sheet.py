@@ -104,7 +104,13 @@ class Datasheet(Mapping[str, Entry]):
         return rows
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
-        """The numbers as a Polars data frame: the rows of `table`."""
+        """The numbers as a Polars data frame: the rows of `table`.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            See `Entry.in_units`.
+        """
         from polars import DataFrame
 
         return DataFrame(self.table(units))

@@ -109,7 +109,15 @@ class Layout:
     stamped: bool = True
 
     def read_as(self, bad_lines: str, stamped: bool) -> Layout:
-        """The layout with the options for its rows."""
+        """The layout with the options for its rows.
+
+        Parameters
+        ----------
+        bad_lines : "skip" or "error"
+            Whether lines that cannot be read are left out.
+        stamped : bool
+            Whether the time stamps are used.
+        """
         return replace(self, skip_bad_lines=bad_lines == "skip", stamped=stamped)
 
     @property

@@ -90,7 +90,17 @@ class Coefficient:
     pvalue: float
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Confidence interval from Student's t distribution."""
+        """Confidence interval from Student's t distribution.
+
+        Parameters
+        ----------
+        confidence : float
+            Confidence level.
+
+        Returns
+        -------
+        (low, high) : tuple of float
+        """
         from scipy.special import stdtrit
 
         reach = float(stdtrit(self.freedom, (1 + confidence) / 2)) * self.error
@@ -285,6 +295,11 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         A regression also removes a part of the noise, 1 − `kept`, mostly at the coarsest levels. The variance of a
         level is divided by the share that is left, and its relative covariance grows accordingly. Levels where less
         than half is left are dropped.
+
+        Parameters
+        ----------
+        wv : WaveletVariance
+            That of the residuals.
         """
         kept = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
         count = int(np.argmax(kept < LEFT)) if np.any(kept < LEFT) else kept.size
