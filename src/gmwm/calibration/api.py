@@ -14,7 +14,7 @@ import numpy as np
 from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.axis_names import sensor_of
-from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
+from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.measurement import Measured, measured_axis, measured_recording
 from gmwm.calibration.misfit import line_in
@@ -48,8 +48,6 @@ from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """The steps of one axis, as `progress` reports them."""
-WALK = "K"
-"""Symbol of the rate random walk in a datasheet."""
 LONGER = 10
 """Doublings of the recording length that `needed` tries: a factor of 1024 (tests/calibration/test_calibrate.py)."""
 

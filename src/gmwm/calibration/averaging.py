@@ -28,7 +28,8 @@ and has no sound interval for the other numbers (docs/validation/sensors.md)."""
 _HALVINGS = 80
 _LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
-_WALK = "K"
+WALK = "K"
+"""Symbol of the rate random walk in a datasheet."""
 SLOW = 0.01
 """Correlation time, as a share of the recording, from which a Gauss-Markov term can stand for a random walk: below its
 correlation time it is one, with K = q_c (docs/validation/sensors.md)."""
@@ -181,7 +182,7 @@ def _base(symbol: str) -> str:
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
     """The entry of another model for the same number; Gauss-Markov terms are matched by their correlation times."""
     base = _base(entry.symbol)
-    if base == _WALK and (entry.symbol not in other or other[entry.symbol].upper_only):
+    if base == WALK and (entry.symbol not in other or other[entry.symbol].upper_only):
         return _slowest(other, sheet.samples / sheet.rate) or other.get(entry.symbol)
     if base not in _TIMES:
         return other.get(entry.symbol)
@@ -207,13 +208,13 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
 
     K must be known, and the process slower than 1 % of the recording, but not than the recording.
     """
-    walk, duration = sheet.get(_WALK), sheet.samples / sheet.rate
+    walk, duration = sheet.get(WALK), sheet.samples / sheet.rate
     if walk is None or walk.upper_only or walk.held:
         return None
     for candidate in ranking.distinct:
         if candidate.difference <= EQUIVALENT and not candidate.recommended:
             processes = [process for process in candidate.fit.model.processes if process.scale > 0]
-            if any(number.symbol == _WALK for process in processes for number in process.physical(sheet.rate)):
+            if any(number.symbol == WALK for process in processes for number in process.physical(sheet.rate)):
                 continue
             times = [process.correlation_time(sheet.rate) or 0.0 for process in processes]
             slow = [time for time in times if SLOW * duration <= time <= duration]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm._text import rounded
+from gmwm.calibration.averaging import WALK
 from gmwm.inspection.findings import in_datasheet_units, removed
 from gmwm.remarks import Remark
 
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
 
 _LINE = "linear-trend"
-_WALK, _RAMP = "K", "R"
-"""Symbols of the rate random walk and the rate ramp in a datasheet."""
+_RAMP = "R"
+"""Symbol of the rate ramp in a datasheet."""
 
 
 def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) -> Iterator[Remark]:
@@ -49,7 +50,7 @@ def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) 
 
 def _left_in(found: AxisCalibration) -> str:
     """What K would be if the effect of the conditions were left in; "" if it would not be larger."""
-    entry, value = found.datasheet.get(_WALK), found.left_in
+    entry, value = found.datasheet.get(WALK), found.left_in
     if not value:
         return ""
     if entry is not None and entry.value and not entry.upper_only:
