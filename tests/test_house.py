@@ -243,6 +243,18 @@ def test_commands_are_short_and_return_an_outcome() -> None:
     assert wrong == []
 
 
+def test_every_error_of_a_reader_has_a_code() -> None:
+    kinds = {"ReadError", "UnitError", "PackedError", "_PicklesError"}
+    without = [
+        f"{file.name}:{node.lineno}"
+        for file in (PACKAGE / "readers").glob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in kinds
+        if not any(keyword.arg == "code" for keyword in node.keywords)
+    ]
+    assert without == []
+
+
 def test_one_version_everywhere() -> None:
     citation = re.search(r"^version: *[\"']?([^\"'\s]+)", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     log = re.search(r"^## *([0-9][^\s]*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)

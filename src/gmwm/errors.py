@@ -8,12 +8,77 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from gmwm._template import Dialect, Fact, render, shell_option
 
 if TYPE_CHECKING:
     from gmwm.remarks import Remark
+
+ReadCode = Literal[
+    "changed",
+    "checksum-wrong",
+    "chunk-damaged",
+    "column-not-numbers",
+    "columns-ambiguous",
+    "columns-unnamed",
+    "cut-off",
+    "damaged",
+    "dates-ambiguous",
+    "dates-unreadable",
+    "dates-without-times",
+    "decimal-comma",
+    "empty",
+    "encrypted",
+    "files-missing",
+    "header-damaged",
+    "header-mismatch",
+    "incomplete",
+    "index-damaged",
+    "integers-too-large",
+    "is-directory",
+    "line-ends",
+    "line-too-long",
+    "message-damaged",
+    "message-encoding",
+    "no-index",
+    "no-inertial-data",
+    "no-numbers",
+    "no-recording",
+    "no-time",
+    "not-a-file",
+    "not-continued",
+    "not-found",
+    "not-readable",
+    "not-text",
+    "not-utf8",
+    "python-objects",
+    "rate-changes",
+    "rate-contradiction",
+    "record-damaged",
+    "row-invalid",
+    "row-length",
+    "sensor-ambiguous",
+    "several-recordings",
+    "time-empty",
+    "time-implausible",
+    "time-order",
+    "time-span",
+    "too-large",
+    "too-many",
+    "type-invalid",
+    "type-recursive",
+    "type-undefined",
+    "unit-contradiction",
+    "unit-implausible",
+    "unit-needs-three-axes",
+    "unit-unknown",
+    "unit-unnamed",
+    "unknown-format",
+    "unsupported",
+    "wrong-format",
+]
+"""What makes a file unreadable, as a name that does not change with the wording of the message."""
 
 _NOT_GIVEN: Any = object()
 
@@ -41,6 +106,8 @@ class GmwmError(Exception):
         The argument whose value holds the error. For example, a process in the text of `within`.
     subject : str
         The axis, unit or file that the message is about; see `about`.
+    code : ReadCode or None
+        Why a file cannot be read, for programs. Errors of the readers have one.
 
     Examples
     --------
@@ -59,9 +126,11 @@ class GmwmError(Exception):
         expected: str | None = None,
         got: object = _NOT_GIVEN,
         advice: str = "",
+        code: ReadCode | None = None,
         **facts: Fact,
     ) -> None:
         super().__init__(message)
+        self.code = code
         self.message, self.argument, self.expected = message, argument, expected
         self.given, self.got = got is not _NOT_GIVEN, None if got is _NOT_GIVEN else got
         self.advice, self.facts = advice, facts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -102,7 +103,8 @@ def inspected(recording: Imu | Stream, conditions: Conditions) -> Inspection:
 
 def _not_a_recording(given: object) -> OptionError:
     """Return the error for an argument that is neither an Imu nor a Stream."""
-    advice, facts = "Make one from arrays: `inspect(Imu.from_arrays(arrays, rate=100.0))`.", {}
+    facts: dict[str, Any] = {}
+    advice = "Make one from arrays: `inspect(Imu.from_arrays(arrays, rate=100.0))`."
     if isinstance(given, str | os.PathLike):
         advice, facts = "Read the file first: `inspect(read({path}))`.", {"path": repr(os.fspath(given))}
     elif isinstance(given, Signal):

@@ -234,10 +234,12 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     if not fitting:
         raise ReadError(
             f"{path} holds {len(layouts)} recordings, none of them known as inertial. Its topics: {_topics(layouts)}",
+            code="no-inertial-data",
             advice="Choose one with {--topic}, and name its axes with {--columns}.",
         )
     raise ReadError(
         f"{path} holds {len(fitting)} recordings: {_topics(fitting)}",
+        code="several-recordings",
         advice="Choose one with {--topic}." + _APART if _apart(fitting) else "Choose one with {--topic}.",
     )
 
@@ -266,7 +268,9 @@ def _readable(layout: Layout, path: Path) -> Layout:
     if layout.unreadable is not None:
         raise layout.unreadable
     if not layout.channels:
-        raise ReadError(f"{path} has no columns", advice="Check whether the recording was interrupted.")
+        raise ReadError(
+            f"{path} has no columns", code="no-inertial-data", advice="Check whether the recording was interrupted."
+        )
     return layout
 
 
@@ -313,17 +317,20 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
             raise ReadError(
                 f"{column_words(layout, choice, role, path)} holds dates and times ({layout.first_row[column]!r}), "
                 "expected numbers",
+                code="column-not-numbers",
                 advice="Name another column for it with {--columns}.",
             )
     if "time" not in choice.columns:
         if rate is None and layout.stray_time:
             raise ReadError(
                 f"{path}: {layout.stray_time}",
+                code="no-time",
                 advice="Repair the file, or pass {--rate} to read it without time stamps.",
             )
         if rate is None and layout.rate is None:
             raise ReadError(
                 f"{path} has no time column. Its columns: {described(layout)}",
+                code="no-time",
                 advice="Pass the samples per second with {--rate}, or name the time column with {--columns}.",
             )
         return

@@ -156,6 +156,7 @@ def _tables(path: Path) -> list[_Table]:
         shown = ", ".join(names[:8]) + (", …" if len(names) > 8 else "")
         raise ReadError(
             f"{path} holds no table with a known axis; its files: {shown or 'none'}",
+            code="no-inertial-data",
             advice="Unpack it, and pass the table with {--columns}.",
         )
     return found

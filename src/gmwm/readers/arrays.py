@@ -123,6 +123,7 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
         shown = ", ".join(f"{a.name} {'×'.join(map(str, a.shape)) or 'number'}" for a in arrays[:8])
         raise ReadError(
             f"{path} holds no columns of numbers; its arrays: {shown or 'none'}",
+            code="no-numbers",
             advice="Save one array of shape (samples, columns), or one array for each axis or sensor.",
         )
     groups: dict[object, list[Array]] = {}
@@ -172,7 +173,11 @@ def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
     if values.dtype.kind in "Mm":
         values = values.astype(np.int64)
     if values.dtype.kind == "u" and values.size and int(values.max()) > np.iinfo(np.int64).max:
-        raise ReadError(f"{path}: {name} holds integers above 2⁶³", advice="Leave it out with {--columns}.")
+        raise ReadError(
+            f"{path}: {name} holds integers above 2⁶³",
+            code="integers-too-large",
+            advice="Leave it out with {--columns}.",
+        )
     target = np.int64 if values.dtype.kind in "iu" else np.float64
     return np.ascontiguousarray(values, dtype=target)
 

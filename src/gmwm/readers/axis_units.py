@@ -67,6 +67,7 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
             raise UnitError(
                 f"the time column {channel.name!r} holds dates and times ({layout.first_row[column]!r}), which have no "
                 f"unit, but {declared['time']!r} was declared",
+                code="unit-contradiction",
                 argument="units",
                 advice="Leave the unit of time out of {--units}.",
             )
@@ -80,6 +81,7 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
     if unknown:
         raise UnitError(
             f"the unit {unknown!r} of the time column {channel.name!r} is unknown; the units are {TIME_NAMES}",
+            code="unit-unknown",
             advice="If it is one of them, pass for example {--units=time:s}; if not, leave the time stamps out with "
             "{--columns=time:none} and pass {--rate}.",
         )
@@ -138,6 +140,7 @@ def resolve(
         if unnamed is not None:
             raise UnitError(
                 f"the unit of {unnamed} is not named, while that of the other axes is {', '.join(names)}",
+                code="unit-unnamed",
                 advice="State the unit of the sensor with {--units=@example}.",
                 example=f"{quantity}:{names[0]}",
             )
@@ -191,6 +194,7 @@ def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
     if rate is not None and rate.quantity == quantity:
         return UnitError(
             message,
+            code="unit-unknown",
             advice="If the numbers are increments over a sample, pass {--increments=@quantity} and {--units=@units}; "
             "if they are rates, pass {--units=@units} alone.",
             quantity=quantity,
@@ -198,6 +202,7 @@ def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
         )
     return UnitError(
         message,
+        code="unit-unknown",
         advice="If it is one of them, pass for example {--units=@units}; if not, pass also its size in that unit with "
         "{--scale}.",
         units=f"{quantity}:{SI_UNIT[quantity]}",
@@ -221,6 +226,7 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
     if len(axes) < 3:
         raise UnitError(
             f"the unit of {', '.join(axes)} is unknown, and it can be inferred from gravity only with all three axes",
+            code="unit-needs-three-axes",
             advice=_STATE_ACCEL,
         )
     norm = _norm(axes, values)
@@ -231,6 +237,7 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
     raise UnitError(
         f"the unit of the accelerometers is unknown, and the norm of their mean, {norm:.4g}, is neither 1 (g) nor 9.8 "
         "(m/s²)",
+        code="unit-implausible",
         advice=_STATE_ACCEL,
     )
 
@@ -263,5 +270,6 @@ def _unknown_gyro(axes: list[str], values: Mapping[str, Vector], rate: float) ->
         f"the unit of {', '.join(axes)} is neither declared nor named in the file. The noise density is {density:.3g} "
         f"deg/s/√Hz ({60 * density:.3g} deg/√h) if it is deg/s, and {in_rad:.3g} deg/s/√Hz ({60 * in_rad:.3g} deg/√h) "
         "if it is rad/s; low-cost gyroscopes have 0.002 to 0.1 deg/s/√Hz",
+        code="unit-unnamed",
         advice="State it with {--units=gyro:deg/s} or {--units=gyro:rad/s}.",
     )

@@ -108,12 +108,15 @@ class McapStorage(Storage):
         if kind != _FOOTER or length != 20 or not footer.endswith(MAGIC):
             raise ReadError(
                 f"{self.path} is cut off: the copy is incomplete, or the recorder was killed",
+                code="cut-off",
                 advice="Copy it again, or repair it with `mcap recover`.",
             )
         start = int(_LONG.unpack_from(footer, _HEAD.size)[0])
         if start > end:
             raise ReadError(
-                f"{self.path} is damaged: the position of its summary is after its end", advice="Copy the file again."
+                f"{self.path} is damaged: the position of its summary is after its end",
+                code="index-damaged",
+                advice="Copy the file again.",
             )
         return start
 
@@ -128,7 +131,11 @@ class McapStorage(Storage):
                 return
             limit = _LIMITS.get(kind, _SKIPPED)
             if length > limit:
-                raise ReadError(f"{self.path} is damaged: a record of {length} bytes", advice="Copy the file again.")
+                raise ReadError(
+                    f"{self.path} is damaged: a record of {length} bytes",
+                    code="record-damaged",
+                    advice="Copy the file again.",
+                )
             if kind not in wanted:
                 file.seek(length, 1)
                 continue
@@ -136,6 +143,7 @@ class McapStorage(Storage):
             if len(content) != length:
                 raise ReadError(
                     f"{self.path} is damaged: a record of {length} bytes where {len(content)} are left",
+                    code="record-damaged",
                     advice="Copy the file again.",
                 )
             yield kind, content
@@ -158,7 +166,7 @@ class McapStorage(Storage):
             yield kind, records.read(length)
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged ({error})", advice="Copy the file again.")
+        return ReadError(f"{self.path} is damaged ({error})", code="damaged", advice="Copy the file again.")
 
 
 def in_order(times: list[int], messages: list[bytes]) -> Batch:

@@ -76,14 +76,21 @@ class Ros1Storage(Storage):
         if not position:
             raise ReadError(
                 f"{self.path} has no index: the recorder was killed or is still running",
+                code="no-index",
                 advice="Repair it with `rosbag reindex`.",
             )
         if head.get("encryptor"):
-            raise ReadError(f"{self.path} is encrypted; decrypt it first", advice="Decrypt it with `rosbag decrypt`.")
+            raise ReadError(
+                f"{self.path} is encrypted; decrypt it first",
+                code="encrypted",
+                advice="Decrypt it with `rosbag decrypt`.",
+            )
         connections, chunks = (_WORD.unpack(head[name])[0] for name in ("conn_count", "chunk_count"))
         if connections > TOPIC_LIMIT or chunks > _CHUNKS:
             raise ReadError(
-                f"{self.path} is damaged: {connections} connections in {chunks} chunks", advice="Copy the file again."
+                f"{self.path} is damaged: {connections} connections in {chunks} chunks",
+                code="index-damaged",
+                advice="Copy the file again.",
             )
         self._seek(file, position)
         records = [self._record(file, _CONNECTION) for _ in range(connections)]
@@ -101,7 +108,9 @@ class Ros1Storage(Storage):
         """Go to a position from the index, after a check that it is inside the file."""
         if position > self.path.stat().st_size:
             raise ReadError(
-                f"{self.path} is damaged or cut off: its index points behind its end", advice="Copy the file again."
+                f"{self.path} is damaged or cut off: its index points behind its end",
+                code="index-damaged",
+                advice="Copy the file again.",
             )
         file.seek(position)
 
@@ -116,11 +125,16 @@ class Ros1Storage(Storage):
         for limit in (TEXT_LIMIT, CHUNK_LIMIT if kind == _CHUNK else 4 * TEXT_LIMIT):
             (length,) = _WORD.unpack(file.read(4))
             if length > limit:
-                raise ReadError(f"{self.path} is damaged: a record of {length} bytes", advice="Copy the file again.")
+                raise ReadError(
+                    f"{self.path} is damaged: a record of {length} bytes",
+                    code="record-damaged",
+                    advice="Copy the file again.",
+                )
             part = file.read(length)
             if len(part) != length:
                 raise ReadError(
                     f"{self.path} is cut off: a record of {length} bytes where {len(part)} are left",
+                    code="cut-off",
                     advice="Copy the file again.",
                 )
             parts.append(part)
@@ -128,12 +142,13 @@ class Ros1Storage(Storage):
         if header.get("op") != bytes([kind]):
             raise ReadError(
                 f"{self.path} is damaged: its index does not lead to a record of kind {kind}",
+                code="index-damaged",
                 advice="Copy the file again.",
             )
         return header, parts[1]
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged or cut off ({error})", advice="Copy the file again.")
+        return ReadError(f"{self.path} is damaged or cut off ({error})", code="damaged", advice="Copy the file again.")
 
 
 def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:

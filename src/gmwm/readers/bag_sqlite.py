@@ -44,7 +44,9 @@ class SqliteStorage(Storage):
                 or len(text) > TEXT_LIMIT
             ):
                 raise ReadError(
-                    f"{self.path} is damaged: its table of topics does not hold texts", advice="Copy the file again."
+                    f"{self.path} is damaged: its table of topics does not hold texts",
+                    code="damaged",
+                    advice="Copy the file again.",
                 )
             found.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
         return merged(iter(found))
@@ -65,7 +67,9 @@ class SqliteStorage(Storage):
                     times, messages = (list(column) for column in zip(*batch, strict=True))
                     if set(map(type, messages)) != {bytes} or set(map(type, times)) != {int}:
                         raise ReadError(
-                            f"{self.path} is damaged: a message without bytes or time", advice="Copy the file again."
+                            f"{self.path} is damaged: a message without bytes or time",
+                            code="message-damaged",
+                            advice="Copy the file again.",
                         )
                     yield times, messages
                     count = max(1, min(_MOST, BATCH_BYTES * len(messages) // max(1, sum(map(len, messages)))))
@@ -93,6 +97,7 @@ class SqliteStorage(Storage):
             if not all(self._table(base, name) for name in ("topics", "messages")):
                 raise ReadError(
                     f"{self.path} is an SQLite database without the tables topics and messages: no recording of ROS 2",
+                    code="no-recording",
                     advice="Pass a recording of ROS 2.",
                 )
         except (sqlite3.Error, UnicodeDecodeError) as error:
@@ -109,7 +114,9 @@ class SqliteStorage(Storage):
             head = file.read(100)
         if len(head) < 100:
             raise ReadError(
-                f"{self.path} is cut off: {len(head)} bytes are not a complete database", advice="Copy the file again."
+                f"{self.path} is cut off: {len(head)} bytes are not a complete database",
+                code="cut-off",
+                advice="Copy the file again.",
             )
         (size,) = _PAGE.unpack_from(head, 16)
         changed, count, valid = (_WORD.unpack_from(head, k)[0] for k in (24, 28, 92))
@@ -117,7 +124,9 @@ class SqliteStorage(Storage):
         there = self.path.stat().st_size
         if valid == changed and there < size * count:
             raise ReadError(
-                f"{self.path} is cut off: {there} bytes, expected {size * count}", advice="Copy the file again."
+                f"{self.path} is cut off: {there} bytes, expected {size * count}",
+                code="cut-off",
+                advice="Copy the file again.",
             )
 
     @staticmethod
@@ -128,7 +137,7 @@ class SqliteStorage(Storage):
         return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged ({error})", advice="Copy the file again.")
+        return ReadError(f"{self.path} is damaged ({error})", code="damaged", advice="Copy the file again.")
 
 
 def _indexed(base: sqlite3.Connection) -> bool:

@@ -52,7 +52,9 @@ def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
 
     if len(topic.text) > TEXT_LIMIT:
         raise ReadError(
-            f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters", advice="Export the topic as CSV."
+            f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters",
+            code="type-invalid",
+            advice="Export the topic as CSV.",
         )
     found: dict[str, Any] = {}
     try:
@@ -62,6 +64,7 @@ def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ReadError(
             f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})",
+            code="type-invalid",
             advice="Export the topic as CSV.",
         ) from error
     types = {name: fields for name, (_, fields) in get_typestore(Stores.EMPTY).fielddefs.items()}
@@ -100,5 +103,6 @@ def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: 
     if not plain:
         raise ReadError(
             f"{topic.name}: the definition of its type {topic.type} holds what is no name, or a huge array",
+            code="type-invalid",
             advice="Export the topic as CSV.",
         )

@@ -97,6 +97,7 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
     if size > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",
+            code="too-large",
             advice="Record with smaller chunks, or export the topic as CSV.",
         )
     if compression in ("", "none"):
@@ -106,15 +107,20 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
             # One byte more than expected is enough to detect that the chunk is too large.
             content = _decompressor(compression).decompress(data, max_length=size + 1)
         except Exception as error:  # three libraries can raise any error on invalid data
-            raise ReadError(f"{path}: a chunk is damaged ({error})", advice="Copy the file again.") from error
+            raise ReadError(
+                f"{path}: a chunk is damaged ({error})", code="chunk-damaged", advice="Copy the file again."
+            ) from error
     else:
         raise ReadError(
             f"{path}: its chunks have the compression {compression!r}, but gmwm reads only lz4, bz2, zstd and none",
+            code="unsupported",
             advice="Compress the recording in one of these formats.",
         )
     if len(content) != size:
         raise ReadError(
-            f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}", advice="Copy the file again."
+            f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}",
+            code="chunk-damaged",
+            advice="Copy the file again.",
         )
     return bytes(content)
 
@@ -126,10 +132,13 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
     try:
         found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
     except Exception as error:  # a library can raise any error on invalid data
-        raise ReadError(f"{path}: a compressed message is damaged ({error})", advice="Copy the file again.") from error
+        raise ReadError(
+            f"{path}: a compressed message is damaged ({error})", code="chunk-damaged", advice="Copy the file again."
+        ) from error
     if sum(map(len, found)) > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them",
+            code="too-large",
             advice="Copy the file again, or export the topic as CSV.",
         )
     return found
@@ -138,7 +147,9 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
 def require_checksum(content: bytes, checksum: int, path: Path) -> None:
     """Raise an error if a chunk does not match its checksum."""
     if checksum and zlib.crc32(content) != checksum:
-        raise ReadError(f"{path}: a chunk is damaged: its checksum is wrong", advice="Copy the file again.")
+        raise ReadError(
+            f"{path}: a chunk is damaged: its checksum is wrong", code="checksum-wrong", advice="Copy the file again."
+        )
 
 
 def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
@@ -152,7 +163,9 @@ def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
         found[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
         if len(found) > TOPIC_LIMIT:
             raise ReadError(
-                f"more than {TOPIC_LIMIT} topics", advice="Copy the topics of the sensor to another recording."
+                f"more than {TOPIC_LIMIT} topics",
+                code="too-many",
+                advice="Copy the topics of the sensor to another recording.",
             )
     return tuple(found.values())
 

@@ -257,13 +257,19 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     if file.is_dir():
         file = _sign_of(file)
     if not file.exists():
-        raise ReadError(f"{file} does not exist in {file.absolute().parent}", argument="path", got=str(file))
+        raise ReadError(
+            f"{file} does not exist in {file.absolute().parent}", code="not-found", argument="path", got=str(file)
+        )
     if not file.is_file():
         raise ReadError(
-            f"{file} is a pipe or a device, which cannot be read twice", advice="Save it to a file and pass the file."
+            f"{file} is a pipe or a device, which cannot be read twice",
+            code="not-a-file",
+            advice="Save it to a file and pass the file.",
         )
     if file.stat().st_size == 0:
-        raise ReadError(f"{file} is empty (0 bytes)", advice="Check whether the recording was interrupted.")
+        raise ReadError(
+            f"{file} is empty (0 bytes)", code="empty", advice="Check whether the recording was interrupted."
+        )
     return file
 
 
@@ -272,7 +278,7 @@ def _sign_of(folder: Path) -> Path:
     for reader in _READERS.values():
         if reader.folder_sign and (folder / reader.folder_sign).is_file():
             return folder / reader.folder_sign
-    raise ReadError(f"{folder} is a directory", advice="Pass the path of one recording in it.")
+    raise ReadError(f"{folder} is a directory", code="is-directory", advice="Pass the path of one recording in it.")
 
 
 def find_reader(path: Path, format: str | None = None) -> Reader:
@@ -306,7 +312,9 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
             head = file.read(HEAD_BYTES)
     except OSError as error:
         raise ReadError(
-            f"{path} cannot be opened: {error.strerror}", advice="Check the permissions of the file."
+            f"{path} cannot be opened: {error.strerror}",
+            code="not-readable",
+            advice="Check the permissions of the file.",
         ) from error
     suffix = path.suffix.lower()
     best = max(_READERS.values(), key=lambda r: (r.sniff(path, head), suffix in r.extensions))
@@ -316,5 +324,6 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
     begin = " ".join(f"{byte:02x}" for byte in head[:8])
     raise ReadError(
         f"{path} begins with the bytes {begin}, which none of the formats has: {known}",
+        code="unknown-format",
         advice="Export it as CSV, or name its format with {--format}.",
     )

@@ -73,7 +73,9 @@ class FileSource:
             return self.path.open("rb")
         except OSError as error:
             raise ReadError(
-                f"{self.path} cannot be opened: {error.strerror}", advice="Check the permissions of the file."
+                f"{self.path} cannot be opened: {error.strerror}",
+                code="not-readable",
+                advice="Check the permissions of the file.",
             ) from error
 
 
@@ -125,13 +127,15 @@ class MemberSource(FileSource):
         archive = open_archive(self.path)
         info = archive.getinfo(self.member)
         if info.flag_bits & 1:
-            raise PackedError(f"{self} is encrypted", advice="Unpack it with its password first.")
+            raise PackedError(f"{self} is encrypted", code="encrypted", advice="Unpack it with its password first.")
         try:
             return _bounded(archive.open(info), str(self), info.compress_size, archive)
         except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError) as error:
             archive.close()
             raise PackedError(
-                f"{self} cannot be unpacked ({error})", advice="Unpack the archive and pass the file in it."
+                f"{self} cannot be unpacked ({error})",
+                code="damaged",
+                advice="Unpack the archive and pass the file in it.",
             ) from error
 
 
@@ -149,11 +153,15 @@ def open_archive(path: Path) -> zipfile.ZipFile:
     try:
         archive = zipfile.ZipFile(path)
     except (OSError, zipfile.BadZipFile, NotImplementedError, ValueError) as error:
-        raise PackedError(f"{path} is not a complete zip archive ({error})", advice="Copy the file again.") from error
+        raise PackedError(
+            f"{path} is not a complete zip archive ({error})", code="incomplete", advice="Copy the file again."
+        ) from error
     if len(archive.infolist()) > MAX_MEMBERS:
         archive.close()
         raise PackedError(
-            f"{path} holds more than {MAX_MEMBERS} files", advice="Unpack it and pass the recording in it."
+            f"{path} holds more than {MAX_MEMBERS} files",
+            code="too-many",
+            advice="Unpack it and pass the recording in it.",
         )
     return archive
 
@@ -176,6 +184,7 @@ def require_ratio(unpacked: int, packed: int, name: object) -> None:
     if unpacked > MAX_BYTES or (unpacked > RATIO_FROM and unpacked > MAX_RATIO * packed):
         raise PackedError(
             f"{name} unpacks from {packed / 1e6:.3g} MB to {unpacked / 1e6:.0f} MB or more, unlike any recording",
+            code="too-large",
             advice="If it is a recording, unpack it first.",
         )
 
@@ -207,6 +216,7 @@ class _Counted(io.RawIOBase):
         except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
             raise PackedError(
                 f"{self._name} is damaged or cut off after {self._count} unpacked bytes ({error})",
+                code="damaged",
                 advice="Copy the file again.",
             ) from error
         view[: len(data)] = data

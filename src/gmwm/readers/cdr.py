@@ -82,7 +82,9 @@ class Definition:
 
     def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
         if depth > _DEPTH:
-            raise ReadError(f"the message type {self.name} holds itself", advice="Export the topic as CSV.")
+            raise ReadError(
+                f"the message type {self.name} holds itself", code="type-recursive", advice="Export the topic as CSV."
+            )
         for name, description in self.fields(kind):
             path = prefix + name
             sort, inner = description
@@ -109,6 +111,7 @@ class Definition:
         if kind not in self.types:
             raise ReadError(
                 f"the message type {self.name} holds {kind}, which the recording does not define",
+                code="type-undefined",
                 advice="Export the topic as CSV.",
             )
         return self.types[kind]
@@ -165,7 +168,11 @@ class _Walk:
 
     def struct(self, kind: str, prefix: str, depth: int = 0) -> None:
         if depth > _DEPTH:
-            raise ReadError(f"the message type {self.definition.name} holds itself", advice="Export the topic as CSV.")
+            raise ReadError(
+                f"the message type {self.definition.name} holds itself",
+                code="type-recursive",
+                advice="Export the topic as CSV.",
+            )
         for name, description in self.definition.fields(kind):
             self.value(description, prefix + name, depth)
 
@@ -203,6 +210,7 @@ class _Walk:
         else:
             raise ReadError(
                 f"the message type {self.definition.name} holds {with_article(kind)} ({path}), which is not supported",
+                code="unsupported",
                 advice="Export the topic as CSV.",
             )
 
@@ -216,6 +224,7 @@ class _Walk:
         if self.steps > _STEPS:
             raise ReadError(
                 f"a message of type {self.definition.name} has more than {_STEPS} parts",
+                code="too-many",
                 advice="Export the topic as CSV.",
             )
         if self.position > len(self.message):
@@ -225,6 +234,7 @@ class _Walk:
         return ReadError(
             f"a message of {len(self.message)} bytes does not fit its type {self.definition.name}: damaged, or of "
             "another version of it",
+            code="message-damaged",
             advice="Copy the file again, or export the topic as CSV.",
         )
 
@@ -243,6 +253,7 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
         raise ReadError(
             f"a message of type {definition.name} begins with the bytes {begin or '(none)'}, expected CDR (00 00 or "
             "00 01)",
+            code="message-encoding",
             advice="Copy the file again, or export the topic as CSV.",
         )
     start = 4 if cdr else 0
@@ -376,6 +387,7 @@ class Decoder:
             except Exception as error:  # a library can raise any error on invalid data
                 raise ReadError(
                     f"a message of {len(message)} bytes does not fit its type {name}: {error}",
+                    code="message-damaged",
                     advice="Copy the file again, or export the topic as CSV.",
                 ) from error
             for leaf, path in paths:
@@ -431,6 +443,8 @@ def _store(definition: Definition) -> Any:
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
     except Exception as error:  # a library can raise any error on an invalid definition
         raise ReadError(
-            f"the message type {definition.name} is not understood: {error}", advice="Export the topic as CSV."
+            f"the message type {definition.name} is not understood: {error}",
+            code="type-invalid",
+            advice="Export the topic as CSV.",
         ) from error
     return store

@@ -125,7 +125,7 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
         blocks.append(_block(_Window.of(window, first, unit), begin=begin, end=end, row=row, before=blocks, rate=rate))
         row += end - begin
     if first is None:
-        raise ReadError("the time column is empty")
+        raise ReadError("the time column is empty", code="time-empty")
     seconds, per_second = LONG_TIME_UNITS.get(unit, 1), TIME_UNITS.get(unit, 1)
     return _joined(blocks, float(first) * seconds, per_second, unit if unit in TIME_UNITS else "s", rate=rate), remark
 
@@ -375,6 +375,7 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
         advice = "The rates agree if the time stamps are in {likely}: pass {--units=@units}. " + advice
     raise ReadError(
         f"the rate of {rate:g} Hz contradicts the time stamps, which show {measured:.6g} Hz in {unit}",
+        code="rate-contradiction",
         argument="rate",
         got=rate,
         advice=advice,

@@ -89,6 +89,7 @@ def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
     if not choice.axes:
         raise ReadError(
             f"{path} has no column whose name is known as an axis. Its columns: {described(layout)}",
+            code="no-inertial-data",
             advice="Name the columns of the axes with {--columns}, for example {--columns=@example}.",
             example=f"gyro_x:{min(1, len(layout.channels) - 1)}",
         )
@@ -161,6 +162,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
             which = joined([f"{layout.channels[k].name!r} (number {k})" for k in several])
             raise ReadError(
                 f"{path}: {which} could each be {role}",
+                code="columns-ambiguous",
                 advice="Choose by the numbers of the columns, counted from 0, for example {--columns=@example}.",
                 example=",".join(f"{axis}:{found[0]}" for axis, found in candidates.items()),
             )
@@ -204,6 +206,7 @@ def _nameless(layout: Layout, path: Path) -> ReadError:
         guess = (*guess[: count - 6], *AXES[3:], *AXES[:3])
     return ReadError(
         f"{path} has {count} columns without names; the first row is {_shown(layout)}",
+        code="columns-unnamed",
         advice="Name the columns in their order, for example {--columns=@example}.",
         example=",".join(guess),
     )

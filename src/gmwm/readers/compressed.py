@@ -55,12 +55,15 @@ def packed_text(source: FileSource, name: Path) -> tuple[TextReader, tuple[Layou
     with source.open() as file:
         head = file.read(HEAD_BYTES)
     if not head:
-        raise ReadError(f"{source} is empty when unpacked", advice="Check whether the recording was interrupted.")
+        raise ReadError(
+            f"{source} is empty when unpacked", code="empty", advice="Check whether the recording was interrupted."
+        )
     readers = [reader for reader in registered() if isinstance(reader, TextReader)]
     best = max(readers, key=lambda reader: reader.sniff(name, head))
     if best.sniff(name, head) == 0:
         raise ReadError(
             f"{source} is not text when unpacked, and only text is read from compressed files",
+            code="not-text",
             advice="Unpack it and pass the file in it.",
         )
     return best, best.layouts_of(source)

@@ -97,6 +97,7 @@ class DataflashReader(Reader):
         if not layouts:
             raise ReadError(
                 f"{path} holds none of the messages IMU, ACC and GYR",
+                code="no-inertial-data",
                 advice="Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG_OPT for raw samples.",
             )
         return tuple(layouts)

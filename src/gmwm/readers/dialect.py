@@ -133,6 +133,7 @@ def detect(lines: list[str], path: object) -> Dialect:
     if not body:
         raise ReadError(
             f"{path} holds no rows, only comments or blank lines",
+            code="empty",
             advice="Check whether the recording was interrupted.",
         )
     cleaning, labels = _cleaning([line for _, line in body])
@@ -146,6 +147,7 @@ def detect(lines: list[str], path: object) -> Dialect:
         shown = body[-1][1].strip()[:80]
         raise ReadError(
             f"{path} has no row of numbers in its first {len(lines)} lines; the last of them is {shown!r}",
+            code="no-numbers",
             advice="Check that the file is a table of numbers.",
         )
     first_line, fields = rows[start][0], len(numeric)
@@ -307,6 +309,7 @@ def _parted(
         raise ReadError(
             f"{where[0]}, line {where[1]}: the time stamps have a comma before the fraction of a second "
             f"({','.join(row[at : at + 2])!r}), and commas separate the columns too",
+            code="decimal-comma",
             advice="Write a point there, or put the time stamps in quotes.",
         )
     return (*names[:at], "date", *names[at:]), (*units[:at], "", *units[at:]) if units else ()
@@ -348,6 +351,7 @@ def _header(
         at, cells = header[-1]
         raise ReadError(
             f"{where[0]}: the header in line {at} names {len(cells)} columns, but line {where[1]} has {columns} values",
+            code="header-mismatch",
             advice="Repair the header, or delete it and name the columns in their order with {--columns}.",
         )
     return names, units

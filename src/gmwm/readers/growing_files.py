@@ -44,7 +44,9 @@ class GrowingFile:
             self._file = path.open("rb")
         except OSError as error:
             raise ReadError(
-                f"{path} cannot be opened: {error.strerror}", advice="Check the permissions of the file."
+                f"{path} cannot be opened: {error.strerror}",
+                code="not-readable",
+                advice="Check the permissions of the file.",
             ) from error
         self._taken = 0
 
@@ -227,7 +229,9 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
     if not head:
-        raise ReadError(f"{path} holds no whole line", advice="Check whether the recording was interrupted.")
+        raise ReadError(
+            f"{path} holds no whole line", code="empty", advice="Check whether the recording was interrupted."
+        )
     reader, layout = _text_layout(path, head)
     choice = streamed(choose(layout, options.columns, path))
     require_time(layout, choice, options.rate, path)
@@ -261,6 +265,8 @@ def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
     best = max(readers, key=lambda reader: reader.sniff(path, head))
     if best.sniff(path, head) <= 0:
         raise ReadError(
-            f"{path} is not a text file, and only text can be watched", advice="Read it when it is complete."
+            f"{path} is not a text file, and only text can be watched",
+            code="not-text",
+            advice="Read it when it is complete.",
         )
     return best, best.layout(_Head(path, head))

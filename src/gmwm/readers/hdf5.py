@@ -113,6 +113,7 @@ def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array
         if len(found) > MAX_ARRAYS or depth > _DEPTH:
             raise ReadError(
                 f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than {_DEPTH}",
+                code="too-many",
                 advice="Save only the arrays of the recording.",
             )
         if isinstance(node, library.Group):
@@ -184,4 +185,6 @@ def _attribute(node: Any, key: str) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> ReadError:
-    return ReadError(f"{path} is not a complete HDF5 file ({first_line(error)})", advice="Copy the file again.")
+    return ReadError(
+        f"{path} is not a complete HDF5 file ({first_line(error)})", code="incomplete", advice="Copy the file again."
+    )

@@ -90,25 +90,36 @@ def _header(path: Path) -> _Header:
     if not head.startswith(_SIGNATURE):
         raise ReadError(
             f"{path} does not begin with $IMURAW and a zero byte, as an .imr file does",
+            code="wrong-format",
             advice="Check the name of the format, or leave {--format} out.",
         )
     if len(head) < _HEADER_BYTES:
         raise ReadError(
-            f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes", advice="Copy the file again."
+            f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes",
+            code="cut-off",
+            advice="Copy the file again.",
         )
     if head[8] not in _ORDERS:
         raise ReadError(
-            f"{path}: the byte order in its header is {head[8]}, expected 0 or 1", advice="Copy the file again."
+            f"{path}: the byte order in its header is {head[8]}, expected 0 or 1",
+            code="header-damaged",
+            advice="Copy the file again.",
         )
     order = _ORDERS[head[8]]
     _, angle, velocity, rate, gyro, accel, clock, _, _, name = struct.unpack_from(order + _FIELDS, head, 9)
     for what, value in (("bDeltaTheta", angle), ("bDeltaVelocity", velocity)):
         if value not in (0, 1):
-            raise ReadError(f"{path}: {what} in its header is {value}, expected 0 or 1", advice="Copy the file again.")
+            raise ReadError(
+                f"{path}: {what} in its header is {value}, expected 0 or 1",
+                code="header-damaged",
+                advice="Copy the file again.",
+            )
     for what, value in (("dDataRateHz", rate), ("dGyroScaleFactor", gyro), ("dAccelScaleFactor", accel)):
         if not (math.isfinite(value) and value > 0):
             raise ReadError(
-                f"{path}: {what} in its header is {value:g}, expected a positive number", advice="Copy the file again."
+                f"{path}: {what} in its header is {value:g}, expected a positive number",
+                code="header-damaged",
+                advice="Copy the file again.",
             )
     sensor = name.split(b"\0")[0].decode("latin-1").strip()
     remarks = [

@@ -50,7 +50,9 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
         head = file.read(_HEADER)
         if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
             raise ReadError(
-                f"{path} is not a complete MATLAB file: its header is cut off or damaged", advice="Copy the file again."
+                f"{path} is not a complete MATLAB file: its header is cut off or damaged",
+                code="incomplete",
+                advice="Copy the file again.",
             )
         data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
     order = "<" if head[126:128] == b"IM" else ">"
@@ -85,7 +87,9 @@ def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
     if kind >> 16:
         kind, size = kind & 0xFFFF, kind >> 16
         if size > 4:
-            raise ReadError(f"{path} is damaged: a short element of {size} bytes", advice="Copy the file again.")
+            raise ReadError(
+                f"{path} is damaged: a short element of {size} bytes", code="damaged", advice="Copy the file again."
+            )
         return _Element(kind, tag[4 : 4 + size], at + 8)
     begin, end = at + 8, at + 8 + size
     if end > len(data):
@@ -107,7 +111,9 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
     shape = tuple(_integers(parts[1], order, path))
     if not flags or any(size < 0 for size in shape):
         raise ReadError(
-            f"{path} is damaged: a matrix without a class, or of negative size", advice="Copy the file again."
+            f"{path} is damaged: a matrix without a class, or of negative size",
+            code="damaged",
+            advice="Copy the file again.",
         )
     name = f"{where}/{_text(parts[2].data)}" if where and len(parts[2].data) else where or _text(parts[2].data)
     kind = flags[0] & 0xFF
@@ -120,7 +126,9 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
         length = _integers(_element(data, at, order, path), order, path)
         names = _element(data, _element(data, at, order, path).end, order, path)
         if not length or not 0 < length[0] <= 64 or len(names.data) > _MAX_FIELDS * length[0]:
-            raise ReadError(f"{path} is damaged: the names of the fields of {name}", advice="Copy the file again.")
+            raise ReadError(
+                f"{path} is damaged: the names of the fields of {name}", code="damaged", advice="Copy the file again."
+            )
         at = names.end
         for first in range(0, len(names.data), length[0]):
             field = _element(data, at, order, path)
@@ -136,6 +144,7 @@ def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, p
     if values.size != int(np.prod(shape, dtype=object)):
         raise ReadError(
             f"{path} is damaged: {name} has {values.size} numbers, expected {'×'.join(map(str, shape))}",
+            code="damaged",
             advice="Copy the file again.",
         )
     return values.reshape(shape, order="F").astype(f"{order}{kind}", copy=False)
@@ -143,11 +152,16 @@ def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, p
 
 def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
     if element.kind not in _STORED:
-        raise ReadError(f"{path} is damaged: numbers of the unknown type {element.kind}", advice="Copy the file again.")
+        raise ReadError(
+            f"{path} is damaged: numbers of the unknown type {element.kind}",
+            code="damaged",
+            advice="Copy the file again.",
+        )
     kind = np.dtype(f"{order}{_STORED[element.kind]}")
     if len(element.data) % kind.itemsize:
         raise ReadError(
             f"{path} is damaged: {len(element.data)} bytes for numbers of {kind.itemsize} bytes each",
+            code="damaged",
             advice="Copy the file again.",
         )
     return np.frombuffer(element.data, kind)
@@ -170,7 +184,7 @@ def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
             out += unpacker.decompress(data[start : start + _PIECE])
             require_ratio(unpacked + len(out), packed + len(data), path)
     except zlib.error as error:
-        raise ReadError(f"{path} is damaged ({error})", advice="Copy the file again.") from error
+        raise ReadError(f"{path} is damaged ({error})", code="damaged", advice="Copy the file again.") from error
     if not unpacker.eof:
         raise _cut(path)
     return bytes(out)
@@ -178,5 +192,7 @@ def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
 
 def _cut(path: Path) -> ReadError:
     return ReadError(
-        f"{path} is not a complete MATLAB file: a part of it ends behind its end", advice="Copy the file again."
+        f"{path} is not a complete MATLAB file: a part of it ends behind its end",
+        code="incomplete",
+        advice="Copy the file again.",
     )

@@ -71,7 +71,9 @@ def _older(path: Path) -> list[Array]:
     for name, value in variables(path):
         if len(found) == MAX_ARRAYS:
             raise ReadError(
-                f"{path} holds more than {MAX_ARRAYS} arrays", advice="Save only the arrays of the recording."
+                f"{path} holds more than {MAX_ARRAYS} arrays",
+                code="too-many",
+                advice="Save only the arrays of the recording.",
             )
         found.append(Array(name, value.shape, value.dtype, partial(part_of, value)))
     return found

@@ -42,7 +42,9 @@ class NpyReader(Reader):
                 np.memmap(path, dtype, "r", offset, shape, "F" if order else "C") if np.prod(shape) else np.empty(shape)
             )
         except (ValueError, OSError) as error:
-            raise ReadError(f"{path} cannot be mapped ({error})", advice="Copy the file again.") from error
+            raise ReadError(
+                f"{path} cannot be mapped ({error})", code="damaged", advice="Copy the file again."
+            ) from error
         return layouts_of(fields_of("", shape, dtype, partial(part_of, array)), path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -117,7 +119,9 @@ class _Packed:
                 data = file.read(size)
             if len(data) != size:
                 raise ReadError(
-                    f"{self._source} holds {len(data)} bytes, expected {size}", advice="Copy the file again."
+                    f"{self._source} holds {len(data)} bytes, expected {size}",
+                    code="cut-off",
+                    advice="Copy the file again.",
                 )
             flat = np.frombuffer(data, self._dtype)
             self._kept = flat.reshape(self._shape, order="F" if self._fortran else "C")
@@ -141,13 +145,18 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
         raise
     except Exception as error:  # the header is a Python expression, for which NumPy raises any type of error
         raise ReadError(
-            f"{name} is not a complete NumPy file ({first_line(error)})", advice="Copy the file again."
+            f"{name} is not a complete NumPy file ({first_line(error)})",
+            code="incomplete",
+            advice="Copy the file again.",
         ) from error
     if dtype.itemsize == 0:
-        raise ReadError(f"{name} holds empty elements instead of numbers", advice="Save an array of numbers.")
+        raise ReadError(
+            f"{name} holds empty elements instead of numbers", code="no-numbers", advice="Save an array of numbers."
+        )
     if dtype.hasobject:
         raise _PicklesError(
             f"{name} holds Python objects, which are not read because they can execute code",
+            code="python-objects",
             advice="Save only numbers.",
         )
     return shape, order, dtype
@@ -157,5 +166,7 @@ def _require_size(shape: tuple[int, ...], dtype: np.dtype[Any], there: int, name
     expected = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if expected > there:
         raise ReadError(
-            f"{name} is cut off: {there} bytes of numbers, expected {expected}", advice="Copy the file again."
+            f"{name} is cut off: {there} bytes of numbers, expected {expected}",
+            code="cut-off",
+            advice="Copy the file again.",
         )

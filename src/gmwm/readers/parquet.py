@@ -45,14 +45,16 @@ class ParquetReader(Reader):
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
             raise ReadError(
-                f"{path} is not a complete Parquet file ({reason})", advice="Copy the file again."
+                f"{path} is not a complete Parquet file ({reason})", code="incomplete", advice="Copy the file again."
             ) from error
         channels = tuple(
             Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()
         )
         if first.is_empty():
-            raise ReadError(f"{path} has columns but no rows", advice="Check whether the recording was interrupted.")
+            raise ReadError(
+                f"{path} has columns but no rows", code="empty", advice="Check whether the recording was interrupted."
+            )
         return (Layout(channels, tuple(str(value) for value in first.row(0))),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -78,7 +80,9 @@ class ParquetReader(Reader):
                 frame = scan.slice(row, ROWS).collect()
             except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
                 raise ReadError(
-                    f"{path} is damaged after row {row}: {str(error).splitlines()[0]}", advice="Copy the file again."
+                    f"{path} is damaged after row {row}: {str(error).splitlines()[0]}",
+                    code="damaged",
+                    advice="Copy the file again.",
                 ) from error
             if frame.is_empty():
                 return
@@ -104,6 +108,7 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
     elif not dated and not (dtype.is_numeric() or dtype == pl.Null):
         raise ReadError(
             f"{path}: column {series.name!r} holds {dtype}, expected numbers",
+            code="column-not-numbers",
             advice="Name other columns with {--columns}.",
         )
     if dated:
@@ -115,6 +120,7 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
                 at = int(np.flatnonzero(there)[np.argmax(unknown)])
                 raise ReadError(
                     f"{path}: column {series.name!r} holds {what_is_wrong(series[at], first)} in row {row + at + 1}",
+                    code="row-invalid",
                     advice="Repair the row, or leave the column out with {--columns=time:none} and pass {--rate}.",
                 )
             times[there] = known.view(np.int64)
@@ -123,6 +129,7 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
     if integer and series.dtype == pl.UInt64 and series.len() and int(series.max() or 0) >= 1 << 63:  # type: ignore[arg-type]
         raise ReadError(
             f"{path}: column {series.name!r} holds integers above 2⁶³",
+            code="integers-too-large",
             advice="Leave the column out with {--columns}, or save it as 64-bit floating-point numbers.",
         )
     numbers = series.cast(pl.Int64).fill_null(MISSING) if integer else series.cast(pl.Float64)

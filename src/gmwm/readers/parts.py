@@ -117,6 +117,7 @@ class PartReader:
         if part.stop is not None and row != part.stop:
             raise ReadError(
                 f"{part.path} has other rows than when it was divided",
+                code="changed",
                 advice="Read a file that no program is writing, with the same version of gmwm on all machines.",
             )
         yield from builder.end()
@@ -206,12 +207,15 @@ def _opened(part: Part) -> tuple[Reader, Layout]:
         path = existing_file(part.path)
     except ReadError as error:
         raise ReadError(
-            error.reason, advice="Make the file available at this path on every machine that reads a part."
+            error.reason,
+            code="not-found",
+            advice="Make the file available at this path on every machine that reads a part.",
         ) from None
     if path.stat().st_size != part.bytes:
         raise ReadError(
             f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided into parts: "
             "the file was replaced or changed",
+            code="changed",
             advice="Divide the recording again.",
         )
     reader = find_reader(path, part.format)

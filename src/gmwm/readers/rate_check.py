@@ -72,6 +72,7 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
     raise ReadError(
         f"the time stamps are not in order: {back.size} of {ticks.size} are earlier than the one before, by up to "
         f"{most:.3g} s (the first in row {row + back[0] + 2}, at {first:.6g} s)",
+        code="time-order",
         advice="If the rows are not in the order of sampling, sort them by time; if they are, leave the time stamps "
         "out with {--columns=time:none} and pass {--rate} (on average they show {rate:.4g}).",
         rate=Quantity(per_second / nominal, "Hz"),
@@ -95,6 +96,7 @@ def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
     raise ReadError(
         f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s from the start of the "
         f"recording (row {row + change.index + 1}), by the time stamps",
+        code="rate-changes",
         advice="Read one part at a time: the first with {--stop=@when}, the second with {--start=@when}.",
         when=round(when, 3),
     )

@@ -85,6 +85,7 @@ class RosbagReader(Reader):
             known = ", ".join(f"{t.name} ({t.type}, {t.encoding})" for t in topics) or "none"
             raise ReadError(
                 f"{path} has no topic whose messages can be read. Its topics: {known}",
+                code="no-inertial-data",
                 advice="Messages must have the encoding cdr or ros1, and a type of ROS itself or one that the "
                 "recording defines (as ROS 1 and MCAP do, and databases since ROS 2 Iron).",
             )
@@ -125,6 +126,7 @@ def _opened(path: Path) -> Iterator[list[Storage]]:
         except OSError as error:
             raise ReadError(
                 f"{path} cannot be read: {error.strerror or error}",
+                code="not-readable",
                 advice="Check the permissions of the file and the free space of the disk.",
             ) from error
 
@@ -148,10 +150,13 @@ def _storage(path: Path) -> Storage:
     if head.startswith(b"#ROSBAG V"):
         version = head[9:13].decode("ascii", "replace").strip()
         raise ReadError(
-            f"{path} is a ROS 1 bag of version {version}, expected 2.0", advice="Convert it with `rosbag fix`."
+            f"{path} is a ROS 1 bag of version {version}, expected 2.0",
+            code="unsupported",
+            advice="Convert it with `rosbag fix`.",
         )
     raise ReadError(
         f"{path} is neither a ROS 1 bag nor an SQLite database nor an MCAP file",
+        code="wrong-format",
         advice="Pass a .bag, .db3 or .mcap file, or the folder with its metadata.yaml.",
     )
 
@@ -180,6 +185,7 @@ def _listed(path: Path) -> list[Path]:
     if path.stat().st_size > _YAML_LIMIT:
         raise ReadError(
             f"{path} has more than {_YAML_LIMIT} bytes, the limit for a metadata.yaml",
+            code="too-large",
             advice="Pass one of the files of the recording instead.",
         )
     try:
@@ -189,11 +195,14 @@ def _listed(path: Path) -> list[Path]:
         raise
     except Exception as error:  # the library raises any type of error for a damaged file
         raise ReadError(
-            f"{path} does not list the files of a recording", advice="Pass one of its files instead."
+            f"{path} does not list the files of a recording",
+            code="no-recording",
+            advice="Pass one of its files instead.",
         ) from error
     if not 0 < len(names) <= _FILES:
         raise ReadError(
             f"{path} lists {len(names)} files, expected 1 to {_FILES}",
+            code="too-many",
             advice="Pass one of the files of the recording instead.",
         )
     # Only names are used, so a list cannot lead out of its directory.
@@ -201,7 +210,9 @@ def _listed(path: Path) -> list[Path]:
     missing = [file.name for file in files if not file.is_file()]
     if missing:
         raise ReadError(
-            f"{path} lists files that do not exist: {', '.join(missing[:5])}", advice="Copy the whole directory."
+            f"{path} lists files that do not exist: {', '.join(missing[:5])}",
+            code="files-missing",
+            advice="Copy the whole directory.",
         )
     return files
 

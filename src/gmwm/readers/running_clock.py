@@ -264,6 +264,7 @@ class RunningClock:
             raise ReadError(
                 f"the sampling rate changes from {pace.rate:.4g} Hz to {pace.rate / change:.4g} Hz before row "
                 f"{self.rows}, by the time stamps",
+                code="rate-changes",
                 advice="Split the file there and read the parts one at a time.",
             )
 

@@ -115,6 +115,7 @@ class SeveralFiles(Reader):
         shown = ", ".join(layout.channels[k].name or f"number {k}" for k in wanted)
         raise ReadError(
             f"{file} does not continue {self._files[0]}: it has no recording with the same columns, {shown}",
+            code="not-continued",
             advice="Read the two files one at a time.",
         )
 

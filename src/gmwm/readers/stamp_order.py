@@ -84,6 +84,7 @@ def nominal_interval(ticks: Vector) -> float:
     if average <= 0 and single <= 0:
         raise ReadError(
             "the time column does not increase",
+            code="time-order",
             advice="Name another time column with {--columns}, or leave it out with {--columns=time:none} and pass "
             "{--rate}.",
         )
@@ -176,6 +177,7 @@ def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
         raise ReadError(
             f"the time stamps reach over {span / per_second:.3g} s at a typical interval of {nominal / per_second:.3g} "
             "s, which is no recording",
+            code="time-span",
             advice="Check that {--columns} names the time column and {--units=time:ms} its unit, or leave it out with "
             "{--columns=time:none} and pass {--rate}.",
         )

@@ -182,11 +182,19 @@ def _head_lines(source: FileSource) -> list[str]:
         head = file.read(HEAD_BYTES)
         more = bool(file.read(1))
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ReadError(f"{source} is UTF-16 text", advice="Save it as UTF-8 (in a spreadsheet: CSV UTF-8).")
+        raise ReadError(
+            f"{source} is UTF-16 text", code="not-utf8", advice="Save it as UTF-8 (in a spreadsheet: CSV UTF-8)."
+        )
     if b"\0" in head:
-        raise ReadError(f"{source} is not text: it holds zero bytes", advice="Name its format with {--format}.")
+        raise ReadError(
+            f"{source} is not text: it holds zero bytes", code="not-text", advice="Name its format with {--format}."
+        )
     if b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
-        raise ReadError(f"{source} has bare carriage returns as line ends", advice="Convert them to line feeds first.")
+        raise ReadError(
+            f"{source} has bare carriage returns as line ends",
+            code="line-ends",
+            advice="Convert them to line feeds first.",
+        )
     if more and b"\n" in head:
         head = head[: head.rfind(b"\n") + 1]
     try:
@@ -224,6 +232,7 @@ def _require_end(source: FileSource, layout: Layout) -> None:
         raise ReadError(
             f"{source} ends within a number: its last line ends in {cut[0]!r} without a line end, the lines before in "
             f"numbers like {cut[1]!r}",
+            code="cut-off",
             advice="Remove the last line." + OR_SKIP,
         )
 
@@ -257,6 +266,7 @@ def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) ->
                 if len(rest) > LINE_BYTES:
                     raise ReadError(
                         f"{source} has a line of more than {LINE_BYTES >> 20} MB after line {line}",
+                        code="line-too-long",
                         advice="Check that the file is a table of text with one sample per line.",
                     )
                 continue

@@ -127,7 +127,7 @@ class RowParser:
         except pl.exceptions.PolarsError as error:
             reason = str(error).splitlines()[0]
             raise ReadError(
-                f"{self.source}, from line {line} on: {reason}", advice="Repair or remove this row."
+                f"{self.source}, from line {line} on: {reason}", code="row-invalid", advice="Repair or remove this row."
             ) from error
 
     def _frame_or_none(self, block: bytes) -> pl.DataFrame | None:
@@ -198,6 +198,7 @@ class RowParser:
             return ReadError(
                 f"{self.source}, line {number}: {len(cells)} values, expected {d.columns} as in line "
                 f"{d.first_line} ({text.strip()[:60]!r})",
+                code="row-length",
                 advice=_advice(block, line, number) + OR_SKIP,
             )
         return next((error for k in self.wanted if (error := self._error_of(cells[k], k, number))), None)
@@ -218,6 +219,7 @@ class RowParser:
         raise ReadError(
             f"{self.source}, line {number}: column {self._name(column)!r} holds "
             f"{what_is_wrong(cell, self.stamps[column])}",
+            code="row-invalid",
             advice=_advice(block, line, number).removesuffix(".")
             + ", or leave the column out with {--columns=time:none} and pass {--rate}."
             + OR_SKIP,
@@ -233,16 +235,22 @@ class RowParser:
             return None
         if column in self.stamps:
             bad = self.layout.skip_bad_lines and not is_stamp(cell)
-            return ReadError(f"{self.source}, line {line}: column {name!r} holds {cell[:40]!r}") if bad else None
+            return (
+                ReadError(f"{self.source}, line {line}: column {name!r} holds {cell[:40]!r}", code="row-invalid")
+                if bad
+                else None
+            )
         if not is_number(cell, self.dialect.decimal_comma):
             return ReadError(
                 f"{self.source}, line {line}: column {name!r} holds {cell[:40]!r}, expected a number",
+                code="row-invalid",
                 advice="Remove the line, or leave the column out with {--columns}." + OR_SKIP,
             )
         if column in self.long and not re.fullmatch(r"[+-]?\d+", cell):
             return ReadError(
                 f"{self.source}, line {line}: column {name!r} holds {cell!r} among integers of more than "
                 f"{_BIG_INTEGER} digits",
+                code="row-invalid",
                 advice="Write all of them as integers." + OR_SKIP,
             )
         return None

@@ -113,15 +113,18 @@ def require_readable(cell: str, path: object) -> None:
     if _DATE_ALONE.fullmatch(text):
         raise ReadError(
             f"{path}: the time column holds dates without times ({text!r})",
+            code="dates-without-times",
             advice="If another column holds the times, name it as time with {--columns}, " + _OR_LEAVE_OUT,
         )
     if _DAY_OR_MONTH.fullmatch(text):
         raise ReadError(
             f"{path}: day and month of the dates in the time column cannot be distinguished ({text!r}); {_WANTED}",
+            code="dates-ambiguous",
             advice="Write the dates with the year first, " + _OR_LEAVE_OUT,
         )
     raise ReadError(
         f"{path}: the dates or times in the time column cannot be read ({text!r}); {_WANTED}",
+        code="dates-unreadable",
         advice="Convert the column, " + _OR_LEAVE_OUT,
     )
 

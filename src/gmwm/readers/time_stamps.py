@@ -145,6 +145,7 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
     raise UnitError(
         f"the unit of the time column is neither stated nor clear: its median interval of {interval:.6g} is a rate of "
         f"{meaning}",
+        code="unit-unknown",
         advice="State the unit, for example with {--units=time:s} or {--units=time:ms}, or pass {--rate}.",
     )
 

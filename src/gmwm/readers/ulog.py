@@ -68,6 +68,7 @@ class UlogReader(Reader):
         if not layouts:
             raise ReadError(
                 f"{path} holds none of the messages {', '.join(_MESSAGES)}",
+                code="no-inertial-data",
                 advice="Log them with the parameter SDLOG_PROFILE.",
             )
         out = []
@@ -144,14 +145,17 @@ def _loaded(path: Path) -> Any:
         raise
     except Exception as error:  # pyulog raises any type of error for a damaged file
         raise ReadError(
-            f"pyulog cannot read {path}: {str(error) or type(error).__name__}", advice="Copy the file again."
+            f"pyulog cannot read {path}: {str(error) or type(error).__name__}",
+            code="damaged",
+            advice="Copy the file again.",
         ) from error
     if log.file_corruption:
         reason = printed.getvalue().strip() or "a message is invalid"
-        raise ReadError(f"{path} is damaged: {reason}", advice="Copy it again.")
+        raise ReadError(f"{path} is damaged: {reason}", code="damaged", advice="Copy it again.")
     if file.cut:
         raise ReadError(
             f"{path} ends within a message",
+            code="cut-off",
             advice="Copy it again. If the autopilot lost its power, save the complete messages with "
             "`pyulog.ULog('{name}').write_ulog('complete.ulg')`.",
             name=str(path),
@@ -171,7 +175,11 @@ def _require_small(path: Path, formats: Mapping[str, Any]) -> None:
 
     def size(name: str, above: tuple[str, ...] = ()) -> int:
         if name in above:
-            raise ReadError(f"{path} is damaged: the type {name!r} contains itself", advice="Copy the file again.")
+            raise ReadError(
+                f"{path} is damaged: the type {name!r} contains itself",
+                code="type-recursive",
+                advice="Copy the file again.",
+            )
         if name not in sizes:
             inner = (max(1, count) * (size(of, (*above, name)) if of in formats else 1)
                      for of, count, _ in formats[name].fields)  # fmt: skip
@@ -179,6 +187,7 @@ def _require_small(path: Path, formats: Mapping[str, Any]) -> None:
         if sizes[name] > _MOST_FIELDS:
             raise ReadError(
                 f"{path} is damaged: the message {name!r} has more than {_MOST_FIELDS} fields",
+                code="too-many",
                 advice="Copy the file again.",
             )
         return sizes[name]

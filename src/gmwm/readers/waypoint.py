@@ -95,12 +95,14 @@ class ImuReader(Reader):
         if not fitting:
             raise ReadError(
                 f"{path} does not begin with .imu records: neither with 32 nor with 56 bytes are their times in order",
+                code="wrong-format",
                 advice="Check the name of the format, or leave {--format} out.",
             )
         meaning = ", ".join(f"{_gravity(head, kind):.3g} m/s² as {kind.name}" for kind in fitting)
         likely = [kind for kind in fitting if _heavy(head, kind)] or fitting
         raise ReadError(
             f"{path} holds records of 32 bytes, whose scale depends on the sensor; its accelerometers show {meaning}",
+            code="sensor-ambiguous",
             argument="format",
             advice="Name the sensor with {--format}; these fit: {formats}.",
             formats=_formats(likely),
@@ -158,10 +160,11 @@ def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
     if over:
         raise ReadError(
             f"{path} holds {counted(records, 'record')} of {dtype.itemsize} bytes and {counted(over, 'byte')} more",
+            code="cut-off",
             advice="Copy it again, or name another format with {--format}.",
         )
     if records < 1:
-        raise ReadError(f"{path} holds no records", advice="Check whether the recording was interrupted.")
+        raise ReadError(f"{path} holds no records", code="empty", advice="Check whether the recording was interrupted.")
     return int(records)
 
 
@@ -192,6 +195,7 @@ def require_times(
         first = ", ".join(f"{t:.6g}" for t in times[:4])
         raise ReadError(
             f"{path}: as records of {dtype.itemsize} bytes its times are not plausible ({first})",
+            code="time-implausible",
             advice=advice,
             formats=formats,
         )
