@@ -233,7 +233,7 @@ class Named:
 
 def test_every_process_has_a_stroke_that_goes_by_its_name():
     others = [process() for name, process in registry.items() if name not in PLACES]
-    others += [Named(name) for name in ("ARMA(2,1)", "AR(3)", "MA(1)", "SARMA(1,0,1,1,12)", "New")]
+    others += [Named(name) for name in ("SARMA(1,0,1,1,12)", "New")]
     core = gmwm.Model.parse("WN + QN + RW + DR + 2*GM")
     for process in others:
         alone = term_strokes([process.name], [process])[process.name]
@@ -242,7 +242,26 @@ def test_every_process_has_a_stroke_that_goes_by_its_name():
         assert together[process.name] == alone
         assert len({stroke.dash for stroke in together.values()}) == 7
         assert len({stroke.colour for stroke in together.values()}) == 7
-    assert term_strokes(["ARMA(2,1)"], others[-5:-4]).values() != term_strokes(["New"], others[-1:]).values()
+    assert term_strokes(["SARMA"], others[-2:-1]).values() != term_strokes(["New"], others[-1:]).values()
+
+
+@pytest.mark.parametrize("name", ["ARMA(2,1)", "AR(3)", "MA(1)"])
+def test_filtered_white_noise_has_the_stroke_of_white_noise_which_it_replaces(name):
+    core = gmwm.Model.parse("QN + FN + RW + 2*GM")
+    together = term_strokes([*core.terms, name], [*core.processes, Named(name)])
+    assert together[name] == term_stroke(PLACES["WN"])
+    white = gmwm.Model.parse("WN")
+    both = term_strokes(["WN", name], [*white.processes, Named(name)])
+    assert both["WN"] == term_stroke(PLACES["WN"]) != both[name]
+
+
+def test_lines_beyond_two_share_one_curve_of_their_sum():
+    model = gmwm.Model.parse("WN(1) + SIN(1, 0.1) + SIN(2, 0.2) + SIN(3, 0.3)")
+    fit = gmwm.fit(model.structure, model.simulate(4096, 10.0, rng=1), rate=10.0)
+    panel = fit_panel(fit)
+    (line,) = (mark for mark in panel.marks if mark.label == "3 lines")
+    assert np.allclose(line.y, sum(fit.decomposition[f"SIN[{k}]"] for k in (1, 2, 3)))
+    assert not any(mark.label.startswith("SIN") for mark in panel.marks)
 
 
 @pytest.mark.parametrize("count", [2, 5, 9, 12])

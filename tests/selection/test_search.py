@@ -178,6 +178,26 @@ def test_required_terms_are_in_every_candidate(curve):
     assert len(without) == 2**3 - 1
 
 
+def test_a_line_whose_power_is_zero_is_left_out(curve):
+    one, other = (SIN(frequency=gmwm.fixed(f)) for f in (11.1, 23.4567))
+    zero = select_within("GM + WN + RW", curve, OPTIONS, required=[one]).recommended.fit
+    assert zero.model.processes[-1].scale == 0
+    sums = [within_family("GM + WN + RW", curve, OPTIONS, required=lines) for lines in ((one,), (one, other))]
+    for found in sums:
+        fit = found.ranking.recommended.fit
+        assert all(p.scale > 0 for p in fit.model.processes)
+        assert found.tried[-1].startswith("GM + WN + RW")
+    with_line = wavelet_variance(curve_with_line(17.3, 0.2), rate=RATE)
+    found = within_family("WN + RW", with_line, OPTIONS, required=[SIN(frequency=gmwm.fixed(17.3))])
+    assert "SIN" in found.ranking.recommended.structure
+
+
+def curve_with_line(frequency, amplitude):
+    rng, n = np.random.default_rng(1), 20_000
+    line = amplitude * np.sin(2 * np.pi * frequency * np.arange(n) / RATE)
+    return rng.normal(size=n) + walk(rng, n, 0.02) + line
+
+
 def test_the_largest_sum_has_no_more_parameters_than_levels(curve):
     assert _largest("GM + WN", curve).structure == "GM + WN"
     short = shortened(curve, 5)

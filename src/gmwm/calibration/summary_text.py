@@ -138,9 +138,14 @@ def held_lines(model: Model) -> list[str]:
 
 
 def _shown(found: AxisCalibration) -> dict[str, Entry]:
-    """The numbers of a datasheet without those of held lines, which are known before the calibration."""
-    held = held_lines(found.fit.model)
-    return {symbol: entry for symbol, entry in found.datasheet.items() if entry.term not in held}
+    """The numbers of a datasheet without those of held lines. The only other line needs no number in its symbols."""
+    model = found.fit.model
+    lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}
+    free = lines.difference(held_lines(model))
+    return {
+        symbol.partition("[")[0] if free == {entry.term} else symbol: entry
+        for symbol, entry in found.datasheet.items() if entry.term not in lines or entry.term in free
+    }  # fmt: skip
 
 
 def _others(found: AxisCalibration) -> str:

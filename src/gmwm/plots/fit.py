@@ -63,6 +63,8 @@ REMARK = (0.5, 0.93)
 right, so the top centre is free."""
 LINE = 28
 """Characters in a line of this text."""
+LINES = 2
+"""Largest number of sinusoids that have a curve each, also in `gmwm.plots.spectrum`."""
 
 
 def fit_panel(
@@ -110,13 +112,16 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
     strokes = term_strokes(fit.model.terms, fit.model.processes)
     lines, zero = [], []
-    for term, variance in fit.decomposition.items():
+    curves, sinusoids = _summed(fit)
+    for term, variance in curves.items():
         y = drawable(view.height(np.asarray(variance)))
         if not np.any(np.isfinite(y)):
             zero.append(term)
             continue
         label = term
-        if alone:
+        if term in sinusoids:
+            label = f"{len(sinusoids)} lines" if alone else "Lines"
+        elif alone:
             label = _term_entry(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
             label += f" (acts as {acting})" if acting else ""
@@ -127,6 +132,18 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
             Line(times, nothing, stroke=Stroke(GREY, 0.0), label=f"{', '.join(zero)}: zero, not supported", layer=ABOVE)
         )
     return tuple(lines)
+
+
+def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
+    """The curve of each term, and the lines that share one curve, their sum, because they are many."""
+    curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
+    rate = fit.wavelet_variance.rate
+    processes = zip(fit.model.terms, fit.model.processes, strict=True)
+    lines = [term for term, process in processes if process.line(rate) is not None and np.any(curves[term] > 0)]
+    if len(lines) <= LINES:
+        return curves, ()
+    total = np.sum([curves[term] for term in lines], axis=0)
+    return {term: curve for term, curve in curves.items() if term not in lines} | {lines[0]: total}, lines
 
 
 def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:

@@ -14,6 +14,7 @@ from gmwm.errors import OptionError
 from gmwm.plots.axes import limits_near, limits_of, power_ticks, value_axis
 from gmwm.plots.curves import ABOVE, BAND, FRONT, MIDDLE
 from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.plots.fit import LINES
 from gmwm.plots.labels import axis_title, model_text
 from gmwm.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
 from gmwm.processes.model import ModelLike, as_model
@@ -106,14 +107,17 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)
     total, terms = np.zeros(f.size), []
+    lines = [term for term, process in zip(model.terms, model.processes, strict=True) if process.line(rate) is not None]
+    many = len(lines) > LINES
     for term, process in zip(model.terms, model.processes, strict=True):
         line = process.line(rate)
         if line is not None:
             # A sinusoid of power P has the density P / (b Δf) in a spectrum with bins of Δf and a window of b bins.
             power, cycles = line
             height = np.array([factor * np.sqrt(power / (ENERGY_WIDTH * rate / spectrum.length))])
-            symbol = Stroke(strokes[term].colour, 0.0, SOLID, "cross")
-            terms.append(Line(np.array([cycles * rate]), drawable(height), stroke=symbol, label=term, layer=ABOVE))
+            symbol = Stroke(strokes[lines[0] if many else term].colour, 0.0, SOLID, "cross")
+            label = "" if many and term != lines[0] else f"{len(lines)} lines" if many else term
+            terms.append(Line(np.array([cycles * rate]), drawable(height), stroke=symbol, label=label, layer=ABOVE))
         elif process.has("psd"):
             density = 2 * process.psd(f, rate)
             total += density

@@ -59,6 +59,10 @@ _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, S
 
 _ALONE = 4
 """Number of processes of inertial sensors that a model can contain only once."""
+_NEXT = {"FN": 7, "SIN": 8}
+"""Stroke numbers of flicker noise and the first line, after those of three Gauss-Markov terms."""
+_OUTPUT = ("AR", "MA", "ARMA")
+"""White noise behind the filter of the sensor. It replaces WN in a model, and has its stroke there."""
 # Strokes of all further processes. They have three colours of their own (P. Tol's muted scheme), first with the three
 # dashes that few models use otherwise. Neighbours in the list differ in colour and dash. The remaining pairs of colour
 # and dash are at the end.
@@ -100,9 +104,9 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
 
     The processes of inertial sensors are first in the registry. Their stroke follows from their position there, and
     from the number of the term if the process can be repeated. The stroke of any other process follows from its name
-    and does not depend on the rest of the registry. Only if another term of the model already has this stroke or its
-    dash, the next free stroke is used. Up to nine terms differ in both colour and dash. Two parametrisations of a
-    process have the same stroke.
+    and does not depend on the rest of the registry. An AR, MA or ARMA process in a model without WN has the stroke of
+    WN. Only if another term of the model already has this stroke or its dash, the next free stroke is used. Up to nine
+    terms differ in both colour and dash. Two parametrisations of a process have the same stroke.
 
     >>> from gmwm.processes import GM, RW, WN
     >>> one, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
@@ -111,12 +115,18 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
     """
     kinds = {term: _kind(process) for term, process in zip(terms, processes, strict=True)}
     settled = _settled()
-    strokes, seen = {}, Counter[str]()
-    for term, kind in kinds.items():
+    if "WN" not in kinds.values():
+        settled |= dict.fromkeys(_OUTPUT, settled["WN"])
+    strokes, seen = dict[str, Stroke](), Counter[str]()
+    # Inertial processes first. Otherwise sorted, so that the result does not depend on the order of the terms.
+    for term in sorted(kinds, key=lambda term: settled.get(kinds[term], 0) > _ALONE):
+        kind = kinds[term]
         if kind in settled:
-            strokes[term] = term_stroke(settled[kind] + seen[kind])
+            stroke = term_stroke(settled[kind] + seen[kind])
             seen[kind] += 1
-    # Sorted, so that the result does not depend on the order of the terms.
+            # A second line has a free stroke: the numbers after the first line belong to no process.
+            if stroke not in strokes.values() and not (kind in _NEXT and seen[kind] > 1):
+                strokes[term] = stroke
     for term in sorted(kinds.keys() - strokes.keys()):
         strokes[term] = _free(crc32(kinds[term].encode()), list(strokes.values()))
     return {term: strokes[term] for term in terms}
@@ -128,11 +138,11 @@ def _kind(process: type[Process] | Process) -> str:
 
 
 def _settled() -> dict[str, int]:
-    """Stroke numbers of the inertial processes: the four that cannot be repeated, then the first repeatable one."""
+    """Stroke numbers of the inertial processes: four that cannot be repeated, the first repeatable one, then others."""
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]
-    return {kind: place for place, kind in enumerate([*first, *list(repeated)[:1]])}
+    return {kind: place for place, kind in enumerate([*first, *list(repeated)[:1]])} | _NEXT
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:

@@ -168,7 +168,16 @@ def within_family(
     error = model_error(general) if Distance.of(general).surely < REJECTED else 0.0
     check()
     ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
+    supported = _supported(required, ranking.recommended.fit)
+    if len(supported) < len(required):
+        return within_family(family, wv, options, required=supported, check=check, tried=tried)
     return Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure))
+
+
+def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
+    """The required terms without lines whose power is estimated as zero."""
+    zero = {p.value("frequency") for p in fit.model.processes if isinstance(p, SIN) and p.scale == 0}
+    return [p for p in required if not (isinstance(p, SIN) and p.value("frequency") in zero)]
 
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
