@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gmwm.errors import GmwmError
+from gmwm.errors import GmwmError, GmwmWarning
 from gmwm.remarks import Remark
 
 
@@ -65,7 +65,17 @@ def raises(
         assert text in advice_of(error), f"{text!r} is not in {advice_of(error)!r}"
     for name, value in expected.items():
         found = getattr(error, name) if hasattr(error, name) else error.facts[name]
-        assert found == value, f"{name} is {found!r}, expected {value!r}"
+        assert found is value or found == value, f"{name} is {found!r}, expected {value!r}"
+
+
+@contextmanager
+def warns(code: str, subject: str | None = None, **facts: Any) -> Iterator[None]:
+    """Expect warnings, one of them with the remark of a code, and with its subject and facts if they are given."""
+    with pytest.warns(GmwmWarning) as caught:
+        yield
+    remarks = [warning.message.remark for warning in caught if isinstance(warning.message, GmwmWarning)]
+    found = only(remarks, code, subject)
+    assert found.facts == {**found.facts, **facts}
 
 
 def advice_of(error: GmwmError) -> str:

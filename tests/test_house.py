@@ -244,7 +244,7 @@ def test_commands_are_short_and_return_an_outcome() -> None:
 
 
 def test_every_error_of_a_reader_has_a_code() -> None:
-    kinds = {"ReadError", "UnitError", "PackedError", "_PicklesError"}
+    kinds = {"ReadError", "UnitError", "PackedError", "PicklesError"}
     without = [
         f"{file.name}:{node.lineno}"
         for file in (PACKAGE / "readers").glob("*.py")

@@ -9,6 +9,7 @@ import pytest
 from gmwm.axis_names import AXES
 from gmwm.errors import GmwmError, MissingDependencyError, ReadError, UnitError
 from gmwm.readers import arrays, find_reader, read
+from gmwm.readers.byte_sources import PackedError
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(9).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
@@ -63,7 +64,7 @@ def test_two_units_are_two_recordings(path):
     with h5py.File(path, "w") as file:
         for unit in ("left", "right"):
             file[f"{unit}/gyro"], file[f"{unit}/t"] = VALUES[:, :3] * (1 + (unit == "left")), TIME
-    with pytest.raises(ReadError, match="left, right"):
+    with raises(ReadError, "left, right", code="several-recordings"):
         read(path, units=UNITS)
     assert table(read(path, units=UNITS, topic="right")).tolist() == VALUES[:, :3].tolist()
 
@@ -79,14 +80,15 @@ def test_nothing_outside_the_file_is_followed(path, tmp_path):
         file.create_virtual_dataset("gz", layout)
         file.create_dataset("ax", (60,), "f8", external=[(str(tmp_path / "raw"), 0, 480)])[:] = VALUES[:, 0]
         file["ring/again"] = file["/"]
-    with pytest.raises(ReadError, match=r"no columns of numbers|deeper than"):
+    with pytest.raises(ReadError) as caught:
         read(path, rate=1, units=UNITS)
+    assert caught.value.code in ("no-numbers", "too-many")
 
 
 def test_a_promise_of_numbers_that_are_not_there(path):
     with h5py.File(path, "w") as file:
         file.create_dataset("gyro", (10**9, 3), "f8", chunks=(1000, 3), compression="gzip")[:5] = 1.0
-    with pytest.raises(ReadError, match=r"a.h5:gyro unpacks from .* MB to 24000 MB or more"):
+    with raises(PackedError, "a.h5:gyro", "24000 MB", code="too-large"):
         read(path, rate=1)
 
 
@@ -110,7 +112,7 @@ def test_cut_anywhere_and_flipped(path):
 def test_mislabelled_and_without_the_library(path, monkeypatch):
     path.write_text("time [s],gx [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20)))
     assert len(read(path)) == 20
-    with pytest.raises(ReadError, match="not a complete HDF5 file"):
+    with raises(ReadError, code="incomplete"):
         read(path, format="hdf5")
     monkeypatch.setitem(sys.modules, "h5py", None)
     with raises(MissingDependencyError, advises=["'gmwm[hdf5]'"]):

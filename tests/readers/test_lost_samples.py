@@ -7,10 +7,11 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, GmwmWarning, ReadError
+from gmwm.errors import DataError, ReadError
 from gmwm.readers import parquet, read, stream, streams, text
 from gmwm.readers.lost_samples import gaps_of
 from gmwm.readers.parts import PartReader
+from tests.helpers import raises, warns
 
 ROWS = 6000
 VALUES = np.random.default_rng(1).normal(size=(ROWS, 2)).round(6)
@@ -51,7 +52,7 @@ def joined(source):
 
 @pytest.mark.parametrize("cell", ["nan", "", "NA", "NaN", "-inf", "1e999", "null", "N/A"])
 def test_a_missing_value_is_a_gap(tmp_path, cell):
-    with pytest.warns(GmwmWarning, match="1 lost sample"):
+    with warns("samples-lost", count=1):
         imu = read(saved(tmp_path, changed(_17=f"0.17,{cell},1\n")))
     assert imu.segments == ((0, 17), (17, ROWS - 1))
     assert imu["gyro_y"].starts == pytest.approx((0.0, 0.18))
@@ -83,9 +84,9 @@ BAD = {
 def test_a_bad_line_is_an_error_or_a_gap(tmp_path, kind):
     path = tmp_path / "static.csv"
     path.write_bytes((HEADER + "".join(changed(_17=BAD[kind]))).encode(errors="surrogateescape"))
-    with pytest.raises(ReadError, match=r"line 19: .*bad_lines='skip'"):
+    with raises(ReadError, "line 19", advises=["bad_lines='skip'"]):
         read(path)
-    with pytest.warns(GmwmWarning, match="1 lost sample"):
+    with warns("samples-lost", count=1):
         imu = read(path, bad_lines="skip")
     assert imu.segments == ((0, 17), (17, ROWS - 1))
     assert imu.time_base.lost == 1
@@ -121,7 +122,7 @@ def test_a_last_line_that_was_cut_off_is_skipped(tmp_path):
     path = saved(tmp_path, LINES)
     for cut in (4, 14):
         path.write_text((HEADER + "".join(LINES))[:-cut])
-        with pytest.raises(ReadError, match="bad_lines='skip'"):
+        with raises(ReadError, advises=["bad_lines='skip'"]):
             read(path)
         assert read(path, bad_lines="skip").segments == ((0, ROWS - 1),)
 
@@ -184,16 +185,16 @@ def test_lost_samples_are_not_spliced_in_the_wavelet_variance(tmp_path):
     np.testing.assert_allclose(mine.variance, theirs.variance, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("value", "words"), [(0.25, "same value 0.25"), (np.nan, "no number")])
-def test_a_dead_axis_does_not_fail_the_file(tmp_path, small_blocks, value, words):
+@pytest.mark.parametrize(("value", "kind"), [(0.25, "constant"), (np.nan, "missing")])
+def test_a_dead_axis_does_not_fail_the_file(tmp_path, small_blocks, value, kind):
     frame = pl.DataFrame({"time": np.arange(ROWS) / 100, "gyro_x": VALUES[:, 0], "gyro_y": value, "gyro_z": 1.0})
     frame = frame.with_columns(gyro_z=pl.Series(VALUES[:, 1]))
     frame.write_csv(tmp_path / "a.csv")
-    with pytest.warns(GmwmWarning, match=f"^gyro_y is left out: .*{words}"):
+    with warns("axis-dead", "gyro_y", kind=kind):
         imu = read(tmp_path / "a.csv", units={"gyro": "rad/s"})
     assert imu.axes == ("gyro_x", "gyro_z")
     assert len(imu.segments) == 1
-    with pytest.warns(GmwmWarning, match="^gyro_y is left out"):
+    with warns("axis-dead", "gyro_y", kind=kind):
         source = stream(tmp_path / "a.csv", units={"gyro": "rad/s"})
     assert source.axes == imu.axes
     assert sum(map(len, source)) == ROWS
@@ -236,7 +237,7 @@ def test_sensors_with_different_rates_in_one_table(tmp_path):
         "accel_x": np.where(odd, np.nan, VALUES[:, 1]),
     }
     pl.DataFrame(table).write_parquet(tmp_path / "a.parquet")
-    with pytest.raises(DataError, match=r"gyro_x in 6000, accel_x in 2000 .*columns=\{'gyro_x': 'gyro_x'\}"):
+    with raises(DataError, "gyro_x in 6000, accel_x in 2000", advises=["columns={'gyro_x': 'gyro_x'}"]):
         read(tmp_path / "a.parquet", units={"gyro": "rad/s", "accel": "g"})
     assert read(tmp_path / "a.parquet", columns={"accel_x": "accel_x"}, units={"accel": "g"}).rate == pytest.approx(
         100 / 3

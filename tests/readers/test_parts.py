@@ -203,7 +203,7 @@ def test_another_file_under_the_same_path(tmp_path):
     divided = stream(text_path, 100.0, units=UNITS).parts(3)
     lines = text_path.read_text().splitlines(keepends=True)
     text_path.write_text("".join(lines[:6000]) + "\n" * len(lines[6000]) + "".join(lines[6001:]))
-    with pytest.raises(ReadError, match="other rows than when it was divided"):
+    with raises(ReadError, code="changed"):
         [list(part) for part in divided]
 
 
@@ -213,5 +213,5 @@ def test_options_are_checked_at_the_door(tmp_path):
         with raises(OptionError, argument="count"):
             source.parts(count)
     growing = Stream("a pipe", source._found, lambda: iter(()), 100)
-    with pytest.raises(OptionError, match="growing recording cannot be divided"):
+    with raises(OptionError, advises=["Save it to a file"]):
         growing.parts(2)

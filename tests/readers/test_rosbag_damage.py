@@ -78,7 +78,7 @@ def test_foreign_and_mislabelled_files(tmp_path):
     right, wrong = one_file(tmp_path, "mcap"), tmp_path / "wrong.bag"
     shutil.copy(right, wrong)
     assert len(read(wrong)) == len(DATA)
-    with pytest.raises(ReadError, match="is a directory"):
+    with raises(ReadError, code="is-directory"):
         read(tmp_path)
 
 
@@ -89,7 +89,7 @@ def test_a_view_is_no_table(tmp_path):
         base.execute("ALTER TABLE messages RENAME TO real")
         base.execute("CREATE VIEW messages AS SELECT * FROM real")
         base.commit()
-    with pytest.raises(ReadError, match="without the tables"):
+    with raises(ReadError, code="no-recording"):
         read(path)
 
 
@@ -98,7 +98,7 @@ def test_messages_that_are_no_bytes(tmp_path):
     with closing(sqlite3.connect(path)) as base:
         base.execute("UPDATE messages SET data = 'text' WHERE id = 20")
         base.commit()
-    with pytest.raises(ReadError, match="a message without bytes or time"):
+    with raises(ReadError, code="message-damaged"):
         read(path)
 
 
@@ -125,18 +125,18 @@ def test_a_bag_that_was_not_closed(tmp_path):
     at = whole.index(b"index_pos=") + 10
     whole[at : at + 8] = bytes(8)
     path.write_bytes(whole)
-    with pytest.raises(ReadError, match=r"has no index.*rosbag reindex"):
+    with raises(ReadError, code="no-index", advises=["rosbag reindex"]):
         read(path)
     whole[at : at + 8] = b"\xff" * 8
     path.write_bytes(whole)
-    with pytest.raises(ReadError, match="its index points behind its end"):
+    with raises(ReadError, code="index-damaged"):
         read(path)
 
 
 def test_an_mcap_that_was_not_closed(tmp_path):
     path = one_file(tmp_path, "mcap")
     path.write_bytes(path.read_bytes()[:-8])
-    with pytest.raises(ReadError, match=r"is cut off.*mcap recover"):
+    with raises(ReadError, code="cut-off", advises=["mcap recover"]):
         read(path)
 
 
@@ -150,9 +150,9 @@ def test_checksums_are_looked_at(tmp_path):
     (topic,) = storage.topics()
     with_sum = struct.unpack_from("<I", whole, whole.index(b"\x06", 60) + 9 + 24)[0] != 0
     if with_sum:
-        with pytest.raises(ReadError, match="checksum is wrong"):
+        with raises(ReadError, code="checksum-wrong"):
             list(storage.batches(topic))
-    with pytest.raises(ReadError, match="checksum is wrong"):
+    with raises(ReadError, code="checksum-wrong"):
         bagfiles.require_checksum(b"ab", 1, path)
 
 
@@ -168,7 +168,7 @@ def test_bombs(tmp_path):
         assert len(unpacked(data, kind, len(zeros), tmp_path)) == len(zeros)
         with raises(ReadError, "1001 bytes", "expected 1000"):
             unpacked(data, kind, 1000, tmp_path)
-        with pytest.raises(ReadError, match="a chunk is damaged"):
+        with raises(ReadError, code="chunk-damaged"):
             unpacked(data[: len(data) // 2], kind, len(zeros), tmp_path)
     with raises(ReadError, "256 MB"):
         unpacked(b"", "lz4", 1 << 40, tmp_path)
@@ -183,7 +183,7 @@ def test_metadata_that_is_none(tmp_path):
         "rosbag2_bagfile_information:\n  a: !!python/object/apply:os.system [x]\n  relative_file_paths: []\n",
     ):
         (tmp_path / "metadata.yaml").write_text(text)
-        with pytest.raises(ReadError, match=r"does not list the files of a recording"):
+        with raises(ReadError, "metadata.yaml", code="no-recording"):
             read(tmp_path)
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  relative_file_paths: []\n")
     with raises(ReadError, "0 files"):
@@ -222,12 +222,12 @@ def test_a_type_that_nobody_defines(tmp_path):
 @pytest.mark.parametrize("language", ["ros1msg", "ros2msg", "ros2idl"])
 def test_definitions_by_strangers(text, language):
     topic = Topic("/a", "t/msg/T", "ros1" if language == "ros1msg" else "cdr", text, language)
-    with pytest.raises(ReadError, match=r"/a: the definition of its type"):
+    with raises(ReadError, "/a", code="type-invalid"):
         definition(topic)
     with raises(ReadError, "1048576 characters"):
         definition(Topic("/a", "t/msg/T", "cdr", "x" * (1 << 21), language))
     odd = Topic("/a", 't/msg/T"\nimport os', "cdr", "float64 x", language)
-    with pytest.raises(ReadError, match="definition of its type"):
+    with raises(ReadError, "/a", code="type-invalid"):
         definition(odd)
 
 

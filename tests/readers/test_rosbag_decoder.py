@@ -113,11 +113,12 @@ def test_a_message_cut_anywhere_is_an_error(kind, way):
     decoder = Decoder(defined(kind, way), ["header.stamp"] if kind != "flat" else ["timestamp"])
     spare = 0 if way == "ros1" else 3
     for size in range(len(message)):
-        with pytest.raises(ReadError, match=r"does not fit its type|expected CDR"):
+        with pytest.raises(ReadError) as caught:
             decoder.decode([message[:size]])
+        assert caught.value.code in ("message-damaged", "message-encoding")
     for more in range(1, 9):
         if more > spare:
-            with pytest.raises(ReadError, match="does not fit its type"):
+            with raises(ReadError, code="message-damaged"):
                 decoder.decode([message + b"\0" * more])
 
 
@@ -126,7 +127,7 @@ def test_a_huge_text_and_a_huge_count_are_errors_at_once():
     types["t/msg/Empty"] = []
     types["t/msg/Many"] = [("empty", (4, ((2, "t/msg/Empty"), 0)))]
     for size in (2**31, 2**32 - 1, 100):
-        with pytest.raises(ReadError, match="does not fit its type"):
+        with raises(ReadError, code="message-damaged"):
             Decoder(Definition("t/msg/T", types, "ros1"), ["x"]).decode([size.to_bytes(4, "little") + b"a" * 20])
     with raises(ReadError, "100000 parts"):
         template(Definition("t/msg/Many", types, "ros1"), b"\xff\xff\xff\xff", [])
@@ -134,11 +135,11 @@ def test_a_huge_text_and_a_huge_count_are_errors_at_once():
 
 def test_types_that_hold_themselves_or_unknown_ones():
     types = {"t/msg/A": [("b", (2, "t/msg/B"))], "t/msg/B": [("a", (2, "t/msg/A"))], "t/msg/C": [("d", (2, "t/msg/D"))]}
-    with pytest.raises(ReadError, match="holds itself"):
+    with raises(ReadError, "t/msg/A", code="type-recursive"):
         Definition("t/msg/A", types, "cdr").leaves()
-    with pytest.raises(ReadError, match="holds itself"):
+    with raises(ReadError, "t/msg/A", code="type-recursive"):
         template(Definition("t/msg/A", types, "ros1"), b"", [])
-    with pytest.raises(ReadError, match="holds t/msg/D, which the recording does not define"):
+    with raises(ReadError, "t/msg/D", code="type-undefined"):
         Definition("t/msg/C", types, "cdr").leaves()
 
 

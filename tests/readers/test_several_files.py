@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import GmwmWarning, OptionError, ReadError
+from gmwm.errors import OptionError, ReadError
 from gmwm.readers import read, stream
 from gmwm.signals import Imu
-from tests.helpers import only
+from tests.helpers import only, raises, warns
 
 ROWS = 1200
 VALUES = np.random.default_rng(1).normal(size=ROWS).round(6)
@@ -48,7 +48,7 @@ def test_one_recording(tmp_path, form, lost):
 
 
 def test_without_time_stamps_a_sample_is_lost_between_files(tmp_path):
-    with pytest.warns(GmwmWarning, match="2 lost samples"):
+    with warns("samples-lost", count=2):
         imu = read(hours(tmp_path, stamped=False), 100)
     assert imu.segments == ((0, 400), (400, 800), (800, ROWS))
     assert imu["gyro_x"].starts == pytest.approx((0, 4.01, 8.02))
@@ -67,11 +67,11 @@ def test_files_of_several_formats(tmp_path):
 def test_other_files_are_told(tmp_path):
     paths = hours(tmp_path)
     (tmp_path / "other.csv").write_text("time [s],gyro_y [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20)))
-    with pytest.raises(ReadError, match=r"other.csv does not continue .*hour_1.csv"):
+    with raises(ReadError, "other.csv", "hour_1.csv", code="not-continued"):
         read([paths[0], tmp_path / "other.csv"])
-    with pytest.raises(ReadError, match="does not exist"):
+    with raises(ReadError, code="not-found"):
         read(tmp_path / "minute_*.csv")
-    with pytest.raises(OptionError, match="several files cannot be divided"):
+    with raises(OptionError, advises=["gmwm convert"]):
         stream(paths).parts(2)
 
 

@@ -223,44 +223,34 @@ def test_times_of_day_that_are_out_of_order_or_set_back(tmp_path):
 
 FIRST = "2024-05-01T12:00:00.000Z"
 BAD = {
-    "day or month": (lambda s: f"05/01/2024 {s[11:23]}", "a.csv: day and month .*05/01/2024.*year first.*None"),
-    "day, month, year": (lambda s: f"1.5.2024 {s[11:23]}", "a.csv: day and month .*1.5.2024"),
-    "afternoon": (lambda s: f"2024-05-01 {s[11:23]} PM", "a.csv: .*cannot be read.* PM.*ISO 8601.*None"),
-    "no seconds": (lambda s: s[:16], "a.csv: .*cannot be read.*2024-05-01T12:00.*rate="),
-    "minutes": (lambda s: s[14:23], "a.csv: .*cannot be read \\('59:55"),
-    "date alone": (lambda s: s[:10], "dates without times.*another column"),
-    "no month": (
-        lambda s: s.replace("-05-", "-13-"),
-        "line 2: .* holds '2024-13-.*a time that does not exist",
-    ),
+    "day or month": (lambda s: f"05/01/2024 {s[11:23]}", "dates-ambiguous", ["a.csv", "05/01/2024"], ["None"]),
+    "day, month, year": (lambda s: f"1.5.2024 {s[11:23]}", "dates-ambiguous", ["a.csv", "1.5.2024"], []),
+    "afternoon": (lambda s: f"2024-05-01 {s[11:23]} PM", "dates-unreadable", ["a.csv", " PM", "ISO 8601"], ["None"]),
+    "no seconds": (lambda s: s[:16], "dates-unreadable", ["a.csv", "2024-05-01T12:00"], ["rate="]),
+    "minutes": (lambda s: s[14:23], "dates-unreadable", ["a.csv", "('59:55"], []),
+    "date alone": (lambda s: s[:10], "dates-without-times", [], ["columns="]),
+    "no month": (lambda s: s.replace("-05-", "-13-"), "row-invalid", ["line 2", "'2024-13-"], []),
 }
 
 
 @pytest.mark.parametrize("kind", BAD)
 def test_what_is_not_read_says_why_and_the_way_out(tmp_path, kind):
-    form, message = BAD[kind]
+    form, code, facts, advises = BAD[kind]
     cells = [form(iso(BEGIN + k * STEP, 3, tail="Z")) for k in range(60)]
-    with pytest.raises(ReadError, match=message):
+    with raises(ReadError, *facts, code=code, advises=advises):
         read(saved(tmp_path, cells))
     assert read(saved(tmp_path, cells), columns={"time": None}, rate=50).rate == 50
 
 
 @pytest.mark.parametrize(
-    ("cell", "message"),
-    [
-        ("NaT", "line 42: column 'time' holds 'NaT', expected a time as in the first row"),
-        ("12:00:05.000", "line 42: .* expected a time as in the first row"),
-        ("2024-05-02T00:00:00.000", "line 42: .* without an offset from UTC, unlike the first row"),
-        ("2024-02-30T00:00:00.000Z", "line 42: .* a time that does not exist.*Repair or remove the line"),
-        ("1714564800", "line 42: .* expected a time as in the first row"),
-    ],
+    "cell", ["NaT", "12:00:05.000", "2024-05-02T00:00:00.000", "2024-02-30T00:00:00.000Z", "1714564800"]
 )
 @pytest.mark.parametrize("block", [300, 1 << 20])
-def test_a_bad_stamp_is_told_with_its_line(tmp_path, monkeypatch, block, cell, message):
+def test_a_bad_stamp_is_told_with_its_line(tmp_path, monkeypatch, block, cell):
     monkeypatch.setattr(text, "BLOCK_BYTES", block)
     cells = [iso(BEGIN + k * STEP, 3, tail="Z") for k in range(90)]
     cells[40] = cell
-    with pytest.raises(ReadError, match=message):
+    with raises(ReadError, "line 42", "'time'", repr(cell), code="row-invalid"):
         read(saved(tmp_path, cells))
 
 
@@ -276,12 +266,12 @@ def test_lines_are_counted_over_blank_lines_and_comments(tmp_path):
 def test_a_stamp_that_was_cut_off(tmp_path):
     lines = "".join(f"{k % 7},{iso(BEGIN + k * STEP, 3, tail='Z')}\n" for k in range(40))
     path = tmp_path / "a.csv"
-    for cut, message in ((1, None), (2, "without an offset.*if it was cut off"), (9, "line 41: .*if it was cut off")):
+    for cut in (1, 2, 9):
         path.write_text(("gyro_x [rad/s],time\n" + lines)[:-cut])
-        if message is None:
+        if cut == 1:
             assert only(read(path).remarks, "no-line-end")
             continue
-        with pytest.raises(ReadError, match=message):
+        with raises(ReadError, "line 41", code="row-invalid", advises=["bad_lines='skip'"]):
             read(path)
     path.write_text(saved(tmp_path, [iso(BEGIN + k * STEP, 3) for k in range(40)]).read_text()[:-30])
     with raises(ReadError, "line 41", "1 values", "expected 3"):
@@ -323,7 +313,7 @@ def test_a_date_and_a_time_in_two_columns(tmp_path):
     imu = read(path)
     assert (imu.rate, imu.segments, imu.time_base.start) == (100, ((0, 1200),), 86_395)
     assert only(imu.remarks, "left-out").facts == {"kind": "columns", "names": ("date",)}
-    with pytest.raises(ReadError, match=r"dates without times.*another column"):
+    with raises(ReadError, code="dates-without-times", advises=["columns="]):
         read(path, columns={"time": "date"})
 
 
@@ -454,5 +444,5 @@ def test_in_parquet_as_text_and_as_dates(tmp_path):
     with raises(ReadError, "'time'", "'NaT'", "row 701"):
         read(path)
     pl.DataFrame({"time": [cell[11:23] for cell in cells], **axes}).write_parquet(path)
-    with pytest.raises(ReadError, match="holds String, expected numbers"):
+    with raises(ReadError, "'time'", "String", code="column-not-numbers"):
         read(path)

@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.errors import GmwmWarning, InferredUnitWarning, UnitError
+from gmwm.errors import InferredUnitWarning, UnitError
 from gmwm.readers import read
-from tests.helpers import only, raises
+from tests.helpers import only, raises, warns
 
 REST = np.random.default_rng(8).normal((0.1, -0.2, 1.0), 0.01, (64, 3))
 
@@ -34,12 +34,12 @@ def test_gravity_tells_the_unit_and_it_is_said(tmp_path, name, factor):
 
 @pytest.mark.parametrize("factor", [0.2, 3.0, 100.0])
 def test_gravity_that_tells_nothing_is_an_error(tmp_path, factor):
-    with pytest.raises(UnitError, match=r"neither 1 \(g\) nor 9.8"):
+    with raises(UnitError, code="unit-implausible"):
         read(saved(tmp_path, REST * factor, ["ax", "ay", "az"]), rate=100)
 
 
 def test_two_accelerometers_tell_nothing(tmp_path):
-    with pytest.raises(UnitError, match="all three axes"):
+    with raises(UnitError, code="unit-needs-three-axes"):
         read(saved(tmp_path, REST[:, 1:], ["ay", "az"]), rate=100)
 
 
@@ -51,7 +51,7 @@ def test_declared_goes_before_named_and_is_noted(tmp_path):
 
 
 def test_named_goes_before_gravity_and_gravity_objects(tmp_path):
-    with pytest.warns(GmwmWarning, match="gravity in g"):
+    with warns("unit-doubtful", likely="g"):
         imu = read(saved(tmp_path, REST, ["ax_mps2", "ay_mps2", "az_mps2"]), rate=100)
     assert imu["accel_z"].values.tolist() == REST[:, 2].tolist()
     with warnings.catch_warnings():

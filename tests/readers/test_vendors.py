@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -63,7 +65,7 @@ def test_what_xsens_dot_writes_is_not_taken_for_it(tmp_path):
     # It has the names, but gyroscopes in deg/s and microseconds, and no comments.
     path = saved(tmp_path, xsens(lambda k: 192_856_375 + 16_667 * k)[len(XSENS.format("100.0")) :])
     assert find_reader(path).name == "text"
-    with pytest.raises(UnitError, match="neither declared nor named"):
+    with raises(UnitError, code="unit-unnamed"):
         read(path, units={"accel": "m/s2"})
 
 
@@ -152,21 +154,22 @@ def test_declared_increments(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("argument", "value", "got", "facts"),
     [
-        ({"scale": {"gyro": 0}}, "finite number other than 0"),
-        ({"scale": {"gyro": "1/131"}}, "finite number other than 0"),
-        ({"scale": {"gyro": float("nan")}}, "finite number other than 0"),
-        ({"scale": {"gyros": 1}}, "scale must be factors of gyro, accel, gyro_x.*'gyros'"),
-        ({"scale": 3}, "scale must be a mapping.*got 3"),
-        ({"scale": {"gyro_z": 2.0}}, "scale must be .*gyro_x, gyro_y, accel_z.*got 'gyro_z'"),
-        ({"increments": "gyro"}, "increments must be True or a list"),
-        ({"increments": ["time"]}, "increments must be a list of gyro, accel, gyro_x.*'time'"),
-        ({"increments": ["accel_x"]}, "increments must be .*got 'accel_x'"),
+        ("scale", {"gyro": 0}, 0, ["gyro"]),
+        ("scale", {"gyro": "1/131"}, "1/131", ["gyro"]),
+        ("scale", {"gyro": math.nan}, math.nan, ["gyro"]),
+        ("scale", {"gyros": 1}, "gyros", ["gyro, accel, gyro_x"]),
+        ("scale", 3, 3, []),
+        ("scale", {"gyro_z": 2.0}, "gyro_z", ["gyro_x, gyro_y, accel_z"]),
+        ("increments", "gyro", "gyro", ["True"]),
+        ("increments", ["time"], "time", ["gyro, accel, gyro_x"]),
+        ("increments", ["accel_x"], "accel_x", []),
     ],
 )
-def test_factors_that_make_no_sense(tmp_path, options, says):
-    with pytest.raises(OptionError, match=says):
+def test_factors_that_make_no_sense(tmp_path, argument, value, got, facts):
+    options = {argument: value}
+    with raises(OptionError, *facts, argument=argument, got=got):
         read(saved(tmp_path, COUNTS, "a.csv"), units={"gyro": "deg/s", "accel": "g"}, **options)
 
 
@@ -174,8 +177,9 @@ def test_factors_that_make_no_sense(tmp_path, options, says):
 def test_cut_foreign_and_mislabelled(tmp_path, name):
     plain = "time [s],gx [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20))
     assert len(read(saved(tmp_path, plain, "a.csv"), format=name)) == 20
-    with pytest.raises(ReadError, match=r"no rows|binary|no row of numbers"):
+    with pytest.raises(ReadError) as caught:
         read(saved(tmp_path, "// nothing\n", "b.csv"), format=name)
+    assert caught.value.code in ("empty", "no-numbers")
     (tmp_path / "c.csv").write_bytes(bytes(range(256)))
     with raises(ReadError, "c.csv"):
         read(tmp_path / "c.csv", format=name)

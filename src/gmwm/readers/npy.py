@@ -93,14 +93,14 @@ class NpzReader(Reader):
         with source.open() as file:
             try:
                 shape, order, dtype = _header(file, source)
-            except _PicklesError:
+            except PicklesError:
                 return []  # texts and settings, which are never unpickled
             _require_size(shape, dtype, member.file_size - file.tell(), source)
         packed = _Packed(source, shape, order, dtype)
         return fields_of(name, shape, dtype, packed)
 
 
-class _PicklesError(ReadError):
+class PicklesError(ReadError):
     """The array holds Python objects, which only a pickle can restore."""
 
 
@@ -154,7 +154,7 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
             f"{name} holds empty elements instead of numbers", code="no-numbers", advice="Save an array of numbers."
         )
     if dtype.hasobject:
-        raise _PicklesError(
+        raise PicklesError(
             f"{name} holds Python objects, which are not read because they can execute code",
             code="python-objects",
             advice="Save only numbers.",
