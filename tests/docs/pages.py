@@ -1,4 +1,4 @@
-"""The pages of the documentation, and a way to run what stands in them; `python tests/docs/pages.py PAGE` runs one."""
+"""The pages of the documentation, and a way to run what stands in them: `python -m tests.docs.pages PAGE` runs one."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+from tests.forked import Forks
 
 DOCS = Path(__file__).parents[2] / "docs"
 BLOCK = re.compile(r"^```(python|sh|text|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -82,23 +84,32 @@ def commands(code: str) -> list[str]:
     return [line for line in lines if shlex.split(line, comments=True)[:1] == ["gmwm"]]
 
 
-def run(page: Path) -> None:
+def run(page: str) -> None:
     """Run a page's blocks from top to bottom, in this folder and in one namespace, and write down what they print."""
+    forks = Forks.of_this_process()  # before a block changes it
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     names: dict[str, object] = {"__name__": "__main__"}
     printed: dict[int, str] = {}
-    for line, language, code in blocks(page):
+    for line, language, code in blocks(Path(page)):
         with listening(printed, line):
             if language == "python":
                 # So many empty lines, so that an error names the line of the page.
-                exec(compile("\n" * line + code, str(page), "exec"), names)
+                exec(compile("\n" * line + code, page, "exec"), names)
                 continue
             for command in commands(code):
-                done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], check=False)
+                status = typed(command, forks)
                 # In a console an error may be what is shown.
-                if done.returncode and language == "sh":
-                    raise SystemExit(f"{page}:{line}: {done.returncode} from {command}")
+                if status and language == "sh":
+                    raise SystemExit(f"{page}:{line}: {status} from {command}")
     Path(PRINTED).write_text(json.dumps(printed), encoding="utf-8")
+
+
+def typed(command: str, forks: Forks) -> int:
+    """The exit code of a command. A shell runs it if it has to do more than to split it into words."""
+    if set(command) & set("|&;<>$`*?~"):
+        return subprocess.run(["bash", "-euo", "pipefail", "-c", command], check=False).returncode
+    streams = [f"/proc/{os.getpid()}/fd/{number}" for number in (1, 2)]
+    return forks.write_to(streams, "tests.forked:gmwm", *shlex.split(command)[1:], folder=Path.cwd())
 
 
 @contextlib.contextmanager
@@ -126,4 +137,4 @@ def listening(printed: dict[int, str], line: int) -> Iterator[None]:
 
 
 if __name__ == "__main__":
-    run(Path(sys.argv[1]).resolve())
+    run(str(Path(sys.argv[1]).resolve()))

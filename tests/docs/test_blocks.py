@@ -4,15 +4,14 @@ And what they show as printed is what is printed then; `shown` says how near.
 """
 
 import json
-import os
-import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 from tests.docs import pages, shown
+from tests.forked import Done, Forks
 
 pytestmark = pytest.mark.docs
 
@@ -35,7 +34,7 @@ class Run(NamedTuple):
     """A page that was run in a folder of its own."""
 
     name: str
-    done: subprocess.CompletedProcess[str]
+    done: Done
     place: Path
 
     def printed(self) -> dict[str, str]:
@@ -43,13 +42,19 @@ class Run(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def forks() -> Iterator[Forks]:
+    """A process that runs pages."""
+    forks = Forks.new()
+    yield forks
+    forks.close()
+
+
+@pytest.fixture(scope="module")
+def run(request: pytest.FixtureRequest, forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Run:
     """The page of this name, run once for the tests that follow one another; these ask for it by name."""
     place = tmp_path_factory.mktemp("page")
     # Each in a process of its own: a page may add a process or a reader, which no other test should meet.
-    command = [sys.executable, pages.__file__, str(RUNNING[request.param])]
-    settings = {**os.environ, "MPLBACKEND": "Agg", "COLUMNS": "100"}
-    done = subprocess.run(command, cwd=place, env=settings, capture_output=True, encoding="utf-8", timeout=120)
+    done = forks.run("tests.docs.pages:run", str(RUNNING[request.param]), folder=place, COLUMNS="100")
     return Run(request.param, done, place)
 
 
