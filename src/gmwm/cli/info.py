@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -13,16 +13,21 @@ from gmwm.cli.measuring import Chunked, memory_for, opened
 from gmwm.cli.options import RESULT, AgainstOption
 from gmwm.cli.output import NewFile, Outcome, progress
 from gmwm.cli.read_options import File
+from gmwm.errors import OptionError
 from gmwm.inspection.result import text
 from gmwm.options import ReadOptions
-from gmwm.regression.against import AUTO
+from gmwm.regression.against import AUTO, TEMPERATURE, TIME, Against
 from gmwm.remarks import Dialect
 from gmwm.signals import Imu
+
+if TYPE_CHECKING:
+    from gmwm.inference import NoiseAgainst
 
 EXAMPLES = (
     "gmwm info static.csv",
     "gmwm info log.txt --rate 100 --units gyro=deg/s,accel=g",
     "gmwm info static.csv --against warmup",
+    "gmwm info static.csv --noise-against temperature",
     "gmwm info static.csv --plot recording.png",
 )
 
@@ -33,6 +38,14 @@ def info(
     reading: ReadOptions,
     chunked: Chunked = "auto",
     against: AgainstOption = AUTO,
+    noise_against: Annotated[
+        Literal["temperature", "time"] | None,
+        typer.Option(
+            help="Test whether the noise of each axis depends on the temperature or on time, by scale and by term.",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Plot all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -49,19 +62,44 @@ def info(
     """
     from gmwm.inspection import inspect
 
-    recording = opened(file, reading, chunked, whole=memory_for(against) if plot is None else "--plot")
+    whole = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
+    recording = opened(file, reading, chunked, whole=whole)
     with progress("inspecting"):
         inspection = inspect(recording, against=against)
+    changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}
+    document = {"file": str(file), **inspection.to_dict()}
+    if noise_against is not None:
+        document["noise_against"] = {axis: found.to_dict() for axis, found in changes.items()}
+    below = "".join(f"\n\n{found.summary()}" for found in changes.values())
     files = []
     if plot is not None and isinstance(recording, Imu):
         files.append(NewFile(plot, partial(_draw, recording), f"plotting {plot.name}"))
     return Outcome(
         command="info",
-        document={"file": str(file), **inspection.to_dict()},
-        text=text(inspection, Dialect.SHELL),
-        all_text=text(inspection, Dialect.SHELL, every=True),
+        document=document,
+        text=text(inspection, Dialect.SHELL) + below,
+        all_text=text(inspection, Dialect.SHELL, every=True) + below,
         files=tuple(files),
     )
+
+
+def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
+    """The dependence of the noise of each axis on the temperature of a recording, or on time."""
+    from gmwm.inference import noise_against
+
+    if condition == TIME:
+        asked: Against = TIME
+    elif recording.temperature is None:
+        raise OptionError(
+            "the recording has no temperature",
+            argument="noise_against",
+            got=condition,
+            advice="Name its column with {--columns=temperature:…}, or use {--noise-against=time}.",
+        )
+    else:
+        asked = {TEMPERATURE: recording.temperature}
+    with progress("noise against conditions"):
+        return {axis: noise_against(signal, asked) for axis, signal in recording.signals.items()}
 
 
 def _draw(recording: Imu, path: Path) -> None:

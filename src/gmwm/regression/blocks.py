@@ -117,6 +117,18 @@ class Clock:
         counts = self.counts()
         return np.divide(sums, counts, out=np.zeros(sums.size), where=counts > 0)
 
+    def clipped(self, values: Vector) -> Vector:
+        """The samples, clipped where they are far from the median of their block, see `CLIPPED`."""
+        spread, out = self._usual_spread(values), values.copy()
+        for first, last, place in self.places():
+            head = min((-place) % self.length, last - first)
+            edge = last - (last - first - head) % self.length
+            out[first + head : edge] = _clipped(out[first + head : edge].reshape(-1, self.length), spread).ravel()
+            for low, high in ((first, first + head), (edge, last)):
+                if low < high:
+                    out[low:high] = _clipped(out[None, low:high], spread)[0]
+        return out
+
     def _usual_spread(self, values: Vector) -> float:
         """Standard deviation of a sample in its block: the median over the blocks of one piece in eight."""
         found = []

@@ -97,6 +97,23 @@ class Covariates:
         return replace(made, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
 
     @classmethod
+    def slow(cls, term: Term, values: Vector, signal: Signal) -> Covariates:
+        """Prepare one covariate that changes slowly; if it is exact, its block means are used too.
+
+        Raises
+        ------
+        DataError
+            See `of`.
+        """
+        if not term.exact:
+            return cls.of([term], {term.name: values}, signal)
+        _checked(term, {term.name: values}, signal)
+        clock = Clock.of(signal.rate, signal.segments, signal.starts)
+        # An empty block has the value between its neighbours.
+        means = {term.name: clock.onto(clock.means(values), clock)}
+        return cls.on(clock, [replace(term, exact=False)], means, {}, lowest=1, block=clock.length)
+
+    @classmethod
     def on(
         cls,
         clock: Clock,
@@ -214,7 +231,9 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
         raise DataError(
             f"{name} changes by no more than its reading error at the scales of this recording",
             argument="against",
-            advice="Use {--against=none}, or record over a larger range.",
+            advice="Use {--against=none}, or record over a larger range. If its values are exact, such as set points, "
+            "write `{name}:exact`.",
+            name=name,
         )
     return level, step
 
