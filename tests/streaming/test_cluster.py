@@ -19,7 +19,7 @@ from gmwm.errors import (
     ReadError,
     TimeBaseWarning,
 )
-from gmwm.readers import arrays, parquet, streams, text
+from gmwm.readers import arrays, interpretation, parquet, text
 from gmwm.remarks import Remark
 from gmwm.streaming import cluster, scheduling
 from gmwm.streaming.scheduling import connected
@@ -46,7 +46,7 @@ def client():
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(streams.first_rows, "__defaults__", (10_000,))
+    monkeypatch.setattr(interpretation, "HEAD", 10_000)
     for module, name, value in (
         (arrays, "ROWS", SMALL), (parquet, "ROWS", SMALL), (text, "BLOCK_BYTES", 20 * SMALL)
     ):  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.readers import streams
+from gmwm.readers import interpretation, parquet
 from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
 
@@ -117,10 +117,11 @@ def recording(tmp_path):
 
 
 def test_a_file_in_one_pass_is_the_file_in_memory(recording, monkeypatch):
-    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(interpretation, "HEAD", 3000)
+    monkeypatch.setattr(parquet, "ROWS", 4096)
     imu = gmwm.read(recording)
     told = []
-    curves = gmwm.stream(recording, chunk=4096).wavelet_variance(exact=15, done=told.append)
+    curves = gmwm.stream(recording).wavelet_variance(exact=15, done=told.append)
     assert list(curves) == list(imu.axes)
     for axis, found in curves.items():
         same(found, gmwm.wavelet_variance(imu[axis]))
