@@ -190,15 +190,17 @@ def test_a_grid_of_nine_hundred_is_fast(name):
     table, f = np.geomspace(1e-8, 20.0, 900)[:, None] * RATE, find_filter(name)
     times = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         GM.shape(table, 20, RATE, f)
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     assert min(times) < 0.1
 
 
 # --- simulation ---------------------------------------------------------------------------------------
 
-PATHS, SAMPLES = 120, 400
+PATHS, SAMPLES = 40, 1200
+STANDARD_ERRORS = 4.3
+"""Exceeded by a mean of 40 paths in 1 of 9000 cases (Student's t), as 4 by a mean of 120."""
 
 
 @every_process
@@ -218,7 +220,7 @@ def test_estimates_of_simulated_paths_have_the_theory_for_their_mean(process):
             for estimates in (maximal, decimated, maximal - decimated):
                 error = estimates.std(axis=0, ddof=1) / math.sqrt(PATHS)
                 wanted = 0.0 if estimates is not maximal and estimates is not decimated else exact
-                assert np.all(np.abs(estimates.mean(axis=0) - wanted) <= 4 * error + rounding), name
+                assert np.all(np.abs(estimates.mean(axis=0) - wanted) <= STANDARD_ERRORS * error + rounding), name
 
 
 def test_the_laws_above_run_over_both_signs_of_an_autoregression():
