@@ -31,8 +31,8 @@ MORE = 1.6
 """Largest number of residuals beyond θ / 1.5, in those beyond θ. A tail with an infinite variance has 1.5² = 2.25."""
 CERTAIN = 1e-6
 """Largest probability of so many residuals beyond θ."""
-FALSE = 0.005
-"""Largest share of the rest among the residuals beyond θ."""
+FALSE = 0.1
+"""Largest share of the rest among the residuals beyond θ. As many of them are kept at random."""
 LEAST = 4.0
 """Smallest threshold, in local standard deviations."""
 MOST = 0.1
@@ -49,6 +49,12 @@ _TAIL = APART**-3.0
 """Share of residuals beyond θ / 1.5 that are beyond θ, in a tail with infinite skewness."""
 _BULK = 50_000
 """Residuals from which the spread and the tails of the bulk are estimated."""
+_PRECISE = 500_000
+"""Residuals for the same in a recording with spikes: a share of 0.3 % of its samples at 6 standard deviations adds 10 %
+to the variance, and the tails of the bulk must be known better than that."""
+_LOWEST = 3.0
+"""Residuals below this are never replaced."""
+_BIN, _NONE = 0.25, 0.005
 _SIDE = np.array([-3, -2, -1, 1, 2, 3])
 _QUARTILE = 0.6744897501960817
 _LAGS = 8
@@ -118,13 +124,12 @@ def find_spikes(x: Signal) -> Spikes:
     if values.size < 8 * _SIDE.size:
         return none
     step = lsb(values) or 0.0
-    scale, length, tail = _bulk(values, x.rate, step)
+    scale, length, tail, _ = _bulk(values, x.rate, step)
     if not scale.min() > 0:
         return none
     # A spike differs from the mean of its two neighbours by its size, or half of it beside another spike.
     bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    block = np.minimum(np.arange(scale.size) * length, values.size)
-    limit = np.repeat(scale, np.diff(np.append(block, values.size)))
+    limit = _of_each_sample(scale, length, values.size)
     large = np.ones(values.size, dtype=np.bool_)
     large[1:-1] = bend > 0.5 * LEAST * limit[1:-1]
     # The middle one of three equal spikes has no bend.
@@ -137,14 +142,18 @@ def find_spikes(x: Signal) -> Spikes:
         return none
     # Once more without the spikes, which shift the median of their neighbours and make the tails of the bulk heavier.
     filled = _filled(values, found)
-    scale, _, tail = _bulk(filled, x.rate, step)
-    limit = np.repeat(scale, np.diff(np.append(block, values.size)))
+    scale, length, tail, usual = _bulk(filled, x.rate, step, _PRECISE)
+    if not scale.min() > 0:
+        return none
+    limit = _of_each_sample(scale, length, values.size)
     deviation = np.abs(_residuals(values, filled, candidates)) / limit[candidates]
     threshold = _threshold(deviation, values.size, tail, FALSE)
-    spiky = deviation >= threshold
+    crowded = _crowded(candidates[deviation >= threshold], values.size)
+    clear = _clear(candidates, crowded)
+    candidates, deviation = candidates[clear], deviation[clear]
+    spiky = _surplus(deviation, threshold, values.size, usual)
     found, deviation = candidates[spiky], deviation[spiky]
-    kept = _isolated(found, values.size) if found.size else np.zeros(0, dtype=np.bool_)
-    kept &= _returns(values, filled, found, threshold * limit[found])
+    kept = _returns(values, filled, found, np.minimum(threshold, deviation) * limit[found])
     return Spikes(indices=found[kept], deviations=deviation[kept])
 
 
@@ -198,9 +207,12 @@ def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
     return np.asarray(values[at] - np.median(around, axis=1))
 
 
-def _bulk(values: Vector, rate: float, step: float) -> tuple[Vector, int, float]:
-    """Local standard deviation of residuals for each block, length of a block, and degrees of freedom of the tails."""
-    stride = max(1, values.size // _BULK)
+def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[Vector, int, float, float]:
+    """Local standard deviation of residuals for each block, length of a block, and degrees of freedom of the tails.
+
+    The first degrees of freedom are a lower limit, the second ones the estimate.
+    """
+    stride = max(1, values.size // most)
     # An odd offset within each stride, so that a period of the signal is not sampled at one phase.
     places = np.arange(0, values.size - stride + 1, stride)
     places = places + (places // stride * 7919) % stride
@@ -210,27 +222,33 @@ def _bulk(values: Vector, rate: float, step: float) -> tuple[Vector, int, float]
     local = np.median(residual[: count * piece].reshape(count, piece), axis=1) / _QUARTILE
     local = np.maximum(local, np.maximum(np.median(local), step * 12**-0.5))
     if not local.min() > 0:
-        return local, values.size, np.inf
+        return local, values.size, np.inf, np.inf
     relative = residual[: count * piece] / np.repeat(local, piece)
-    return local, piece * stride, _freedom(relative)
+    return local, piece * stride, _freedom(relative, 3.0), _freedom(relative, 0.0)
 
 
-def _freedom(relative: Vector) -> float:
-    """Degrees of freedom of the t distribution with the ratio of the 90 % quantile to the median, or fewer."""
+def _of_each_sample(scale: Vector, length: int, samples: int) -> Vector:
+    """The standard deviation of its block for each sample; the last block has the remaining samples too."""
+    begins = np.minimum(np.arange(scale.size) * length, samples)
+    return np.repeat(scale, np.diff(np.append(begins, samples)))
+
+
+def _freedom(relative: Vector, errors: float) -> float:
+    """Degrees of freedom of the t distribution with the ratio of the 90 % quantile to the median, plus some errors."""
     from scipy.special import stdtrit
 
     grid = np.geomspace(1.0, 1000.0, 200)
     expected = stdtrit(grid, 0.95) / stdtrit(grid, 0.75)
     error = 1.5 / np.sqrt(relative.size)  # of the ratio; 1.2 for independent residuals of Gaussian noise
     middle, high = np.quantile(relative, [0.5, 0.9])
-    ratio = float(high / middle) * (1 + 3 * error) if middle > 0 else np.inf
+    ratio = float(high / middle) * (1 + errors * error) if middle > 0 else np.inf
     return float(np.interp(-ratio, -expected, grid))
 
 
 def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
     """The smallest θ beyond which residuals are spikes, up to a share of false ones; infinite if there are none."""
     # Not from scipy.stats, whose import takes as long as the spikes of six axes.
-    from scipy.special import bdtrc, pdtrc, stdtr, stdtrit
+    from scipy.special import bdtrc, ndtr, pdtrc
 
     ordered = np.sort(deviation[deviation >= LEAST / 2])[::-1]
     ks = np.arange(1, np.count_nonzero(ordered >= LEAST) + 1)
@@ -239,17 +257,53 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
     theta = ordered[ks - 1]
     beyond = np.searchsorted(-ordered, -theta / APART, side="right")
     double = np.searchsorted(-ordered, -theta / 2, side="right")
-    scale = stdtrit(freedom, 0.75) / _QUARTILE
-    expected = samples * 2 * stdtr(freedom, -theta * scale)
-    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond <= MORE * ks)
-    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond, _TAIL) <= CERTAIN)
+    expected = samples * _beyond(theta, freedom)
+    # What Gaussian noise has there does not count: small spikes lie on its tails.
+    own = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
+    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - own <= MORE * ks)
+    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - own.astype(np.int64), _TAIL) <= CERTAIN)
     return float(theta[good][-1]) if np.any(good) else np.inf
 
 
-def _isolated(at: NDArray[np.int64], samples: int) -> NDArray[np.bool_]:
-    """Which of the places, in order, are in no crowd and no long run, and not near a crowd."""
+def _beyond(deviation: Vector, freedom: float) -> Vector:
+    """Probability of a residual of the bulk beyond some deviations."""
+    from scipy.special import stdtr, stdtrit
+
+    return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / _QUARTILE)))
+
+
+def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
+    """Residuals beyond the bulk: those that are left are as many as the bulk has.
+
+    Near the threshold, spikes cannot be told from the tails of the bulk one by one. In each bin of deviations, a random
+    part is chosen, as large as the surplus over the bulk; far beyond, it is all of them. Below the threshold, this goes
+    on until a bin has no clear surplus. The choice has a fixed seed.
+    """
+    chosen = np.zeros(deviation.size, dtype=np.bool_)
+    if not np.isfinite(threshold):
+        return chosen
+    rng, high = np.random.default_rng(0), np.inf
+    low = threshold
+    while samples * _beyond(np.array([low]), freedom)[0] > _NONE:
+        low += _BIN
+    while low >= _LOWEST:
+        here = np.flatnonzero((deviation >= low) & (deviation < high))
+        expected = samples * float(np.subtract(*_beyond(np.array([low, high]), freedom)))
+        surplus = here.size - expected
+        if np.isinf(high) or surplus > 2 * np.sqrt(expected) + 1:
+            chosen[rng.permutation(here)[: round(surplus)]] = True
+        elif low < threshold:
+            break
+        low, high = low - _BIN, low
+    return chosen
+
+
+def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
+    """Which of the places, in order, are in a crowd or in a long run."""
     from scipy.special import bdtrc
 
+    if not at.size:
+        return at
     # Crowds and runs that so many spikes at random places have by chance, at most one in a hundred recordings.
     share, rare = at.size / samples, 0.01 / at.size
     crowd = max(CROWD, int(np.argmax(bdtrc(np.arange(2 * NEAR + 1), 2 * NEAR, share) <= rare)))
@@ -257,9 +311,11 @@ def _isolated(at: NDArray[np.int64], samples: int) -> NDArray[np.bool_]:
     near = np.searchsorted(at, at + NEAR, side="right") - np.searchsorted(at, at - NEAR) - 1
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > 1) + 1])
     lengths = np.diff(np.append(begins, at.size))
-    crowded = at[(near > crowd) | (np.repeat(lengths, lengths) > run)]
-    if not crowded.size:
-        return np.ones(at.size, dtype=np.bool_)
+    return at[(near > crowd) | (np.repeat(lengths, lengths) > run)]
+
+
+def _clear(at: NDArray[np.int64], crowded: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of the places are far from every crowd."""
     close = np.searchsorted(crowded, at + CLEAR, side="right") > np.searchsorted(crowded, at - CLEAR)
     return np.asarray(~close)
 
