@@ -43,7 +43,7 @@ def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) 
         ramp = sheet.get(_RAMP)
         if remark.code == _LINE and ramp is not None and ramp.value and not ramp.upper_only:
             continue
-        numbers = tuple(symbol for symbol in sheet if symbol in affected)
+        numbers = tuple(symbol for symbol in sheet if symbol.partition("[")[0] in affected)
         facts = {**remark.facts, "numbers": numbers or ("the terms at long scales",)}
         yield Remark.of(remark.code, remark.subject, **facts)
 

@@ -35,8 +35,8 @@ _LATE = 0.5
 """Share of the recording that a warm-up may take, so that the rest is worth a calibration (docs/howto/record.md)."""
 AFFECTED = ("B", "K", "R")
 """Symbols of the numbers that are read at long scales, where a trend looks like noise."""
-ALL = ("N", "B", "K", "Q")
-"""Symbols of the numbers that rounding affects: all except the rate ramp."""
+ALL = ("N", "B", "K", "Q", "q_c")
+"""Symbols of the numbers that rounding affects: all noise densities."""
 _COARSE = 2.0
 """Quantization steps in standard deviations of the noise up to which the rounding error is white noise of variance
 step²/12: N of the output is then known to 2 % and slow changes of the mean to 3 % (docs/validation/rounding.md)."""

@@ -21,7 +21,6 @@ SECTIONS: Mapping[str, str] = {
     "selection": "Several candidate models",
     "numbers": "Numbers of a datasheet",
     "calibration": "A calibration",
-    "axes": "Several axes together",
     "agreement": "Several calibrations of one unit",
     "fleet": "A fleet of units",
     "plan": "A planned recording",
