@@ -10,8 +10,8 @@ Variances
     `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
     datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
     `psd` estimates the power spectral density, and finds lines and resonances in it.
-    `cross` tests which noise axes share, and `same` whether two recordings have the same noise. `modwt` and `dwt` are
-    the wavelet transforms. `contamination` tests for outliers, and `compare` draws curves and fits over one another.
+    `modwt` and `dwt` are the wavelet transforms. `contamination` tests for outliers, and `compare` draws curves and
+    fits over one another.
 Models
     A `Model` is a sum of processes, `2 * GM() + WN()` or `Model.parse("2*GM + WN")`. `fixed` holds a parameter at a
     value. `fit` estimates a model by the GMWM, and `fit_ml` by maximum likelihood; `select` and `rank` choose among
@@ -38,7 +38,6 @@ from gmwm.estimation import Fit, fit
 from gmwm.fleets import fleet
 from gmwm.inference import plan
 from gmwm.inspection import inspect
-from gmwm.joint import cross, same
 from gmwm.likelihood import fit_ml
 from gmwm.outliers import contamination
 from gmwm.plots import compare
@@ -113,7 +112,6 @@ __all__ = [
     "calibrate",
     "compare",
     "contamination",
-    "cross",
     "dwt",
     "fit",
     "fit_ml",
@@ -127,7 +125,6 @@ __all__ = [
     "rank",
     "read",
     "reference_imu",
-    "same",
     "select",
     "simulate",
     "simulate_signal",

@@ -8,6 +8,7 @@ from gmwm import psd
 from gmwm.spectrum.short_memory import (
     FLAT,
     FLOOR,
+    LIKELY,
     POLE,
     SURE,
     _bend,
@@ -77,6 +78,29 @@ def test_the_density_at_the_frequency_zero_is_right_within_one_per_cent(which):
 @pytest.mark.parametrize("which", ["Butterworth 2, 30 Hz", "average of 2", "resonance 20 Hz"])
 def test_slow_noise_that_is_known_does_not_matter(which):
     assert fitted(which, 1, degrees=20_000, slow=0.9).density == pytest.approx(true_density(which), rel=0.015)
+
+
+def test_slow_noise_that_is_known_badly_does_not_matter():
+    frequencies, density, eta, known = measured("Butterworth 2, 10 Hz", 1, degrees=2_000, slow=0.9)
+    found = short_memory(frequencies, density, eta, rate=RATE, known=known / 3)
+    assert found.density == pytest.approx(true_density("Butterworth 2, 10 Hz"), rel=0.05)
+    assert found.misfit < 1.5
+
+
+def test_few_degrees_of_freedom_do_not_make_the_density_too_small():
+    found = [fitted("white", seed, degrees=20).innovation for seed in range(10)]
+    # The mean logarithm of an estimate is 1/η = 5 % too small; the mean of ten fits is known to 0.6 %.
+    assert np.mean(found) == pytest.approx(1.0, abs=0.02)
+
+
+def test_other_orders_are_reported_with_their_weights():
+    found = fitted("FIR", 2, degrees=2_000)
+    assert found.alternatives
+    assert all(LIKELY <= other.weight < 1 for other in found.alternatives)
+    assert sum(other.weight for other in found.alternatives) < 1
+    orders = {(other.phi.size, other.theta.size) for other in found.alternatives}
+    assert (found.phi.size, found.theta.size) not in orders
+    assert all(other.density == pytest.approx(true_density("FIR"), rel=0.1) for other in found.alternatives)
 
 
 def test_white_noise_has_no_roots():
@@ -151,17 +175,19 @@ def some_data():
     frequencies, density, eta, known = measured("resonance 20 Hz", 4, slow=0.3)
     angles = 2 * np.pi * frequencies / RATE
     waves = np.exp(-1j * np.outer(angles, np.arange(1, 11)))
-    return _Data(waves=waves, angles=angles, known=known + FLOOR, logs=np.log(density), weights=1 / (2 / eta + 25e-6))
+    return _Data(
+        waves=waves, angles=angles, known=known, floor=FLOOR, logs=np.log(density), weights=1 / (2 / eta + 25e-6)
+    )
 
 
 def test_the_jacobian_is_that_of_finite_differences():
     data, step = some_data(), 1e-6
-    at = np.array([0.1, -0.4, 0.5, 0.3])
-    here = _evaluated(data, at[1:3], at[3:], at[0])
-    for k in range(4):
+    at = np.array([0.1, -0.4, 0.5, 0.3, 0.2])
+    here = _evaluated(data, at[1:3], at[3:4], at[0], at[4])
+    for k in range(5):
         moved = at.copy()
         moved[k] += step
-        there = _evaluated(data, moved[1:3], moved[3:], moved[0])
+        there = _evaluated(data, moved[1:3], moved[3:4], moved[0], moved[4])
         # `left` is data minus model.
         np.testing.assert_allclose((here.left - there.left) / step, here.jacobian[:, k], atol=1e-4)
 
@@ -186,7 +212,7 @@ def test_a_rise_below_the_data_is_not_used():
     found = short_memory(frequencies, density, eta, rate=RATE, known=np.zeros(250))
     angles = 2 * np.pi * frequencies / RATE
     waves = np.exp(-1j * np.outer(angles, np.arange(1, 11)))
-    data = _Data(waves=waves, angles=angles, known=np.zeros(250), logs=np.log(density), weights=eta / 2)
-    point = _evaluated(data, -found.phi, found.theta, np.log(found.innovation))
+    data = _Data(waves=waves, angles=angles, known=np.zeros(250), floor=0.0, logs=np.log(density), weights=eta / 2)
+    point = _evaluated(data, -found.phi, found.theta, np.log(found.innovation), 0.0)
     assert abs(_bend(data, point)) <= FLAT
     assert SURE < FLAT

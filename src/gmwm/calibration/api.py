@@ -14,7 +14,7 @@ import numpy as np
 from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.axis_names import sensor_of
-from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals
+from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, with_band
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.measurement import Measured, measured_axis, measured_recording
 from gmwm.calibration.misfit import line_in
@@ -382,7 +382,7 @@ class _Axis:
         fit = as_fit(settle(model, wv, options.weighting, certify=True), wv, options.weighting)
         self.steps.step(self.name, next(stages))
         level = options.confidence
-        sheet = averaged_datasheet(datasheet(fit, level), ranking, level)
+        sheet = with_band(averaged_datasheet(datasheet(fit, level), ranking, level), found.band, level)
         axis = AxisCalibration(
             fit=fit,
             intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),

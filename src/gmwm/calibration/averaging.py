@@ -149,6 +149,19 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
     return replace(sheet, entries=tuple(_widened(entry, sheet, others, level) for entry in sheet.values()))
 
 
+def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Datasheet:
+    """The datasheet with intervals of the numbers of a shape from the spectrum, by their relative standard errors."""
+    reach = NormalDist().inv_cdf((1 + level) / 2)
+
+    def known(entry: Entry) -> Entry:
+        if not entry.held or entry.symbol not in errors:
+            return entry
+        by = math.exp(min(reach * errors[entry.symbol], _LARGEST))
+        return replace(entry, low=entry.value / by, high=entry.value * by, held=False)
+
+    return replace(sheet, entries=tuple(map(known, sheet.values())))
+
+
 def _determined(sheet: Datasheet) -> bool:
     """Whether the driving noise of every Gauss-Markov term is known."""
     driving = [entry for entry in sheet.values() if _base(entry.symbol) == _TIMES[1] and not entry.upper_only]

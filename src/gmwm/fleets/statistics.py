@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.axis_names import sensor_of
 from gmwm.calibration.tables import in_order
+from gmwm.errors import OptionError
 from gmwm.fleets.axes import differences
 from gmwm.fleets.findings import LEAST
 from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
 from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
-from gmwm.options import as_confidence, as_size
+from gmwm.options import as_confidence
 
 if TYPE_CHECKING:
     import polars
@@ -88,7 +89,8 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     (True, True)
     """
     confidence = as_confidence(confidence)
-    size = as_size(size)
+    if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < 1:
+        raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=size)
     read = Reading(table, confidence)
     samples = read.samples()
     units = len(read.units)

@@ -12,24 +12,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gmwm._arrays import Matrix, Vector
+from gmwm._arrays import Vector
 from gmwm.errors import GmwmError
 from gmwm.estimation.result import Fit
 from gmwm.inference.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.processes.noise import WN
-from gmwm.processes.ordered import find_class
 from gmwm.processes.parameter import Fixed
 from gmwm.processes.sinusoid import SIN
 from gmwm.selection.api import select_within
 from gmwm.selection.options import RankingOptions
-from gmwm.selection.ranking import Ranking
+from gmwm.selection.ranking import Candidate, Ranking
+from gmwm.selection.shape_error import band_errors, process_of, with_sampling_error, with_shape_error
 from gmwm.selection.structure import freedom, nested, without_values
 from gmwm.spectrum.result import PowerSpectrum
 from gmwm.spectrum.short_memory import SpectralShape, short_memory
@@ -53,9 +53,6 @@ FELT = 0.003
 first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
 MOST_FREE = 1
 """Number of lines, the strongest ones, whose power is fitted; others have the power that the spectrum shows."""
-CHOSEN = 3.0
-"""Factor on the covariance of a shape, because its order was chosen from the same spectrum: without it, intervals of N
-hold in 80 to 90 % of recordings with a low-pass (docs/validation/sensors.md)."""
 FILTERED = 3.0
 """Correlation time (samples) up to which a Gauss-Markov term stands for the sensor's low-pass filter. A filter is not
 exactly of this form, and N is then wrong by 0.5 % while the test accepts the model (docs/validation/sensors.md)."""
@@ -84,12 +81,16 @@ class Searched:
         Relative model error τ, in addition to it.
     tried : tuple of str
         The families that were tried, in order.
+    band : mapping of str to float
+        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of a
+        shape from the spectrum.
     """
 
     ranking: Ranking
     wavelet_variance: WaveletVariance
     error: float
     tried: tuple[str, ...]
+    band: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def with_error(self) -> WaveletVariance:
@@ -119,13 +120,13 @@ def search(
     if Distance.of(general).surely >= REJECTED:
         ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
         if _accepted(ranking):
-            found = Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,))
+            found = _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,)))
             if spectrum is None or not _filtered(ranking.recommended.fit):
                 return found
-            base, required = _required(general, wv, spectrum, (), options=options, check=check)
-            if not required:
+            shown = _required(general, wv, spectrum, (), options=options, check=check)
+            if not shown.terms:
                 return found
-            shaped = within_family(BESIDE, base, options, required=required, check=check, tried=(SLOW,))
+            shaped = shown.searched(BESIDE, options, check)
             return shaped if _accepted(shaped.ranking) else found
     check()
     lines = () if spectrum is None else _lines(spectrum, wv)
@@ -133,12 +134,41 @@ def search(
         with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
         if Distance.of(with_lines).surely >= REJECTED:
             return within_family(SLOW, wv, options, required=lines, check=check, tried=(SLOW,))
-    base, required = _required(general, wv, spectrum, lines, options=options, check=check)
-    if not required:
+    shown = _required(general, wv, spectrum, lines, options=options, check=check)
+    if not shown.terms:
         return within_family(SLOW, wv, options, check=check)
     # A shape that was fitted to the curve does not contain the white and quantization noise.
-    beside = SLOW if spectrum is None else BESIDE
-    return within_family(beside, base, options, required=required, check=check, tried=(SLOW,))
+    return shown.searched(SLOW if spectrum is None else BESIDE, options, check)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shown:
+    """The terms that the spectrum shows, the data with the uncertainty of their shape, and that of its band."""
+
+    wavelet_variance: WaveletVariance
+    terms: tuple[Process, ...]
+    band: Mapping[str, float] = field(default_factory=dict)
+
+    def searched(self, beside: str, options: RankingOptions, check: Callable[[], None]) -> Searched:
+        """The ranking of every sum within a family beside these terms."""
+        found = within_family(
+            beside, self.wavelet_variance, options, required=self.terms, check=check, tried=(SLOW,)
+        )  # fmt: skip
+        return replace(found, band=self.band)
+
+
+def _as_sampled(found: Searched) -> Searched:
+    """The result with the uncertainty of flicker noise near half the sampling rate in the data of every fit."""
+    wv = with_sampling_error(found.wavelet_variance, found.ranking.recommended.fit)
+    if wv is found.wavelet_variance:
+        return found
+    curve = having_error(wv, found.error)
+
+    def moved(candidate: Candidate) -> Candidate:
+        return replace(candidate, fits=tuple(replace(fit, wavelet_variance=curve) for fit in candidate.fits))
+
+    ranking = replace(found.ranking, candidates=tuple(map(moved, found.ranking.candidates)))
+    return replace(found, ranking=ranking, wavelet_variance=wv)
 
 
 def _accepted(ranking: Ranking) -> bool:
@@ -171,7 +201,7 @@ def within_family(
     supported = _supported(required, ranking.recommended.fit)
     if len(supported) < len(required):
         return within_family(family, wv, options, required=supported, check=check, tried=tried)
-    return Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure))
+    return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure)))
 
 
 def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
@@ -198,23 +228,26 @@ def _required(
     *,
     options: RankingOptions,
     check: Callable[[], None],
-) -> tuple[WaveletVariance, tuple[Process, ...]]:
-    """The terms that the spectrum shows, and the data with the uncertainty of their shape."""
+) -> _Shown:
+    """The terms that the spectrum shows, or without a spectrum an AR(2) that fits the curve."""
     if spectrum is None:
         shape = _fitted_shape(wv, options)
-        return wv, () if shape is None else (shape,)
+        return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
     shape, found, known = None, None, general
     for _ in range(_ROUNDS):
         check()
         found = _shape(spectrum, known, wv.rate, shape)
         if found is None:
             break
-        shape = _process(found)
+        shape = process_of(found)
         whole = _largest(BESIDE, wv, (shape, *lines))
         known = nearly_fitted(whole, wv, options.weighting)
     if shape is None or found is None:
-        return wv, (WN(), *lines) if lines else ()
-    return _with_shape(wv, known, found, shape), (shape, *lines)
+        return _Shown(wavelet_variance=wv, terms=(WN(), *lines) if lines else ())
+    return _Shown(
+        wavelet_variance=with_shape_error(wv, known, found, shape), terms=(shape, *lines),
+        band=band_errors(found, wv.rate),
+    )  # fmt: skip
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
@@ -283,30 +316,3 @@ def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float
         with np.errstate(divide="ignore"):
             total += process.psd(frequencies, rate) * rate if process.has("psd") else 0.0
     return total
-
-
-def _process(shape: SpectralShape) -> Process:
-    """The ARMA process of a shape, with its variance free."""
-    p, q = shape.phi.size, shape.theta.size
-    if p + q == 0:
-        return WN()
-    kind = find_class(f"ARMA({p},{q})" if p and q else f"AR({p})" if p else f"MA({q})")
-    assert kind is not None
-    names = [parameter.name for parameter in kind.nonlinear_parameters()]
-    values = np.concatenate([shape.phi, shape.theta]).tolist()
-    return kind(**{name: Fixed(value) for name, value in zip(names, values, strict=True)})
-
-
-def _with_shape(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
-    """The data with the covariance from the uncertainty of a shape whose density at the frequency 0 is free."""
-    if not shape.covariance.size:
-        return wv
-    nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
-    own = type(process).shape(nonlinear, wv.levels, wv.rate)[0]
-    slopes = type(process).shape_jacobian(nonlinear, wv.levels, wv.rate)[0] / own[:, None]
-    slopes[:, : shape.phi.size] -= 2 / (1 - shape.phi.sum())
-    slopes[:, shape.phi.size :] -= 2 / (1 + shape.theta.sum())
-    term = next(t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if type(p) is type(process))
-    share = fit.decomposition[term] / fit.implied
-    added: Matrix = CHOSEN * (share[:, None] * slopes) @ shape.covariance @ (share[:, None] * slopes).T
-    return replace(wv, excess=added if wv.excess is None else wv.excess + added)

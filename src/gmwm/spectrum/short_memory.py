@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,9 +30,36 @@ ACCURACY = 0.005
 FLOOR = 1e-4
 """Density, relative to that at low frequencies, below which a stop band does not count: it is far below the noise that
 rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
-_ITERATIONS = 40
+KNOWN = 2.0
+"""Standard deviation of the logarithm of the factor on the known part, which is fitted too: the slow terms come from a
+fit without this shape, and may be off by several times (docs/validation/sensors.md)."""
+LEAST_KNOWN = 1e-3
+"""Smallest known part that is assumed, as a share of the lowest density: it falls as that of a random walk."""
+LIKELY = 0.01
+"""Smallest weight of an order that is reported beside the best one."""
+_ITERATIONS, _FIRST, _KEPT = 40, 6, 2
 _NEAR = 1e-4
 _SMOOTH = 5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Alternative:
+    """A process of another order that describes the density nearly as well.
+
+    Attributes
+    ----------
+    phi, theta : (p,), (q,) arrays
+        Coefficients, as in `SpectralShape`.
+    density : float
+        Density at the frequency 0, per sample.
+    weight : float
+        Posterior probability among all orders that were tried, by the Bayesian information criterion.
+    """
+
+    phi: Vector
+    theta: Vector
+    density: float
+    weight: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +76,8 @@ class SpectralShape:
         Covariance of the coefficients.
     misfit : float
         Mean squared distance between the logarithms, relative to its expectation; near 1 for a good fit.
+    alternatives : tuple of Alternative
+        Processes of other orders with a weight of at least 1 %.
     """
 
     phi: Vector
@@ -56,6 +85,7 @@ class SpectralShape:
     innovation: float
     covariance: Matrix
     misfit: float
+    alternatives: tuple[Alternative, ...] = ()
 
     def __post_init__(self) -> None:
         for array in (self.phi, self.theta, self.covariance):
@@ -74,8 +104,8 @@ def short_memory(
 
     The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). Starting from white
     noise, one to four roots are added at a time, from several starting points near the largest residuals, as long as
-    the sum of squares falls by more than log(n) for each coefficient. A process whose density at the frequency 0 is
-    uncertain is not used, but the last one before it.
+    the sum of squares falls by more than log(n) for each coefficient. At the end, the size of the known part is fitted
+    too, for all orders near the best one. A process whose density at the frequency 0 is uncertain is not used.
 
     Parameters
     ----------
@@ -102,28 +132,73 @@ def short_memory(
     angles = 2 * math.pi * frequencies / rate
     lags = np.arange(1, HIGHEST + 1)
     plateau = float(np.median(density[: max(density.size // 8, 3)]))
+    least = LEAST_KNOWN * plateau * (np.sin(angles[0] / 2) / np.sin(angles / 2)) ** 2
     data = _Data(
-        waves=np.exp(-1j * np.outer(angles, lags)), angles=angles, known=known + FLOOR * plateau,
-        logs=np.log(density + FLOOR * plateau), weights=1 / (2 / degrees_of_freedom + ACCURACY**2),
+        waves=np.exp(-1j * np.outer(angles, lags)), angles=angles, known=np.maximum(known, least),
+        floor=FLOOR * plateau,
+        logs=np.log(density + FLOOR * plateau) - _log_bias(degrees_of_freedom),
+        weights=1 / (2 / degrees_of_freedom + ACCURACY**2),
     )  # fmt: skip
-    best = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
-    price, path = math.log(density.size), [best]
+    white = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
+    price = math.log(density.size)
+    # The known part is held at first: it could take the place of the filter. Then its size is fitted too.
+    tried = _grown(data, white, price, free=False)
+    before = min(tried, key=lambda point: _score(point, price))
+    best = _freed(data, before)
+    moved = _score(before, price) - _score(best, price) > price
+    near = math.inf if moved else _score(before, price) - 2 * math.log(LIKELY)
+    tried = [_freed(data, p) for p in _best_of_each_order(tried) if p is not before and _score(p, price) <= near]
+    tried = [point for point in (*tried, best) if abs(_bend(data, point)) <= FLAT] or [white]
+    if moved:
+        tried += _grown(data, min(tried, key=lambda point: _score(point, price)), price, free=True)
+    sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
+    chosen = min(sure, key=lambda point: _score(point, price), default=white)
+    return _reported(data, chosen, _alternatives(data, chosen, sure, price))
+
+
+def _freed(data: _Data, point: _Point) -> _Point:
+    """The point after a descent in which the size of the known part is free too."""
+    return _descend(data, point.a, point.b, point.scale, free=True)
+
+
+def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Point]:
+    """All processes that were tried, while roots are added to the best one."""
+    tried = [best]
     while True:
-        starts = [
-            start
-            for more in STEPS
-            if best.a.size + more[0] <= HIGHEST and best.b.size + more[1] <= HIGHEST
-            for start in _starts(data, best, more)
-        ]
-        # A real root does not depend on the angle, and both residuals can be largest at the same frequency.
-        distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in starts}.values()
-        found = [_descend(data, a, b, best.scale) for a, b in distinct]
+        orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
+        found = [_best_start(data, best, more, free=free) for more in orders]
         found = [point for point in found if abs(_bend(data, point)) <= FLAT]
+        tried += found
         next_best = min(found, key=lambda point: _score(point, price), default=best)
         if _score(next_best, price) >= _score(best, price):
-            return _reported(data, next((p for p in reversed(path) if _error_at_zero(p, data) <= SURE), best))
+            return tried
         best = next_best
-        path.append(best)
+
+
+def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
+    """The optimum with more roots, from the starting points that have descended farthest after a few steps."""
+    # A real root does not depend on the angle, and both residuals can be largest at the same frequency.
+    distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
+    short = [_descend(data, a, b, best.scale, best.slow, free=free, steps=_FIRST) for a, b in distinct]
+    first = sorted(short, key=lambda point: point.loss)[:_KEPT]
+    return min((_descend(data, p.a, p.b, p.scale, p.slow, free=free) for p in first), key=lambda point: point.loss)
+
+
+def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
+    best: dict[tuple[int, int], _Point] = {}
+    for point in tried:
+        orders = (point.a.size, point.b.size)
+        if orders not in best or point.loss < best[orders].loss:
+            best[orders] = point
+    return list(best.values())
+
+
+def _log_bias(degrees_of_freedom: Vector) -> Vector:
+    """Expectation (n,) of the logarithm of a chi-square estimate relative to its expectation, about −1/η."""
+    from scipy.special import digamma
+
+    half = degrees_of_freedom / 2
+    return np.asarray(digamma(half) - np.log(half))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,20 +206,26 @@ class _Data:
     waves: NDArray[np.complex128]
     angles: Vector
     known: Vector
+    floor: float
     logs: Vector
     weights: Vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """Coefficients of the polynomials a and b of |b|²/|a|², without the leading 1, and the logarithm of the scale."""
+    """Coefficients of the polynomials a and b of |b|²/|a|², without the leading 1, and the logarithm of the scale.
+
+    `slow` is the logarithm of the factor on the known part.
+    """
 
     a: Vector
     b: Vector
     scale: float
+    slow: float
     loss: float
     left: Vector
     share: Vector
+    slow_share: Vector
     waves: NDArray[np.complex128]
 
     @property
@@ -152,9 +233,14 @@ class _Point:
         """Number of coefficients."""
         return self.a.size + self.b.size
 
+    @property
+    def density(self) -> float:
+        """Density at the frequency 0."""
+        return math.exp(self.scale) * (1 + float(self.b.sum())) ** 2 / (1 + float(self.a.sum())) ** 2
+
     @cached_property
     def jacobian(self) -> Matrix:
-        """Derivatives (n, 1 + p + q) of the logarithm of the density by the scale, a and b."""
+        """Derivatives (n, 2 + p + q) of the logarithm of the density by the scale, a, b and the known part."""
         before, after = self.waves[:, : self.a.size], self.waves[:, : self.b.size]
         with np.errstate(all="ignore"):
             columns = [
@@ -162,34 +248,49 @@ class _Point:
                 -2 * (before / (1 + before @ self.a)[:, None]).real,
                 2 * (after / (1 + after @ self.b)[:, None]).real,
             ]
-            return np.asarray(np.concatenate(columns, axis=1) * self.share[:, None])
+            own = np.concatenate(columns, axis=1) * self.share[:, None]
+            return np.column_stack([own, self.slow_share])
 
 
-def _evaluated(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
+def _evaluated(data: _Data, a: Vector, b: Vector, scale: float, slow: float) -> _Point:
     below = 1 + data.waves[:, : a.size] @ a
     above = 1 + data.waves[:, : b.size] @ b
     with np.errstate(all="ignore"):
         own = np.exp(scale) * np.abs(above) ** 2 / np.abs(below) ** 2
-        total = own + data.known
-        left, share = data.logs - np.log(total), own / total
-    loss = float(np.sum(data.weights * left**2))
+        beside = np.exp(slow) * data.known
+        total = own + beside + data.floor
+        left, share, slow_share = data.logs - np.log(total), own / total, beside / total
+    loss = float(np.sum(data.weights * left**2)) + (slow / KNOWN) ** 2
     loss = loss if math.isfinite(loss) else math.inf
-    return _Point(a=a, b=b, scale=scale, loss=loss, left=left, share=share, waves=data.waves)
+    return _Point(
+        a=a, b=b, scale=scale, slow=slow, loss=loss, left=left, share=share, slow_share=slow_share, waves=data.waves
+    )  # fmt: skip
 
 
-def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
-    """The local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle."""
-    here, damping = _evaluated(data, a, b, scale), 1e-3
-    for _ in range(_ITERATIONS):
-        root = np.sqrt(data.weights)[:, None] * here.jacobian
+def _descend(
+    data: _Data, a: Vector, b: Vector, scale: float, slow: float = 0.0, *, free: bool = False, steps: int = _ITERATIONS
+) -> _Point:
+    """The local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
+
+    The factor on the known part is fitted if it is free.
+    """
+    here, damping = _evaluated(data, a, b, scale, slow), 1e-3
+    for _ in range(steps):
+        jacobian = here.jacobian if free else here.jacobian * np.append(np.ones(1 + here.order), 0.0)
+        root = np.sqrt(data.weights)[:, None] * jacobian
         if not np.all(np.isfinite(root)):
             break
-        normal, slope = root.T @ root, here.jacobian.T @ (data.weights * here.left)
+        normal, slope = root.T @ root, jacobian.T @ (data.weights * here.left)
+        normal[-1, -1] += KNOWN**-2
+        slope[-1] -= here.slow * KNOWN**-2
         size = np.diag(normal) + 1e-12 * np.trace(normal)
         lower = None
         while damping < 1e8:
             step = np.linalg.lstsq(normal + damping * np.diag(size), slope, rcond=None)[0]
-            there = _evaluated(data, here.a + step[1 : 1 + a.size], here.b + step[1 + a.size :], here.scale + step[0])
+            there = _evaluated(
+                data, here.a + step[1 : 1 + a.size], here.b + step[1 + a.size : -1], here.scale + step[0],
+                here.slow + step[-1],
+            )  # fmt: skip
             if there.loss < here.loss:
                 lower = there
                 break
@@ -201,25 +302,27 @@ def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
         if done:
             break
     (inner_a, gain_a), (inner_b, gain_b) = _inside(here.a, POLE), _inside(here.b, ZERO)
-    return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b)
+    return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b, here.slow)
 
 
-def _score(point: _Point, price: float) -> float:
-    return point.loss + price * point.order
+def _score(point: _Point, price: float, spread: float = 1.0) -> float:
+    return point.loss / spread + price * point.order
 
 
 def _error_at_zero(point: _Point, data: _Data) -> float:
     """Standard error of the logarithm of the density at the frequency 0."""
     slopes = np.concatenate([
-        [1.0], -2 / (1 + point.a.sum()) * np.ones(point.a.size), 2 / (1 + point.b.sum()) * np.ones(point.b.size)
+        [1.0], -2 / (1 + point.a.sum()) * np.ones(point.a.size), 2 / (1 + point.b.sum()) * np.ones(point.b.size), [0.0]
     ])  # fmt: skip
     return math.sqrt(max(float(slopes @ _scatter(point, data) @ slopes), 0.0))
 
 
 def _scatter(point: _Point, data: _Data) -> Matrix:
-    """Covariance of the logarithm of the scale and of the coefficients a and b."""
+    """Covariance of the logarithm of the scale, of the coefficients a and b, and of the factor on the known part."""
     root = np.sqrt(data.weights)[:, None] * point.jacobian
+    root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / KNOWN)])
     length = np.linalg.norm(root, axis=0)
+    length[length == 0] = 1.0
     # Roots that cancel make the normal equations singular; the pseudo-inverse leaves these directions out.
     inverse = np.linalg.pinv((root / length).T @ (root / length), rcond=1e-10, hermitian=True) / np.outer(
         length, length
@@ -275,10 +378,24 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
     return whole[1:]
 
 
-def _reported(data: _Data, point: _Point) -> SpectralShape:
+def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
+    """The best process of each other order, with its weight exp(−difference / 2) for a sum of all weights of 1."""
+    best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
+    spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
+    own = _score(chosen, price, spread)
+    weights = {at: math.exp(min(own - _score(point, price, spread), 0.0) / 2) for at, point in best.items()}
+    total = sum(weights.values())
+    return tuple(
+        Alternative(phi=-point.a, theta=point.b.copy(), density=point.density, weight=weights[at] / total)
+        for at, point in best.items()
+        if point is not chosen and weights[at] >= LIKELY * total
+    )
+
+
+def _reported(data: _Data, point: _Point, alternatives: tuple[Alternative, ...]) -> SpectralShape:
     sign = np.concatenate([-np.ones(point.a.size), np.ones(point.b.size)])
     return SpectralShape(
         phi=-point.a, theta=point.b.copy(), innovation=math.exp(point.scale),
-        covariance=_scatter(point, data)[1:, 1:] * np.outer(sign, sign),
-        misfit=point.loss / max(data.logs.size - point.jacobian.shape[1], 1),
+        covariance=_scatter(point, data)[1:-1, 1:-1] * np.outer(sign, sign),
+        misfit=point.loss / max(data.logs.size - point.jacobian.shape[1], 1), alternatives=alternatives,
     )  # fmt: skip
