@@ -12,6 +12,9 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install
 # What the installed package is built from. Python files are not among them: they are used in place.
 BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 'cpp/tests/*')
 
+# The tests start a hundred processes. Each would compile the 400 modules of the package again: half of its time.
+export PYTHONDONTWRITEBYTECODE =
+
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:

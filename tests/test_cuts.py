@@ -95,15 +95,15 @@ def test_nothing_to_cut_is_the_recording_itself():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "argument"),
     [
-        ({"start": -1.0}, "start must be a time"), ({"stop": float("nan")}, "stop must be a time"),
-        ({"start": "10"}, "start must be a time"), ({"start": 5.0, "stop": 5.0}, "stop must be a time after .* 5 s"),
-        ({"skip": [(5.0, 2.0)]}, "earlier time first"), ({"skip": [3.0]}, "pairs"), ({"skip": ["ab"]}, "pairs"),
+        ({"start": -1.0}, "start"), ({"stop": float("nan")}, "stop"), ({"start": "10"}, "start"),
+        ({"start": 5.0, "stop": 5.0}, "stop"), ({"skip": [(5.0, 2.0)]}, "skip"), ({"skip": [3.0]}, "skip"),
+        ({"skip": ["ab"]}, "skip"),
     ],
 )  # fmt: skip
-def test_times_that_are_none(arguments, says):
-    with pytest.raises(OptionError, match=says):
+def test_times_that_are_none(arguments, argument):
+    with raises(OptionError, argument=argument):
         recording().between(**arguments)
 
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
@@ -38,6 +39,12 @@ def modules() -> list[str]:
 
 def _no_module_is_skipped(name: str) -> None:
     raise ImportError(f"{name} cannot be imported")
+
+
+@cache
+def parsed(file: Path) -> ast.Module:
+    """The syntax tree of a file, which several tests walk."""
+    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def python_files() -> list[Path]:
@@ -71,7 +78,7 @@ def test_upward_imports_are_local_to_methods() -> None:
     ignored = [entry.split(" -> ") for entry in contract["ignore_imports"] if entry != "gmwm.** -> gmwm"]
     assert len(ignored) > 20
     for importer, imported in ignored:
-        tree = ast.parse(Path(import_module(importer).__file__ or "").read_text(encoding="utf-8"))
+        tree = parsed(Path(import_module(importer).__file__ or ""))
         owners = [node for node in tree.body if isinstance(node, ast.ClassDef)]
         methods = [node for owner in owners for node in owner.body if isinstance(node, ast.FunctionDef)]
         every, local = (
@@ -104,7 +111,7 @@ def delegating_methods() -> Iterator[tuple[str, tuple[Callable[..., object], Cal
     """Methods that import a function and return its value for their object and parameters: each with it."""
     for file in python_files():
         name = ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
-        for owner in ast.parse(file.read_text(encoding="utf-8")).body:
+        for owner in parsed(file).body:
             if not isinstance(owner, ast.ClassDef):
                 continue
             for node in owner.body:
@@ -137,7 +144,7 @@ def test_at_most_four_arguments_are_passed_by_position() -> None:
         file = Path(module.__file__ or "")
         if file.suffix != ".py":
             continue
-        for call, called in calls(ast.parse(file.read_text(encoding="utf-8")), vars(module), None):
+        for call, called in calls(parsed(file), vars(module), None):
             home = getattr(called, "__module__", None) or ""
             if not home.startswith("gmwm.") or home == "gmwm._core" or called in BY_POSITION:
                 continue
@@ -180,7 +187,7 @@ def test_only_the_command_line_imports_from_the_package_itself() -> None:
     upstairs = {PACKAGE / "__init__.py", PACKAGE / "__main__.py", *(PACKAGE / "cli").glob("*.py")}
     wrong = []
     for file in sorted(set(python_files()) - upstairs):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(file)):
             if isinstance(node, ast.Import):
                 allowed = all(alias.name != "gmwm" for alias in node.names)
             elif isinstance(node, ast.ImportFrom):
@@ -196,7 +203,7 @@ def test_only_the_command_line_imports_from_the_package_itself() -> None:
 def test_only_the_process_knows_its_name() -> None:
     places: dict[str, list[str]] = {name: [] for name in registry}
     for file in python_files():
-        for statement in ast.parse(file.read_text(encoding="utf-8")).body:
+        for statement in parsed(file).body:
             if _is_list_of_exports(statement):
                 continue
             for node in ast.walk(statement):
@@ -233,7 +240,7 @@ def test_commands_are_short_and_return_an_outcome() -> None:
     assert len(names) > 10
     lengths, wrong = {}, []
     for name in names:
-        tree = ast.parse((PACKAGE / "cli" / f"{name}.py").read_text(encoding="utf-8"))
+        tree = parsed(PACKAGE / "cli" / f"{name}.py")
         (found,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == name)
         body = found.body[1:]  # without the docstring
         lengths[name] = found.body[-1].end_lineno - body[0].lineno + 1  # type: ignore[operator]
@@ -248,7 +255,7 @@ def test_every_error_of_a_reader_has_a_code() -> None:
     without = [
         f"{file.name}:{node.lineno}"
         for file in (PACKAGE / "readers").glob("*.py")
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        for node in ast.walk(parsed(file))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in kinds
         if not any(keyword.arg == "code" for keyword in node.keywords)
     ]
@@ -281,7 +288,7 @@ def test_no_code_searches_or_edits_the_text_of_errors_and_remarks() -> None:
     """
     places = []
     for file in python_files():
-        tree = ast.parse(file.read_text(encoding="utf-8"))
+        tree = parsed(file)
         places += [f"{file.relative_to(ROOT)}:{line}" for line in sorted(edited_prose(tree))]
     assert places == []
 

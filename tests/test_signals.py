@@ -26,23 +26,19 @@ def test_from_arrays_converts_to_si():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "message"),
+    ("arguments", "error", "facts"),
     [
-        (({"pressure": np.ones(9)}, 1), ReadError, "no column whose name is known as an axis"),
-        ((np.ones((6, 100)), 1), DataError, "Pass its transpose"),
-        (([1.0, 2.0], 1), DataError, r"got \(2,\)"),
-        (({"gyro_x": [1.0, np.nan]}, 1), DataError, "gyro_x has 2 samples, but at least 8"),
-        (
-            ({"gyro_x": [1.0], "gyro_y": [1.0, 2.0]}, 1),
-            DataError,
-            "same length, .*gyro_y .*2 samples.*gyro_x .*1 samples",
-        ),
-        (({"gyro_x": [1.0]}, 0), OptionError, "rate must be a positive"),
-        (({}, 1), DataError, "at least one axis"),
+        (({"pressure": np.ones(9)}, 1), ReadError, ["pressure"]),
+        ((np.ones((6, 100)), 1), DataError, ["(6, 100)"]),
+        (([1.0, 2.0], 1), DataError, ["(2,)"]),
+        (({"gyro_x": [1.0, np.nan]}, 1), DataError, ["gyro_x", 2, 8]),
+        (({"gyro_x": [1.0], "gyro_y": [1.0, 2.0]}, 1), DataError, ["gyro_y", "2 samples", "gyro_x", "1 samples"]),
+        (({"gyro_x": [1.0]}, 0), OptionError, ["rate"]),
+        (({}, 1), DataError, ["axis"]),
     ],
 )
-def test_from_arrays_refuses(arguments, error, message):
-    with pytest.raises(error, match=message):
+def test_from_arrays_refuses(arguments, error, facts):
+    with raises(error, *facts):
         Imu.from_arrays(*arguments)
 
 
@@ -114,15 +110,11 @@ def test_missing_samples_are_gaps_to_every_estimate():
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ([NAN, NAN], "all 2 samples of the signal are missing"),
-        ([1.0, np.inf, NAN], "1 infinite value, the first at index 1.*NaN"),
-        (np.ones((2, 2)), "one-dimensional"),
-    ],
+    ("values", "facts"),
+    [([NAN, NAN], ["2 samples"]), ([1.0, np.inf, NAN], ["1 infinite", "index 1"]), (np.ones((2, 2)), ["dimension"])],
 )
-def test_what_cannot_be_a_signal_with_gaps(values, message):
-    with pytest.raises(DataError, match=message):
+def test_what_cannot_be_a_signal_with_gaps(values, facts):
+    with raises(DataError, *facts):
         Signal.from_missing(values, 1.0)
 
 
@@ -138,18 +130,18 @@ SIMULATED = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=1.0)
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "facts", "advises"),
     [
-        (gmwm.wavelet_variance(SIMULATED.imu), r"must be one axis; got a WaveletVariances of gyro_x, gyro_y"),
-        (SIMULATED, r"got a SimulatedImu of gyro_x, gyro_y\. Pass `x\.imu\['gyro_x'\]"),
-        (SIMULATED["gyro_x"], r"got a SimulatedSignal of WN\. Pass `x\.signal`"),
-        ("static.csv", r"got 'static\.csv'\. Read the file with `gmwm\.read\(path\)`"),
-        (Path("static.csv"), r"Path\('static\.csv'\)\. Read the file with `gmwm\.read\(path\)`"),
+        (gmwm.wavelet_variance(SIMULATED.imu), ["WaveletVariances of gyro_x, gyro_y"], []),
+        (SIMULATED, ["SimulatedImu of gyro_x, gyro_y"], ["`x.imu['gyro_x']"]),
+        (SIMULATED["gyro_x"], ["SimulatedSignal of WN"], ["`x.signal`"]),
+        ("static.csv", ["'static.csv'"], ["`gmwm.read(path)`"]),
+        (Path("static.csv"), ["Path('static.csv')"], ["`gmwm.read(path)`"]),
     ],
 )
-def test_what_holds_samples_is_no_signal(given, message):
+def test_what_holds_samples_is_no_signal(given, facts, advises):
     for door in (gmwm.wavelet_variance, gmwm.allan_variance):
-        with pytest.raises(DataError, match=message):
+        with raises(DataError, *facts, advises=advises):
             door(given, 1.0)
 
 

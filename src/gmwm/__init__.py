@@ -10,8 +10,8 @@ Variances
     `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
     datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
     `psd` estimates the power spectral density, and finds lines and resonances in it.
-    `modwt` and `dwt` are the wavelet transforms. `contamination` tests for outliers, and `compare` draws curves and
-    fits over one another.
+    `cross` tests which noise axes share, and `same` whether two recordings have the same noise. `modwt` and `dwt` are
+    the wavelet transforms. `contamination` tests for outliers, and `compare` draws curves and fits over one another.
 Models
     A `Model` is a sum of processes, `2 * GM() + WN()` or `Model.parse("2*GM + WN")`. `fixed` holds a parameter at a
     value. `fit` estimates a model by the GMWM, and `fit_ml` by maximum likelihood; `select` and `rank` choose among
@@ -38,6 +38,7 @@ from gmwm.estimation import Fit, fit
 from gmwm.fleets import fleet
 from gmwm.inference import plan
 from gmwm.inspection import inspect
+from gmwm.joint import cross, same
 from gmwm.likelihood import fit_ml
 from gmwm.outliers import contamination
 from gmwm.plots import compare
@@ -112,6 +113,7 @@ __all__ = [
     "calibrate",
     "compare",
     "contamination",
+    "cross",
     "dwt",
     "fit",
     "fit_ml",
@@ -125,6 +127,7 @@ __all__ = [
     "rank",
     "read",
     "reference_imu",
+    "same",
     "select",
     "simulate",
     "simulate_signal",

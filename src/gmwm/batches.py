@@ -7,6 +7,7 @@ last bit.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,6 +17,7 @@ import numpy as np
 
 from gmwm._arrays import Vector, freeze
 from gmwm.axis_names import axis_quantity
+from gmwm.chunks import Samples
 from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
@@ -26,30 +28,8 @@ BATCH = 1 << 21
 samples of six axes whose wavelet variance is exact at all levels (`exact_levels`)."""
 
 
-class Chunklike(Protocol):
-    """Samples of the axes of a recording that follow each other without a gap: `gmwm.readers.Chunk`."""
-
-    @property
-    def values(self) -> Mapping[str, Vector]:
-        """The samples by axis, in the SI unit."""
-
-    @property
-    def first(self) -> int:
-        """Number of the first sample in the recording."""
-
-    @property
-    def segment(self) -> int:
-        """Number of the segment."""
-
-    @property
-    def start(self) -> float:
-        """Time of the first sample (s)."""
-
-    def __len__(self) -> int: ...
-
-
-class Chunked(Protocol):
-    """A recording that is iterated over in chunks, as `gmwm.readers.Stream`."""
+class Streamed(Protocol):
+    """A recording whose samples are read from a file when they are needed: `gmwm.readers.Stream`."""
 
     @property
     def source(self) -> str:
@@ -71,7 +51,8 @@ class Chunked(Protocol):
     def time_base(self) -> TimeBase:
         """Properties of the time stamps; after an iteration, of all of them."""
 
-    def __iter__(self) -> Iterator[Chunklike]: ...
+    def samples(self) -> Iterator[Samples]:
+        """Iterate over the samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +66,14 @@ class Batch:
         Number of the first sample in the recording, from 0.
     continues : bool
         Whether no sample is missing between this batch and the one before.
+    temperature : (n,) array or None
+        Temperature (°C), if the recording has one.
     """
 
     signals: Mapping[str, Signal]
     first: int = 0
     continues: bool = False
+    temperature: Vector | None = None
 
     def __len__(self) -> int:
         return len(next(iter(self.signals.values())))
@@ -104,7 +88,10 @@ class Batch:
         if self.stop <= stop:
             return self
         return Batch(
-            {axis: cut(x, 0, stop - self.first) for axis, x in self.signals.items()}, self.first, self.continues
+            {axis: cut(x, 0, stop - self.first) for axis, x in self.signals.items()},
+            self.first,
+            self.continues,
+            None if self.temperature is None else self.temperature[: stop - self.first],
         )
 
 
@@ -134,13 +121,13 @@ class Batches:
 
     Parameters
     ----------
-    recording : Imu or Chunked
+    recording : Imu or Streamed
         A recording in memory or in chunks.
     done : callable, optional
         Called with the number of samples so far, after each chunk.
     """
 
-    def __init__(self, recording: Imu | Chunked, done: Callable[[int], None] | None = None) -> None:
+    def __init__(self, recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> None:
         self.recording, self._done = recording, done
         self._only: Batch | None = None
         self._samples: int | None = None
@@ -178,58 +165,69 @@ class Batches:
         return np.concatenate(parts)
 
 
-def batches(recording: Imu | Chunked, done: Callable[[int], None] | None = None) -> Iterator[Batch]:
+def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> Iterator[Batch]:
     """Iterate over the batches of a recording: see `Batches`."""
     if not isinstance(recording, Imu):
-        yield from gathered(recording, recording.axes, recording.rate, done)
+        yield from gathered(recording.samples(), recording.axes, recording.rate, done)
         return
+    heat = recording.temperature
     if len(recording) <= BATCH:
-        yield Batch(recording.signals)
+        yield Batch(recording.signals, temperature=heat)
     else:
         begins = {first for first, _ in recording.segments}
         for first in range(0, len(recording), BATCH):
             part = {axis: cut(x, first, first + BATCH) for axis, x in recording.signals.items()}
-            yield Batch(part, first, first not in begins)
+            own = None if heat is None else heat[first : first + BATCH]
+            yield Batch(part, first, first not in begins, own)
     if done is not None:
         done(len(recording))
 
 
 def gathered(
-    chunks: Iterable[Chunklike], axes: Sequence[str], rate: float, done: Callable[[int], None] | None = None
+    samples: Iterable[Samples], axes: Sequence[str], rate: float, done: Callable[[int], None] | None = None
 ) -> Iterator[Batch]:
-    """Gather chunks of any size into batches."""
+    """Gather samples in portions of any size into batches."""
     batch = _Gathered(axes, rate)
-    for chunk in chunks:
+    for some in samples:
         if done is not None:
-            done(chunk.first + len(chunk))
-        yield from batch.add(chunk)
+            done(some.first + len(some))
+        yield from batch.add(some)
     yield from batch.end()
 
 
 class _Gathered:
-    """The chunks of a batch that is not complete yet."""
+    """The samples of a batch that is not complete yet."""
 
     def __init__(self, axes: Sequence[str], rate: float) -> None:
         self._axes, self._rate = tuple(axes), rate
-        self._segment = -1  # of the sample before
         self._values: dict[str, Vector] = {}
         self._begins: list[tuple[int, float]] = []  # place in the batch and time of the first sample of each segment
         self._first = self._size = 0
         self._continues = False
 
-    def add(self, chunk: Chunklike) -> Iterator[Batch]:
-        """Add a chunk, and return the batches that are complete."""
-        taken = 0
-        while taken < len(chunk):
-            part = slice(taken, min(len(chunk), taken + BATCH - self._size))
+    def add(self, samples: Samples) -> Iterator[Batch]:
+        """Add samples, and return the batches that are complete."""
+        runs = {max(sample - samples.first, 0): (sample, time) for sample, time in samples.runs}
+        begins, taken = sorted(runs), 0
+        while taken < len(samples):
+            part = slice(taken, min(len(samples), taken + BATCH - self._size))
+            at = bisect_right(begins, taken) - 1
+            sample, time = runs[begins[at]]
+            number = samples.first + taken
             if not self._size:
-                self._first, self._continues = chunk.first + taken, chunk.segment == self._segment
-                self._values = {axis: np.empty(BATCH) for axis in self._axes}
-            if not self._size or chunk.segment != self._segment:
-                self._begins.append((self._size, chunk.start + taken / self._rate))
-            for axis in self._axes:
-                self._values[axis][self._size : self._size + part.stop - taken] = chunk.values[axis][part]
-            self._size, self._segment, taken = self._size + part.stop - taken, chunk.segment, part.stop
+                self._first, self._continues = number, sample < number
+                roles = (*self._axes, *(["temperature"] if samples.temperature is not None else []))
+                self._values = {role: np.empty(BATCH) for role in roles}
+            if not self._size or sample == number:
+                self._begins.append((self._size, time + (number - sample) / self._rate))
+            for begin in begins[at + 1 : bisect_left(begins, part.stop)]:
+                self._begins.append((self._size + begin - taken, runs[begin][1]))
+            given = dict(samples.values)
+            if samples.temperature is not None:
+                given["temperature"] = samples.temperature
+            for role, values in self._values.items():
+                values[self._size : self._size + part.stop - taken] = given[role][part]
+            self._size, taken = self._size + part.stop - taken, part.stop
             if self._size == BATCH:
                 yield from self.end()
 
@@ -239,19 +237,16 @@ class _Gathered:
             return
         ends = [*(place for place, _ in self._begins), self._size]
         segments, starts = list(pairwise(ends)), [start for _, start in self._begins]
+        values = {role: freeze(self._values.pop(role)[: self._size]) for role in list(self._values)}
+        temperature = values.pop("temperature", None)
         signals = {
             axis: Signal(
-                freeze(self._values.pop(axis)[: self._size]),
-                self._rate,
-                unit=SI_UNIT[axis_quantity(axis)],
-                axis=axis,
-                segments=segments,
-                starts=starts,
+                own, self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
             )
-            for axis in self._axes
+            for axis, own in values.items()
         }
         self._begins, self._size = [], 0
-        yield Batch(signals, self._first, self._continues)
+        yield Batch(signals, self._first, self._continues, temperature)
 
 
 def cut(signal: Signal, first: int, last: int) -> Signal:

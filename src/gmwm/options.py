@@ -135,6 +135,22 @@ def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
         raise OptionError(argument=name, expected=f"{', '.join(others)} or {last}", got=value)
 
 
+def as_size(value: object) -> float:
+    """Check the significance level of a test: a number between 0 and 1.
+
+    Raises
+    ------
+    OptionError
+        If it is anything else.
+
+    >>> as_size(0.05)
+    0.05
+    """
+    if isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool) and 0 < value < 1:
+        return float(value)
+    raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=value)
+
+
 def as_confidence(value: object, name: str = "confidence") -> float:
     """Check a confidence level: a number of at least 0.5 and less than 1.
 

@@ -14,10 +14,11 @@ import numpy as np
 from gmwm._arrays import Vector
 from gmwm._template import joined
 from gmwm._text import moment
+from gmwm.chunks import Samples
 from gmwm.errors import DataError, GmwmWarning, OptionError
 from gmwm.remarks import Quantity, Remark
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
-from gmwm.time_base import TimeBase, begins_of
+from gmwm.time_base import TimeBase
 
 ROUNDING = 1e-6
 """Tolerance in samples within which a given time is that of a sample: above the rounding of times in float64 (1e-7 of a
@@ -30,48 +31,128 @@ def cut(
     """Cut out the part of a recording between two times: see `Imu.between`."""
     kept = kept_ranges(start, stop, skip)
     first = next(iter(imu.signals.values()))
-    ranges = _sample_ranges(first, kept)
-    begins = begins_of(first.rate, first.segments, first.starts)
-    end = begins[-1] + (first.segments[-1][1] - first.segments[-1][0]) / first.rate
-    require_some(max((last - begin for begin, last, _, _ in ranges), default=0), kept, end)
-    require_inside(kept, end, first.rate)
-    if [(begin, last) for begin, last, _, _ in ranges] == list(first.segments):
+    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
+    values = {axis: signal.values for axis, signal in imu.signals.items()}
+    trimmer = Trimmer(kept, imu.rate)
+    part = trimmer.take(Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature))
+    base = trimmer.time_base(imu.time_base or TimeBase(imu.rate, start=first.start))
+    if part is None or len(part) == len(imu):
         return imu
-    sizes = [last - begin for begin, last, _, _ in ranges]
-    segments = tuple(pairwise(accumulate(sizes, initial=0)))
-    starts = tuple(time for _, _, time, _ in ranges)
-    base = imu.time_base or TimeBase(imu.rate, start=first.start)
-
-    def of(values: Vector) -> Vector:
-        parts = [values[begin:last] for begin, last, _, _ in ranges]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
+    ranges = list(part.ranges())
     signals = {
         axis: Signal(
-            values=of(signal.values),
+            values=part.values[axis],
             rate=signal.rate,
             unit=signal.unit,
             axis=axis,
-            start=starts[0],
-            segments=segments,
-            starts=starts,
+            start=ranges[0][2],
+            segments=[(begin, end) for begin, end, _ in ranges],
+            starts=[time for _, _, time in ranges],
         )
         for axis, signal in imu.signals.items()
     }
     remark = Remark.of(
         "cut",
         known="yes",
-        kept=Quantity(sum(sizes) / imu.rate, "s"),
+        kept=Quantity(len(part) / imu.rate, "s"),
         whole=Quantity(imu.duration, "s"),
         ranges=range_texts(kept),
     )
-    return replace(
-        imu,
-        signals=signals,
-        remarks=(*imu.remarks, remark),
-        time_base=cut_base(base, starts, sizes, base.left + ranges[0][3]),
-        temperature=None if imu.temperature is None else of(imu.temperature),
-    )
+    remarks = (*imu.remarks, remark)
+    return replace(imu, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
+
+
+class Trimmer:
+    """Keeps the samples of a recording that lie in ranges of time.
+
+    Parameters
+    ----------
+    kept : sequence of (from, to)
+        Ranges of time (s) from the first sample, in order.
+    rate : float
+        Samples per second (Hz).
+    """
+
+    def __init__(self, kept: Sequence[tuple[float, float]], rate: float) -> None:
+        self._kept, self._rate, self._clock = kept, rate, _Elapsed(rate)
+        self._starts, self._sizes = list[float](), list[int]()
+        self._count, self._left = 0, math.nan
+        self._following = (-1, -1)  # segment and number of the sample that would follow without a gap
+
+    @property
+    def done(self) -> bool:
+        """Whether no later sample is kept."""
+        return not self._kept or self._clock.end >= self._kept[-1][1]
+
+    def take(self, samples: Samples) -> Samples | None:
+        """The samples that are kept, numbered from the first one that is kept; None for none."""
+        parts, runs, first, segment = list[slice](), list[tuple[int, float]](), self._count, len(self._sizes) - 1
+        for k, ((begin, end, _), (sample, time)) in enumerate(zip(samples.ranges(), samples.runs, strict=True)):
+            elapsed = self._clock.begin(sample, time, samples.first + end)
+            for limits in self._kept:
+                a, b = (
+                    int(np.clip(np.ceil((edge - elapsed) * self._rate - ROUNDING) + sample - samples.first, begin, end))
+                    for edge in limits
+                )
+                if a < b:
+                    parts.append(slice(a, b))
+                    passed = (samples.first + a - sample) / self._rate
+                    if self._following != (samples.segment + k, samples.first + a):
+                        self._left = elapsed + passed if not self._sizes else self._left
+                        self._starts.append(time + passed)
+                        self._sizes.append(0)
+                        runs.append((self._count, time + passed))
+                    elif not runs:
+                        runs.append((first - self._sizes[-1], self._starts[-1]))
+                    self._following = (samples.segment + k, samples.first + b)
+                    self._sizes[-1] += b - a
+                    self._count += b - a
+        if not parts:
+            return None
+
+        def of(values: Vector) -> Vector:
+            return values[parts[0]] if len(parts) == 1 else np.concatenate([values[part] for part in parts])
+
+        return Samples(
+            {axis: of(values) for axis, values in samples.values.items()},
+            samples.rate,
+            first=first,
+            segment=max(segment + (runs[0][0] == first), 0),
+            runs=tuple(runs),
+            temperature=None if samples.temperature is None else of(samples.temperature),
+        )
+
+    def time_base(self, base: TimeBase) -> TimeBase:
+        """The time base of what was kept, from that of the recording, at the end.
+
+        Raises
+        ------
+        DataError
+            If no segment of at least 8 samples is left, or a range to skip is after the end of the recording.
+        """
+        require_some(max(self._sizes, default=0), self._kept, self._clock.end)
+        require_inside(self._kept, self._clock.end, self._rate)
+        return cut_base(base, self._starts, self._sizes, base.left + self._left)
+
+
+class _Elapsed:
+    """Time since the first sample, including gaps. If the clock was set back, the time continues without a step."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._run, self._origin = rate, -1, 0.0
+        self._ahead = self._begin = self.end = 0.0
+
+    def begin(self, sample: int, time: float, stop: int) -> float:
+        """When the segment begins (s) whose first sample is number `sample` at `time`, up to sample `stop` so far."""
+        if self._run < 0:
+            self._origin = time
+        if sample != self._run:
+            begin = time - self._origin + self._ahead
+            if begin < self.end:
+                self._ahead, begin = self._ahead + self.end - begin, self.end
+            self._run, self._begin = sample, begin
+        self.end = self._begin + (stop - sample) / self._rate
+        return self._begin
 
 
 def kept_ranges(
@@ -155,31 +236,6 @@ def _seconds(time: object, name: str) -> float:
 def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:
     """Ranges of time as texts, such as "10 s to 50 s" and "60 s to the end"."""
     return tuple(f"{moment(a)} to {moment(b) if b < math.inf else 'the end'}" for a, b in kept)
-
-
-def _sample_ranges(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float, float]]:
-    """Ranges of samples without a gap in the kept times, each with its time stamp and its time from the first sample.
-
-    Returns
-    -------
-    list of (first, last, stamp, time)
-    """
-    ranges: list[tuple[int, int, float, float]] = []
-    begins = begins_of(signal.rate, signal.segments, signal.starts)
-    for (first, last), begin, time in zip(signal.segments, begins, signal.starts, strict=True):
-        at_start = True
-        for times in kept:
-            a, b = (
-                first + int(np.ceil(np.clip((edge - begin) * signal.rate - ROUNDING, 0, last - first)))
-                for edge in times
-            )
-            if a < b and not at_start and ranges[-1][1] == a:
-                ranges[-1] = (ranges[-1][0], b, *ranges[-1][2:])  # the skipped range holds no sample
-            elif a < b:
-                passed = (a - first) / signal.rate
-                ranges.append((a, b, time + passed, begin + passed))
-                at_start = False
-    return ranges
 
 
 def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:

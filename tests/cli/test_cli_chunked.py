@@ -3,7 +3,7 @@
 import pytest
 
 import gmwm as library
-from gmwm.readers import streams
+from gmwm.readers import api, streams
 
 WITHIN = "GM + WN + RW"
 
@@ -54,8 +54,8 @@ def test_worker_processes(gmwm, file):
 def test_large_files_are_read_in_chunks(gmwm, file, monkeypatch):
     monkeypatch.setattr(streams, "LARGE", 1000)
     read = []
-    stream = streams.stream_file
-    monkeypatch.setattr(streams, "stream_file", lambda *a, **k: read.append(a) or stream(*a, **k))
+    stream = api.stream_file
+    monkeypatch.setattr(api, "stream_file", lambda *a, **k: read.append(a) or stream(*a, **k))
     assert gmwm("wv", file).code == 0
     assert len(read) == 1
     for memory in (("--chunked", "no"), ("--filter", "la8"), ("--gaps", "longest")):

@@ -104,7 +104,7 @@ def test_files_that_belong_together_are_written_all_or_none(tmp_path):
 
 
 def test_a_failure_follows_the_result(capsys):
-    with pytest.raises(DataError, match="cut short"):
+    with pytest.raises(DataError, match=r"^cut short$"):
         finished(Outcome(command="x", document={}, text="what came before", failure=DataError("cut short")))
     assert capsys.readouterr().out == "what came before\n"
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, FitWarning, OptionError
+from gmwm.errors import DataError, OptionError
 from gmwm.exporters import export_all, export_formats
 from gmwm.exporters.text import plain, unended
 from gmwm.remarks import Quantity, Remark
-from tests.helpers import codes, only, raises
+from tests.helpers import codes, only, raises, warns
 
 from .conftest import RATE, TRUTHS, calibrated, exact_curve, remarks_in, words
 from .consumers import CONSUMERS, PER_AXIS, yaml
@@ -216,7 +216,7 @@ def test_a_time_near_the_horizon_is_told(units):
 def test_terms_that_act_as_others_are_counted_to_these(units):
     curve = exact_curve("gyro_x", "WN(sigma2=6e-7) + RW(gamma2=1e-11)")
     found = calibrated(TRUTHS["quantized"])
-    with pytest.warns(FitWarning, match="acts as RW"):
+    with warns("acts-as", process="RW"):
         fit = gmwm.fit("GM + WN", curve)
     axes = {**found.axes, "gyro_x": replace(found.axes["gyro_x"], fit=fit)}
     walk = CONSUMERS["matlab"](replace(found, axes=axes).export(format="matlab"))["gyro"][1]

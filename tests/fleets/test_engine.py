@@ -163,7 +163,7 @@ def test_a_fleet_is_loaded_as_it_was(run):
     assert (again.units, again.failed, again.left_out) == (found.units, found.failed, found.left_out)
     assert (again.settings, again.kept, again.done) == (found.settings, UNITS - 2, 0)
     assert again[name_of(1)].to_dict() == found[name_of(1)].to_dict()
-    with pytest.raises(DataError, match="could not be calibrated"):
+    with raises(DataError, BAD[0]):
         again[BAD[0]]
     with raises(OptionError, argument="unit", got="unit 7"):
         again["unit 7"]
@@ -312,7 +312,7 @@ def test_a_scheduler_that_goes_away_ends_the_fleet_and_loses_nothing(few, tmp_pa
 
     with (
         distributed.Client(cluster, set_as_default=False) as client,
-        pytest.raises(GmwmError, match="no longer answers"),
+        raises(GmwmError, "scheduler"),
     ):
         fleet(few, tmp_path / "out", within=WITHIN, scheduler=client, progress=leave)
     found = fleet(few, tmp_path / "out", within=WITHIN, workers=0)
@@ -444,28 +444,29 @@ def test_recordings_that_are_refused(names, got, tmp_path):
 
 
 def test_units_with_the_same_path_are_refused(tmp_path):
-    with pytest.raises(OptionError, match=r"'a' and 'a\.json/b'"):
+    with raises(OptionError, "'a' and 'a.json/b'"):
         fleet({"a": "x", "a.json/b": "y"}, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "argument"),
     [
-        ({"within": "WN + XX"}, "XX"),
-        ({"confidence": 95}, "confidence must be"),
-        ({"robust": "yes"}, "robust must be"),
+        ({"within": "WN + XX"}, None),
+        ({"confidence": 95}, "confidence"),
+        ({"robust": "yes"}, "robust"),
         ({"axes": ()}, "axes"),
         ({"reading": {"rate": -1}}, "rate"),
-        ({"reading": {"units": {"gyro": "furlong"}}}, "furlong"),
+        ({"reading": {"units": {"gyro": "furlong"}}}, "unit"),
         ({"reading": {"gaps": "glue"}}, "gaps"),
         ({"reading": {"format": "xls"}}, "format"),
         ({"reading": {"start": float("nan")}}, "start"),
     ],
 )
-def test_options_are_checked_before_the_work(options, words, few, tmp_path):
-    with pytest.raises(GmwmError, match=words):
+def test_options_are_checked_before_the_work(options, argument, few, tmp_path):
+    with pytest.raises(GmwmError) as caught:
         fleet(few, tmp_path / "out", **({"workers": 0} | options))
+    assert caught.value.argument == argument
     assert not (tmp_path / "out").exists()
 
 
@@ -524,7 +525,7 @@ def test_results_of_another_fleet_are_told(few, tmp_path):
 def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("gmwm.streaming.scheduling.PATIENCE", 0.5)
-    with pytest.raises(OptionError, match="does not answer"):
+    with raises(OptionError, "tcp://127.0.0.1:9"):
         fleet(few, tmp_path / "out", within=WITHIN, scheduler="tcp://127.0.0.1:9")
     assert not (tmp_path / "out").exists()
 

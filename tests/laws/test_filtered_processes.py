@@ -2,7 +2,6 @@
 
 import math
 import runpy
-import time
 from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
@@ -183,17 +182,6 @@ def test_models_add_under_every_filter(name):
     jacobian = model.jacobian(9, RATE, name)
     np.testing.assert_allclose(jacobian[:, 1] * 2.0, parts["GM"], rtol=1e-14)
     np.testing.assert_allclose(jacobian[:, 3] * 1e-3, parts["RW"], rtol=1e-14)
-
-
-@pytest.mark.parametrize("name", ["d4", "la8", "mb24"])
-def test_a_grid_of_nine_hundred_is_fast(name):
-    table, f = np.geomspace(1e-8, 20.0, 900)[:, None] * RATE, find_filter(name)
-    times = []
-    for _ in range(3):
-        start = time.perf_counter()
-        GM.shape(table, 20, RATE, f)
-        times.append(time.perf_counter() - start)
-    assert min(times) < 0.1
 
 
 # --- simulation ---------------------------------------------------------------------------------------

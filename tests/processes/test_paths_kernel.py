@@ -57,10 +57,10 @@ def test_only_rows_of_doubles_are_taken(wrong):
 
 
 def test_no_columns_are_refused():
-    with pytest.raises(ValueError, match="at least one column"):
+    with pytest.raises(ValueError, match="column"):
         _core.accumulate(np.ones((2, 0)), 1.0)
 
 
 def test_predictors_of_another_size_are_refused():
-    with pytest.raises(ValueError, match="predictors and deviations must have a row"):
+    with pytest.raises(ValueError, match=r"^predictors and deviations "):
         _core.mix(np.ones((1, 3)), np.ones(2), np.ones(0), np.ones((2, 1)), np.ones(2), 1.0)

@@ -8,7 +8,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, ReadError
-from gmwm.readers import parquet, read, stream, streams, text
+from gmwm.readers import interpretation, parquet, read, stream, text
 from gmwm.readers.lost_samples import gaps_of
 from gmwm.readers.parts import PartReader
 from tests.helpers import raises, warns
@@ -21,7 +21,7 @@ LINES = [f"{k / 100:.2f},{x},{y}\n" for k, (x, y) in enumerate(VALUES.tolist())]
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(streams.first_rows, "__defaults__", (1000,))
+    monkeypatch.setattr(interpretation, "HEAD", 1000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 20_000)
     monkeypatch.setattr(parquet, "ROWS", 700)
 
@@ -165,7 +165,7 @@ def test_streams_and_parts_lose_the_same_samples(tmp_path, small_blocks, clock, 
     samples, summary = [], None
     for part in stream(path, **options).parts(4):
         reader = PartReader(part)
-        samples += [x for chunk in reader for x in chunk["gyro_x"].tolist()]
+        samples += [x for part in reader.samples() for x in part.values["gyro_x"].tolist()]
         summary = reader.summary if summary is None else summary.followed_by(reader.summary)
     assert samples == signal.values.tolist()
     assert (summary.lost, summary.stop) == (whole.time_base.lost, len(signal))

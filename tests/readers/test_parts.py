@@ -10,7 +10,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import OptionError, ReadError
-from gmwm.readers import arrays, parquet, parts, stream, streams, text, waypoint
+from gmwm.readers import arrays, interpretation, parquet, parts, stream, text, waypoint
 from gmwm.readers.base import Mark, find_reader
 from gmwm.readers.parts import PartReader
 from gmwm.readers.reading_warnings import of_file
@@ -25,7 +25,7 @@ UNITS = {"gyro": "deg/s", "accel": "g"}
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks and heads so small that a file of some thousand rows has many of them."""
-    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(interpretation, "HEAD", 3000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     monkeypatch.setattr(parquet, "ROWS", 1500)
     monkeypatch.setattr(arrays, "ROWS", 1500)
@@ -53,7 +53,7 @@ def same(source, count):
     seen, summary = [], None
     for part in divided:
         reader = PartReader(part)
-        own = list(reader)
+        own = [chunk for samples in reader.samples() for chunk in samples.chunks(part.size)]
         assert all(len(chunk) <= part.size for chunk in own)
         assert own[0].first == part.first
         seen.append((own, firsts(own)))
@@ -92,7 +92,7 @@ def test_a_gap_at_a_seam_or_beside_it(tmp_path, apart):
     _, right = same(source, 2)
     assert right.first == 10_500
     reader = PartReader(right)
-    begin = next(iter(reader))
+    begin = next(chunk for samples in reader.samples() for chunk in samples.chunks(777))
     assert begin.segment == (apart == 0)
     assert begin.start == pytest.approx((10_500 + 7 * (apart <= 0)) * 0.01, rel=1e-12)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm.errors import OptionError, ReadError, UnitError
-from gmwm.readers import read, stream, streams, text
+from gmwm.readers import interpretation, read, stream, text
 from gmwm.readers.growing_files import Lines, growing_stream
 from gmwm.readers.text_stamps import Midnights, described, is_stamp, times_of
 from tests.helpers import only, raises
@@ -387,7 +387,7 @@ AS_TEXT = {
 @pytest.mark.parametrize("form", AS_TEXT)
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "jitter", "late", "bursts"])
 def test_in_chunks_and_parts(tmp_path, monkeypatch, form, kind):
-    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(interpretation, "HEAD", 3000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     ns = BEGIN + np.round(stamps(kind, np.random.default_rng(3)) * 1e6).astype(np.int64) * 1000
     path = part_files(tmp_path / "a.csv", [AS_TEXT[form](t) for t in ns.tolist()])

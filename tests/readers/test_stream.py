@@ -12,7 +12,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
-from gmwm.readers import arrays, parquet, stream, streams, text
+from gmwm.readers import arrays, interpretation, parquet, stream, text
 from gmwm.remarks import Remark
 from tests.helpers import only, raises
 
@@ -22,8 +22,7 @@ ROWS = 20_000
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks and heads so small that a file of some thousand rows has many of them."""
-    monkeypatch.setattr(streams, "HEAD", 3000)
-    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(interpretation, "HEAD", 3000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     monkeypatch.setattr(parquet, "ROWS", 1500)
     monkeypatch.setattr(arrays, "ROWS", 1500)
@@ -146,10 +145,11 @@ def test_bare_records(tmp_path):
     same(path, columns=["time", *imu.axes], units={"gyro": "rad/s", "accel": "m/s2", "time": "s"})
 
 
-def test_temperature_is_left_out(tmp_path):
+def test_temperature_is_beside_the_axes(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None), "temperature": np.arange(ROWS) * 1.0} | columns())
-    _, found = same(path, units={"gyro": "deg/s"})
+    imu, found = same(path, units={"gyro": "deg/s"})
     assert "temperature" not in found[0].values
+    assert np.array_equal(np.concatenate([chunk.temperature for chunk in found]), imu.temperature)
 
 
 def test_it_can_be_read_again(tmp_path):

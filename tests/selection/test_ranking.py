@@ -268,7 +268,7 @@ def test_a_short_record_leaves_out_what_it_cannot_carry():
     assert 0 < len(ranking) < 4 * 2 * 2 * 2 - 1
     for candidate in ranking:
         assert len(candidate.model.names) <= 6
-    with pytest.raises(OptionError, match=r"^3\*GM \+ WN "):
+    with raises(OptionError, "3*GM + WN"):
         ranking["3*GM + WN"]
     assert "3*GM" in {c.structure for c in ranking}
 
@@ -328,11 +328,11 @@ def test_options_that_are_refused(wv, argument, value):
             call(model, wv, **{argument: value})
 
 
-@pytest.mark.parametrize(("options", "words"), [({"rate": 50.0}, "rate"), ({"robust": True}, "robust")])
-def test_options_that_contradict_the_wavelet_variance_are_refused(wv, options, words):
+@pytest.mark.parametrize(("argument", "value"), [("rate", 50.0), ("robust", True)])
+def test_options_that_contradict_the_wavelet_variance_are_refused(wv, argument, value):
     for call, model in ((gmwm.select, "GM + WN"), (gmwm.rank, ["GM + WN"])):
-        with pytest.raises(OptionError, match=words):
-            call(model, wv, **options)
+        with raises(OptionError, argument=argument):
+            call(model, wv, **{argument: value})
 
 
 @pytest.mark.parametrize(
@@ -343,9 +343,9 @@ def test_candidates_must_be_a_list(wv, models):
         gmwm.rank(models, wv)
 
 
-@pytest.mark.parametrize(("models", "words"), [(["WN", 3], "got 3"), (["WN", "8*GM"], r"^8\*GM has 16 .* 15 levels")])
-def test_candidates_that_are_refused(wv, models, words):
-    with pytest.raises(ModelError, match=words):
+@pytest.mark.parametrize(("models", "facts"), [(["WN", 3], [3]), (["WN", "8*GM"], ["8*GM", "16", "15 levels"])])
+def test_candidates_that_are_refused(wv, models, facts):
+    with raises(ModelError, *facts):
         gmwm.rank(models, wv)
 
 
@@ -360,12 +360,12 @@ def test_candidates_that_are_refused(wv, models, words):
     ],
 )
 def test_general_models_that_are_refused(wv, general, words):
-    with pytest.raises(ModelError, match=words):
+    with raises(ModelError, words):
         gmwm.select(general, wv)
 
 
 def test_data_that_are_refused(wv):
-    with pytest.raises(ModelError, match="signal is constant"):
+    with raises(ModelError, "constant"):
         gmwm.select("GM + WN", np.ones(1000), RATE)
     with raises(OptionError, argument="rate"):
         gmwm.select("GM + WN", simulated(1000))
@@ -377,9 +377,9 @@ def test_data_that_are_refused(wv):
         gmwm.select("GM + WN", [wv, gmwm.wavelet_variance(gmwm.Signal(simulated(), 50.0, "rad/s", "gyro_x"))])
     with raises(DataError, "'rad/s'"):
         gmwm.select("GM + WN", [wv, gmwm.wavelet_variance(gmwm.Signal(simulated(), RATE, "m/s²", "accel_x"))])
-    with pytest.raises(DataError, match="robust: False and True"):
+    with raises(DataError, "robust: False and True"):
         gmwm.select("GM + WN", [wv, gmwm.wavelet_variance(gmwm.Signal(simulated(), RATE, "rad/s"), robust=True)])
-    with pytest.raises(ModelError, match=r"more parameters than .* levels, 1"):
+    with raises(ModelError, "levels, 1"):
         gmwm.select("GM", gmwm.WaveletVariance.from_values([1.0], samples=1000, rate=RATE))
 
 

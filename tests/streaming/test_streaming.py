@@ -8,9 +8,10 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.readers import streams
+from gmwm.readers import interpretation, parquet
 from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
+from tests.helpers import raises
 
 
 def in_chunks(x, segments, seed, **options):
@@ -95,14 +96,14 @@ def test_a_drift_keeps_its_sign_over_gaps():
 
 def test_too_little_is_an_error():
     made = WaveletAccumulator(100.0)
-    with pytest.raises(DataError, match="at least 8 samples"):
+    with raises(DataError, 8):
         made.result()
     for _ in range(3):
         made.update(np.arange(7.0))
         made.gap()
-    with pytest.raises(DataError, match="got 7 so far"):
+    with raises(DataError, 7):
         made.result()
-    with pytest.raises(OptionError, match="exact must be"):
+    with raises(OptionError, argument="exact", got=2):
         WaveletAccumulator(100.0, exact=2)
 
 
@@ -117,10 +118,11 @@ def recording(tmp_path):
 
 
 def test_a_file_in_one_pass_is_the_file_in_memory(recording, monkeypatch):
-    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(interpretation, "HEAD", 3000)
+    monkeypatch.setattr(parquet, "ROWS", 4096)
     imu = gmwm.read(recording)
     told = []
-    curves = gmwm.stream(recording, chunk=4096).wavelet_variance(exact=15, done=told.append)
+    curves = gmwm.stream(recording).wavelet_variance(exact=15, done=told.append)
     assert list(curves) == list(imu.axes)
     for axis, found in curves.items():
         same(found, gmwm.wavelet_variance(imu[axis]))
@@ -147,7 +149,7 @@ def test_a_file_with_gaps(tmp_path):
 def test_what_is_wrong_in_the_file_ends_the_pass_and_its_threads(tmp_path):
     x = np.random.default_rng(7).normal(size=300_000)
     (tmp_path / "a.csv").write_text("gyro_x [rad/s]\n" + "".join(f"{v:.3f}\n" for v in x) + "broken\n0.1\n")
-    with pytest.raises(ReadError, match="line 300002"):
+    with raises(ReadError, "line 300002", code="row-invalid"):
         gmwm.stream(tmp_path / "a.csv", 100.0, chunk=5000).wavelet_variance()
 
     def interrupt(samples):

@@ -48,9 +48,9 @@ def test_clusters_that_do_not_exist(kernel, most):
     p = phase(30)
     assert kernel(p, most) > 0
     for n in (0, most + 1, 2**62, 2**63):
-        with pytest.raises(ValueError, match=f"n must be from 1 to {most}"):
+        with pytest.raises(ValueError, match=rf"^n .* {most}\b"):
             kernel(p, n)
-    with pytest.raises(ValueError, match="n must be from 1 to 0"):
+    with pytest.raises(ValueError, match=r"^n .* 0\b"):
         kernel(np.empty(0), 1)
     for wrong in ([1.0, 2.0, 3.0, 4.0], np.arange(30), np.arange(60.0)[::2]):
         with pytest.raises(TypeError):
@@ -58,7 +58,7 @@ def test_clusters_that_do_not_exist(kernel, most):
 
 
 def test_a_stride_of_zero():
-    with pytest.raises(ValueError, match="stride must be positive"):
+    with pytest.raises(ValueError, match=r"^stride "):
         _core.second_differences(phase(30), 1, 0)
 
 
@@ -73,7 +73,7 @@ def test_octaves_in_one_pass_are_the_octaves_one_by_one(size):
 
 @pytest.mark.parametrize("octaves", [0, 4, 63, 64, 2**40])
 def test_octaves_that_do_not_exist(octaves):
-    with pytest.raises(ValueError, match="octaves must be from 1 to log2"):
+    with pytest.raises(ValueError, match=r"^octaves "):
         _core.octave_second_differences(phase(15), octaves)
 
 

@@ -418,14 +418,14 @@ def test_from_values():
 
 def test_kernel_refuses_what_would_crash():
     total = _core.running_sum(white(100))
-    with pytest.raises(ValueError, match="limit must be positive"):
+    with pytest.raises(ValueError, match=r"^limit "):
         _core.biweight_sums(total, 0.0)
-    with pytest.raises(ValueError, match="level must be"):
+    with pytest.raises(ValueError, match=r"^level "):
         _core.haar_biweight_sums(total, np.ones(7), 1)
     with pytest.raises(ValueError, match="every"):
         _core.haar_biweight_sums(total, np.ones(3), 0)
     for level in (0, 7, 63):
-        with pytest.raises(ValueError, match="level must be"):
+        with pytest.raises(ValueError, match=r"^level "):
             _core.haar_sample(total, level, 10)
-        with pytest.raises(ValueError, match="level must be"):
+        with pytest.raises(ValueError, match=r"^level "):
             _core.haar_between(total, level, 0.0, 1.0)

@@ -285,7 +285,7 @@ def test_some_values_are_the_same_however_they_come(start):
 
 def test_the_kernel_refuses_what_would_crash():
     total = _core.running_sum(white(100))
-    with pytest.raises(ValueError, match="begin must be less than 101, got 101"):
+    with pytest.raises(ValueError, match=r"^begin .* 101"):
         _core.haar_biweight_sums(total, np.ones(3), 1, 101)
     assert _core.haar_biweight_sums(total, np.ones(3), 1, 100)[2].tolist() == [0.0, 0.0, 0.0]
 

@@ -19,6 +19,8 @@ from gmwm.calibration.tables import in_order, merged
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
+from gmwm.multiple_tests import holm
+from gmwm.options import as_size
 from gmwm.processes.linear_recursion import Lagged
 from gmwm.processes.model import Model
 from gmwm.processes.noise import QN, WN
@@ -96,8 +98,7 @@ def agree(
     [1.0, 1.0]
     """
     sheets = _sheets(calibrations)
-    if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < 1:
-        raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=size)
+    size = as_size(size)
     names = _labels(calibrations, labels)
     axes = merged([list(sheet) for sheet in sheets])
     if not any(sum(axis in sheet for sheet in sheets) > 1 for axis in axes):
@@ -279,12 +280,11 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
 
 
 def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
-    """Adjust p-values by Holm's method: multiply each by the number of p-values that are not smaller, monotonically."""
-    order = sorted((k for k, row in enumerate(rows) if row.pvalue is not None), key=lambda k: rows[k].pvalue or 0.0)
-    made, least = list(rows), 0.0
-    for place, k in enumerate(order):
-        least = max(least, min(1.0, (len(order) - place) * (rows[k].pvalue or 0.0)))
-        made[k] = replace(rows[k], adjusted=least, agrees=least > size)
+    """Adjust the p-values of the tests that were made by Holm's method."""
+    tested = [k for k, row in enumerate(rows) if row.pvalue is not None]
+    made = list(rows)
+    for k, p in zip(tested, holm([rows[k].pvalue or 0.0 for k in tested]).tolist(), strict=True):
+        made[k] = replace(rows[k], adjusted=p, agrees=p > size)
     return made
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gmwm._text import duration_text
 from gmwm._threads import in_threads
-from gmwm.batches import Batch, Batches, Chunked, feed
+from gmwm.batches import Batch, Batches, Streamed, feed
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import DataError, GmwmError
@@ -328,7 +328,7 @@ def _inspected(
     return statistics.result(conditions)
 
 
-def _reported(recording: Imu | Chunked, progress: Callable[[str], None] | None) -> Batches:
+def _reported(recording: Imu | Streamed, progress: Callable[[str], None] | None) -> Batches:
     """The batches of a recording; reading of a file is reported after each chunk."""
     if progress is None or isinstance(recording, Imu):
         return Batches(recording)

@@ -87,7 +87,8 @@ def opened(
             advice="Leave {--chunked=no} out.",
         )
     from gmwm.cli.output import progress
-    from gmwm.readers.streams import is_large, stream_file
+    from gmwm.readers.api import stream_file
+    from gmwm.readers.streams import is_large
 
     if not spread and (chunked == "no" or (chunked == "auto" and (whole or not is_large(path)))):
         return load(path, reading)

@@ -35,7 +35,7 @@ def each_topic(
     GmwmError
         If no recording can be used.
     """
-    from gmwm.readers.api import inertial_topics
+    from gmwm.readers.topics import inertial_topics
 
     if reading.topic is not None:
         raise OptionError(argument="topic", expected="left out with --all-topics", got=reading.topic)

@@ -49,15 +49,20 @@ def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
     return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
 
 
-def mixture(variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf) -> tuple[Vector, Model]:
+def mixture(
+    variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf, random: bool = False
+) -> tuple[Vector, Model]:
     """The smooth curve (J,) of positive variances (J,) with degrees of freedom (J,), and the mixture as a model.
 
     The mixture has only processes whose covariance is known. With `within`, it has no drift, and no process with a
-    correlation time (s) above `within`, apart from random walks and flicker noise.
+    correlation time (s) above `within`, apart from random walks and flicker noise. If `random`, it has no drift and no
+    sinusoid: there is no chance in their wavelet variance, so V of the coarsest levels would be too small.
     """
     levels = tuple(design.levels.tolist())
     processes, shapes = _candidates(levels, design.longest, design.rate, design.filter)
     known = _known(levels, design.longest, rate=design.rate, filter=design.filter, within=within)
+    if random:
+        known = tuple(k for k in known if _is_random(processes[k]))
     curve, weights = _likeliest(variance, freedom, shapes[list(known)])
     chosen = [(processes[k], float(weight)) for k, weight in zip(known, weights, strict=True) if weight > 0]
     parts = [p.with_values(**{p.scale_parameter().name: p.value_from(weight)}) for p, weight in chosen]
@@ -74,6 +79,12 @@ def _known(
         k for k, process in enumerate(processes)
         if process.has("generalised_covariance") and (within == np.inf or _short(process, rate, within))
     )  # fmt: skip
+
+
+def _is_random(process: Process) -> bool:
+    """Whether a process is neither a drift nor a sinusoid, and a sum of two such mixtures is one again."""
+    closed = process.repeatable or not process.nonlinear_parameters()
+    return closed and process.line(1.0) is None and not np.any(process.mean(np.arange(2)))
 
 
 def _short(process: Process, rate: float, within: float) -> bool:

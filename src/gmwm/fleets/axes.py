@@ -10,6 +10,7 @@ import numpy as np
 from gmwm._arrays import Matrix
 from gmwm.axis_names import sensor_of
 from gmwm.fleets.statistics_result import SIGNED, AxisDifference
+from gmwm.multiple_tests import holm
 
 LEAST = 6
 """Number of units with a number on all axes that the test needs, so that three axes leave 4 degrees of freedom."""
@@ -87,8 +88,5 @@ def hotelling(d: Matrix) -> float | None:
 
 def _adjusted(found: Sequence[AxisDifference], size: float) -> tuple[AxisDifference, ...]:
     """Adjust the p-values of all tests by Holm's method."""
-    made, least = list(found), 0.0
-    for rank, k in enumerate(sorted(range(len(made)), key=lambda k: made[k].pvalue)):
-        least = max(least, min(1.0, (len(made) - rank) * made[k].pvalue))
-        made[k] = replace(made[k], adjusted=least, differs=least <= size)
-    return tuple(made)
+    adjusted = holm([one.pvalue for one in found]).tolist()
+    return tuple(replace(one, adjusted=p, differs=p <= size) for one, p in zip(found, adjusted, strict=True))

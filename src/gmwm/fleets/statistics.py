@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.axis_names import sensor_of
 from gmwm.calibration.tables import in_order
-from gmwm.errors import OptionError
 from gmwm.fleets.axes import differences
 from gmwm.fleets.findings import LEAST
 from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
 from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, as_size
 
 if TYPE_CHECKING:
     import polars
@@ -89,8 +88,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     (True, True)
     """
     confidence = as_confidence(confidence)
-    if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < 1:
-        raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=size)
+    size = as_size(size)
     read = Reading(table, confidence)
     samples = read.samples()
     units = len(read.units)

@@ -17,8 +17,8 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import GmwmError, GmwmWarning
 from gmwm.fleets.rows import Row, plain, rows_of
 from gmwm.options import ReadOptions
-from gmwm.readers.api import read_file
-from gmwm.readers.streams import Stream, is_large, stream_file
+from gmwm.readers.api import read_file, stream_file
+from gmwm.readers.streams import Stream, is_large
 from gmwm.remarks import Remark
 from gmwm.signals import Imu
 

@@ -16,6 +16,7 @@ from gmwm._text import Summarised, rounded
 from gmwm.covariance import Design
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
+from gmwm.options import as_size
 from gmwm.outliers.bursts import Bursts
 from gmwm.outliers.dependence import Dependence
 from gmwm.outliers.screening import Screen, screened
@@ -305,8 +306,7 @@ def contamination(
     """
     from scipy.special import gammaincc, gammainccinv
 
-    if not 0 < size < 1:
-        raise OptionError(argument="size", expected="a probability between 0 and 1", got=size)
+    size = as_size(size)
     if isinstance(comparisons, bool) or not isinstance(comparisons, int | np.integer) or comparisons < 1:
         raise OptionError(argument="comparisons", expected="an integer of at least 1", got=comparisons)
     if not 0 <= tolerance < np.inf:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from zlib import crc32
 
 from gmwm.plots.figure import Stroke, Symbol
-from gmwm.processes import registry
+from gmwm.processes import FN, SIN, WN, registry
 
 if TYPE_CHECKING:
     from gmwm.processes.base import Process
@@ -59,7 +59,7 @@ _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, S
 
 _ALONE = 4
 """Number of processes of inertial sensors that a model can contain only once."""
-_NEXT = {"FN": 7, "SIN": 8}
+_NEXT = {FN.name: 7, SIN.name: 8}
 """Stroke numbers of flicker noise and the first line, after those of three Gauss-Markov terms."""
 _OUTPUT = ("AR", "MA", "ARMA")
 """White noise behind the filter of the sensor. It replaces WN in a model, and has its stroke there."""
@@ -115,8 +115,8 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
     """
     kinds = {term: _kind(process) for term, process in zip(terms, processes, strict=True)}
     settled = _settled()
-    if "WN" not in kinds.values():
-        settled |= dict.fromkeys(_OUTPUT, settled["WN"])
+    if WN.name not in kinds.values():
+        settled |= dict.fromkeys(_OUTPUT, settled[WN.name])
     strokes, seen = dict[str, Stroke](), Counter[str]()
     # Inertial processes first. Otherwise sorted, so that the result does not depend on the order of the terms.
     for term in sorted(kinds, key=lambda term: settled.get(kinds[term], 0) > _ALONE):

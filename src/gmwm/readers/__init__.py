@@ -4,6 +4,7 @@
 True
 """
 
+from gmwm.chunks import Chunk
 from gmwm.readers import archive as archive
 from gmwm.readers import compressed as compressed
 from gmwm.readers import dataflash as dataflash
@@ -20,10 +21,10 @@ from gmwm.readers import text as text
 from gmwm.readers import ulog as ulog
 from gmwm.readers import waypoint as waypoint
 from gmwm.readers import xsens as xsens
-from gmwm.readers.api import read
+from gmwm.readers.api import read, stream
 from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, find_reader, register, registered
 from gmwm.readers.parts import Part
-from gmwm.readers.streams import Chunk, Stream, stream
+from gmwm.readers.streams import Stream
 
 __all__ = [
     "Channel", "Chunk", "Layout", "Mark", "Part", "Reader", "Rows", "Stream", "find_reader", "read", "register",

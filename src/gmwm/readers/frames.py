@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError
 from gmwm.options import ReadOptions
-from gmwm.readers.api import recording_of, require_time
+from gmwm.readers.api import recording_of
 from gmwm.readers.arrays import Array, chunks_of, fields_of, layouts_of, part_of
 from gmwm.readers.base import Layout
 from gmwm.readers.column_names import named_unit, unit_of
 from gmwm.readers.columns import Choice, choose
+from gmwm.readers.interpretation import require_time, understand
 from gmwm.readers.reading_warnings import warn
+from gmwm.readers.streams import HeldRows
 from gmwm.signals import Imu
 from gmwm.units import SI_UNIT
 
@@ -83,9 +85,10 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
     require_time(layout, choice, options.rate, _NAME)
     wanted = list(choice.columns.values())
     parts = list(chunks_of(layout, wanted, _NAME))
-    rows = {k: np.concatenate([part[k] for part in parts]) for k in wanted}
-    declared = {**_unstated(layout, choice), **options.units}
-    imu = recording_of(rows, layout, choice, options=options, units=declared, path=_NAME)
+    held = HeldRows({k: np.concatenate([part[k] for part in parts]) for k in wanted})
+    options = replace(options, units={**_unstated(layout, choice), **options.units})
+    found = understand(layout, choice, held.rows, path=_NAME, options=options, source=held)
+    imu = recording_of(found, held, _NAME)
     warn(imu.remarks, stacklevel=3)
     return replace(imu, source=source)
 

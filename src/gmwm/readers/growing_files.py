@@ -7,19 +7,19 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, cast
 
 from gmwm.errors import ReadError
 from gmwm.options import ReadOptions
-from gmwm.readers.api import require_time
-from gmwm.readers.base import Layout, registered
+from gmwm.readers.base import Layout, Rows, registered
 from gmwm.readers.byte_sources import FileSource
-from gmwm.readers.columns import choose
+from gmwm.readers.columns import Choice, choose
+from gmwm.readers.interpretation import require_time, understand
 from gmwm.readers.reading_warnings import warn
-from gmwm.readers.streams import Stream, first_rows, streamed, understand
+from gmwm.readers.streams import Stream, first_rows
 from gmwm.readers.text import TextReader
 
 POLL = 0.2
@@ -207,6 +207,19 @@ class _Whole(FileSource):
         return cast("BinaryIO", _Live(self.begin, self.lines))
 
 
+@dataclass(frozen=True, eq=False)
+class _LiveRows:
+    """The rows of a growing text."""
+
+    reader: TextReader
+    text: _Whole
+    layout: Layout
+
+    def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Iterate over the rows, once."""
+        return self.reader.rows(self.text, self.layout, wanted)
+
+
 def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None, *, patience: float = 5.0) -> Stream:
     """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once.
 
@@ -233,14 +246,14 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
             f"{path} holds no whole line", code="empty", advice="Check whether the recording was interrupted."
         )
     reader, layout = _text_layout(path, head)
-    choice = streamed(choose(layout, options.columns, path))
+    choice = choose(layout, options.columns, path)
+    choice = Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
     require_time(layout, choice, options.rate, path)
     layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
     first = first_rows(reader.rows(_Head(path, head), layout, list(choice.columns.values())), choice)
-    found = understand(layout, choice, first, path=path, options=options, dead=False)
-    wanted = list(found.choice.columns.values())
+    found = understand(layout, choice, first, path=path, options=options, source=None)
     warn(found.remarks, stacklevel=2)
-    return Stream(str(path), found, lambda: reader.rows(_Whole(path, head, lines), layout, wanted), BLOCK)
+    return Stream(str(path), found, _LiveRows(reader, _Whole(path, head, lines), layout), BLOCK)
 
 
 def _first_lines(lines: Lines, patience: float) -> bytes:

@@ -14,15 +14,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.readers.base import Rows
-from gmwm.readers.time_stamps import Timing
 from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase
 
@@ -135,36 +133,6 @@ def about_lost(base: TimeBase) -> Iterator[Remark]:
         yield Remark.of("samples-lost", count=base.lost)
 
 
-def without_lost(timing: Timing, sifted: Sifted) -> Timing:
-    """The timing of the samples that are left, from that of all rows which the clock counts."""
-    lost, cut = sifted.lost, sifted.cut
-    if lost is None and cut is None:
-        return timing
-    rate, rows = timing.base.rate, timing.segments[-1][1]
-    present = np.flatnonzero(~lost) if lost is not None else np.arange(rows)
-    breaks = np.zeros(rows, dtype=bool)
-    breaks[[first for first, _ in timing.segments]] = True
-    if cut is not None:
-        breaks |= cut[:rows]
-    # A sample begins a segment if a row between it and the sample before is lost or begins a segment.
-    so_far = np.cumsum(breaks)
-    begins = np.flatnonzero((np.diff(so_far[present]) > 0) | (np.diff(present) > 1)) + 1
-    begins = np.concatenate([[0], begins])
-    firsts = np.array([first for first, _ in timing.segments])
-    segment = np.searchsorted(firsts, present[begins], side="right") - 1
-    times = np.array(timing.starts)[segment] + (present[begins] - firsts[segment]) / rate
-    pairs = [(int(present[k - 1]), int(present[k])) for k in begins[1:]]
-    gaps = gaps_of(pairs, [int(k) for k in begins[1:]], stamped=timing.base.gaps, rate=rate)
-    base = replace(
-        timing.base,
-        start=float(times[0]),
-        gaps=gaps,
-        lost=sifted.unplaced + (0 if lost is None else int(np.count_nonzero(lost))),
-    )
-    edges = [*(int(k) for k in begins), present.size]
-    return replace(timing, base=base, segments=tuple(pairwise(edges)), starts=tuple(map(float, times)))
-
-
 def gaps_of(
     pairs: Sequence[tuple[int, int]], samples: Sequence[int], stamped: Sequence[tuple[int, float]], rate: float
 ) -> tuple[tuple[int, float], ...]:
@@ -190,33 +158,3 @@ def gaps_of(
         # Rows between are one interval apart, except at the gaps of the time stamps.
         found.append((sample, sum(inside) + (after - before - len(inside)) / rate))
     return tuple(found)
-
-
-def temperature_of(rows: Rows, columns: Mapping[str, int], sifted: Sifted) -> Vector | None:
-    """The temperature of each sample that is left, without NaN; None if it is missing everywhere.
-
-    Where it is missing, it is interpolated linearly: by the time stamps if they increase, so that rows of the
-    temperature alone are used too, and over the rows otherwise.
-    """
-    k = columns["temperature"]
-    known = is_missing(rows[k])
-    column = np.asarray(sifted.rows[k], dtype=np.float64)
-    if known is None or is_missing(column) is None:
-        return column if sifted.lost is None else column[~sifted.lost]
-    there = ~known
-    if not there.any():
-        return None
-    values = np.asarray(rows[k], dtype=np.float64)
-    at, places = np.arange(column.size), np.arange(values.size)
-    if "time" in columns:
-        stamps, left = rows[columns["time"]], sifted.rows[columns["time"]]
-        away = is_missing(stamps)
-        there = there if away is None else there & ~away
-        at, places = ((one - left[0]).astype(np.float64) for one in (left, stamps))
-    if not there.any() or np.any(np.diff(places[there]) <= 0):
-        finite = np.isfinite(column)
-        if not finite.any():
-            return None
-        at, places, values, there = np.arange(column.size), np.arange(column.size), column, finite
-    filled: Vector = np.interp(at, places[there], values[there])
-    return filled if sifted.lost is None else filled[~sifted.lost]

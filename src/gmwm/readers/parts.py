@@ -14,13 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
+from gmwm.chunks import Chunk, Samples
 from gmwm.errors import OptionError, ReadError
-from gmwm.readers.api import one_layout
 from gmwm.readers.base import Layout, Mark, Reader, existing_file, find_reader
-from gmwm.readers.chunks import Chunk, ChunkBuilder, Interpretation, RowSummary
+from gmwm.readers.builder import RowSummary, SampleBuilder
+from gmwm.readers.interpretation import Interpretation
 from gmwm.readers.lost_samples import Sifted, sift
 from gmwm.readers.several_files import SeveralFiles
-from gmwm.readers.streams import Stream
+from gmwm.readers.streams import FileRows, Stream
+from gmwm.readers.topics import one_layout
 
 SHORTEST = 4096
 """Smallest number of rows of a part: reading fewer takes less time than starting to read."""
@@ -78,7 +80,8 @@ class Part:
         return None if self.whole else self.end.row
 
     def __iter__(self) -> Iterator[Chunk]:
-        return iter(PartReader(self))
+        for samples in PartReader(self).samples():
+            yield from samples.chunks(self.size)
 
     def __repr__(self) -> str:
         rows = "all rows" if self.whole else f"rows {self.first} to {self.end.row}"
@@ -99,11 +102,12 @@ class PartReader:
     def __init__(self, part: Part) -> None:
         self._part = part
 
-    def __iter__(self) -> Iterator[Chunk]:
+    def samples(self) -> Iterator[Samples]:
+        """Iterate over the samples of the part."""
         part = self._part
         self._reader, self._layout = _opened(part)
         wanted = list(part.found.choice.columns.values())
-        builder = ChunkBuilder(part.found, part.size, part.first, self._lost_before())
+        builder = SampleBuilder(part.found, part.first, self._lost_before())
         if part.whole:
             chunks = self._reader.chunks(part.path, self._layout, wanted)
         else:
@@ -149,8 +153,8 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
     """Split a recording into consecutive parts: see `Stream.parts`."""
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
         raise OptionError(argument="count", expected="a whole number of parts from 1", got=count)
-    origin = stream._origin
-    if origin is None:
+    origin = stream._rows
+    if not isinstance(origin, FileRows):
         raise OptionError(
             "a growing recording cannot be divided into parts", advice="Save it to a file and pass the file."
         )
@@ -172,7 +176,7 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
         bytes=origin.path.stat().st_size,
         format=origin.reader.name,
         topic=origin.topic,
-        found=stream._found,
+        found=stream._found.without_temperature(),
         size=stream._size,
         back=Mark(0),
         begin=Mark(0),

@@ -9,7 +9,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
-from gmwm.batches import Batch, Chunked
+from gmwm.batches import Batch, Streamed
 from gmwm.errors import DataError, GmwmError, OptionError
 from gmwm.regression.against import TEMPERATURE, Asked, Term
 from gmwm.regression.api import effect_of, regress, without
@@ -82,7 +82,7 @@ class Conditions:
         return cls(covariates, {axis: one for axis, one in found.items() if one is not None})
 
     @classmethod
-    def of_recording(cls, recording: Imu | Chunked, asked: Asked, *, threads: int | None = None) -> Conditions:
+    def of_recording(cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None) -> Conditions:
         """Regress all axes of a recording, see `of`; a recording in chunks has no temperature.
 
         Raises

@@ -21,6 +21,7 @@ SECTIONS: Mapping[str, str] = {
     "selection": "Several candidate models",
     "numbers": "Numbers of a datasheet",
     "calibration": "A calibration",
+    "axes": "Several axes together",
     "agreement": "Several calibrations of one unit",
     "fleet": "A fleet of units",
     "plan": "A planned recording",

@@ -103,13 +103,17 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
     >>> within(Counter({"WN": 1, "RW": 1}), Counter({"GM": 1, "WN": 1}))  # a slow GM is a random walk
     True
     """
-    missing = list((part - whole).elements())
-    return _matched(missing, list((whole - part).elements()))
+    return _matched(_surplus(part, whole), _surplus(whole, part))
 
 
 def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
     """Whether each term of one structure is a term of the other, with the same or a lower order."""
-    return _matched(list((part - whole).elements()), list((whole - part).elements()), limits=False)
+    return _matched(_surplus(part, whole), _surplus(whole, part), limits=False)
+
+
+def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
+    """The terms of one structure that the other lacks. A ranking asks this 10 000 times; `one - other` is slower."""
+    return [name for name, count in one.items() for _ in range(count - other.get(name, 0))]
 
 
 def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from gmwm._threads import INTERRUPT_CHECK
 from gmwm.batches import feed, gathered
 from gmwm.errors import GmwmError
-from gmwm.readers.chunks import RowSummary
+from gmwm.readers.builder import RowSummary
 from gmwm.readers.parts import Part, PartReader
-from gmwm.readers.reading_warnings import of_file, warn
-from gmwm.readers.streams import Stream
+from gmwm.readers.streams import FileRows, Stream
 from gmwm.streaming.passes import AxisCurves, Change
 from gmwm.streaming.scheduling import connected, library
 from gmwm.variance.accumulate import WaveletAccumulator
@@ -103,9 +102,7 @@ def spread(
         second = crew.measure({axis: one.second.part for axis, one in again.items() if one.second is not None})
         for axis, one in again.items():
             one.second = second[axis]
-    remarks = crew.summary.remarks(stream._found)
-    stream._ended(crew.summary.time_base(stream._found))
-    warn(of_file(remarks, stream.source), stacklevel=5)
+    stream._ended(crew.summary, stacklevel=6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +150,7 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     reader = PartReader(part)
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
-        for batch in gathered(reader, tuple(axes), part.found.rate):
+        for batch in gathered(reader.samples(), tuple(axes), part.found.rate):
             for axis, one in axes.items():
                 signal, change = batch.signals[axis], begin.changes[axis]
                 feed(one, signal if change is None else change(signal), batch.continues)
@@ -174,7 +171,7 @@ class _Crew:
         self._client, self._done, self._changes, self._samples = client, done, changes, 0
         self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
         if parts is None:
-            path = None if stream._origin is None else stream._origin.path
+            path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
             parts = max(A_THREAD * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
         self._parts: tuple[Part, ...] = stream.parts(parts)
         self._whole: tuple[Part, ...] = stream.parts(1)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from gmwm._threads import in_threads
 from gmwm.axis_names import axis_quantity
-from gmwm.batches import Accumulator, Batch, Batches, Chunked, Chunklike, feed
+from gmwm.batches import Accumulator, Batch, Batches, Streamed, feed
+from gmwm.chunks import Chunk
 from gmwm.errors import DataError, OptionError
 from gmwm.options import as_confidence
 from gmwm.readers.streams import Stream
@@ -162,7 +163,7 @@ def measured_curves(
 
 
 def curves_of(
-    recording: Imu | Chunked, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
+    recording: Imu | Streamed, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
     robust: bool = True, efficiency: float = EFFICIENCY, passes: int = 2, change: Change | None = None,
 ) -> dict[str, AxisCurves]:  # fmt: skip
     """Empty curves of some axes; by default with as many exact levels as memory allows."""
@@ -174,7 +175,7 @@ def curves_of(
 
 
 def accumulators(
-    recording: Imu | Chunked, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
+    recording: Imu | Streamed, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
     robust: bool = False,
 ) -> dict[str, WaveletAccumulator]:  # fmt: skip
     """An empty accumulator for each axis."""
@@ -193,7 +194,7 @@ def accumulators(
     }
 
 
-def unit_of(recording: Imu | Chunked, axis: str) -> str:
+def unit_of(recording: Imu | Streamed, axis: str) -> str:
     """The unit of an axis; chunks are in SI units."""
     return recording[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
 
@@ -209,7 +210,7 @@ def add_batch(batch: Batch, measured: Mapping[str, Measurement], threads: int | 
     in_threads(lambda axis, one: one.update(batch.signals[axis], batch.continues), measured, threads=threads)
 
 
-def feed_chunks(chunks: Iterable[Chunklike], measured: Mapping[str, Accumulator]) -> None:
+def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, Accumulator]) -> None:
     """Add chunks to the accumulators of some axes as they arrive."""
     segment = 0
     for chunk in chunks:
@@ -221,7 +222,7 @@ def feed_chunks(chunks: Iterable[Chunklike], measured: Mapping[str, Accumulator]
 
 
 def stream_psd(
-    stream: Chunked,
+    stream: Streamed,
     *,
     length: int | None = None,
     detrend: Detrend = "constant",

@@ -1,0 +1,76 @@
+"""gmwm cross: noise that the axes of a recording share."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.cli.command import command
+from gmwm.cli.options import RESULT, Efficiency
+from gmwm.cli.output import NewFile, Outcome, tell_inspection, text_file
+from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.options import ReadOptions
+
+if TYPE_CHECKING:
+    from gmwm.joint import CrossCovariance
+
+EXAMPLES = (
+    "gmwm cross static.csv --axis gyro --plot cross.png",
+    "gmwm cross static.csv --robust --csv cross.csv",
+)
+
+
+@command
+def cross(
+    file: File,
+    reading: ReadOptions,
+    axis: Axes = None,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust", help="Use robust estimates, which knocks do not change.", rich_help_panel="Estimation"
+        ),
+    ] = False,
+    efficiency: Efficiency = None,
+    size: Annotated[
+        float,
+        typer.Option(help="Significance level of all tests together.", rich_help_panel="Estimation"),
+    ] = 0.05,
+    csv: Annotated[
+        Path | None,
+        typer.Option(help="Write the correlations of all pairs and scales to this CSV file.", rich_help_panel=RESULT),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+    ] = None,
+) -> Outcome:
+    """Test whether the axes of a recording share noise, at which scales, and how much.
+
+    The correlation of the wavelet coefficients of two axes is estimated at each scale, with an interval and a test.
+    Axes share noise if they have a supply, a temperature or a table in common. A filter that treats them as
+    independent is then too optimistic, and averaging them gains less.
+    """
+    from gmwm.joint import cross
+
+    recording = load(file, reading)
+    signals = chosen_axes(recording, axis)
+    found = cross(signals, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size)
+    tell_inspection(recording)
+    files = [] if csv is None else [text_file(csv, _csv_text(found))]
+    if plot is not None:
+        files.append(NewFile(plot, partial(_draw, found), "plotting"))
+    return Outcome(
+        command="cross", document={"file": str(file), **found.to_dict()}, text=found.summary(), files=tuple(files)
+    )
+
+
+def _draw(found: CrossCovariance, path: Path) -> None:
+    found.plot(path=path)
+
+
+def _csv_text(found: CrossCovariance) -> str:
+    """CSV with one line for each pair and scale."""
+    return found.to_frame().write_csv()

@@ -1,0 +1,49 @@
+"""gmwm same: test whether two recordings have the same noise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gmwm.cli.command import command
+from gmwm.cli.output import Outcome
+from gmwm.cli.read_options import Axes, chosen_axes, load
+from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+
+EXAMPLES = (
+    "gmwm same monday.csv tuesday.csv",
+    "gmwm same monday.csv tuesday.csv --axis gyro --tolerance 0.1",
+)
+
+
+@command
+def same(
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Two recordings, in any supported formats.", metavar="FILE FILE", show_default=False),
+    ],
+    reading: ReadOptions,
+    axis: Axes = None,
+    tolerance: Annotated[
+        float, typer.Option(help="Largest |ln| of a ratio of deviations that counts as the same: 0.1 is 10 %.")
+    ] = 0.0,
+    size: Annotated[float, typer.Option(help="Significance level of all tests together.")] = 0.05,
+) -> Outcome:
+    """Test whether two recordings have the same noise at each scale, without a model.
+
+    Use it before and after a change of temperature, supply or mounting, or for two units of one type. To compare the
+    numbers of two calibrations, use gmwm agree.
+    """
+    from gmwm import Imu
+    from gmwm.joint import same
+
+    if len(files) != 2:
+        raise OptionError(argument="files", expected="two recordings", got=[str(file) for file in files])
+    one, other = (Imu(chosen_axes(load(file, reading), axis)) for file in files)
+    found = same(one, other, tolerance=tolerance, size=size)
+    return Outcome(
+        command="same", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary()
+    )  # fmt: skip

@@ -1,0 +1,267 @@
+"""The wavelet cross-covariance of several signals, and the test whether they share noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector, as_rate, as_vector
+from gmwm.covariance.api import variances
+from gmwm.covariance.design import Design
+from gmwm.covariance.mixture import mixture
+from gmwm.errors import DataError
+from gmwm.joint.delays import delays_of
+from gmwm.joint.pairs import Pairs, pairs_of
+from gmwm.joint.result import CrossCovariance
+from gmwm.multiple_tests import holm
+from gmwm.options import as_confidence, as_size
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model
+from gmwm.signals import Imu, Signal
+from gmwm.variance.api import signal_wavelet_variance
+from gmwm.variance.biweight import require_robust
+from gmwm.variance.result import WaveletVariance
+
+LEAST = 3.0
+"""Degrees of freedom that a level needs for a test: with fewer, the Student distribution of the score does not hold."""
+LEAST_ROBUST = 8.0
+"""The same for robust estimates. With 3, the test is wrong in 6 to 11 % of recordings; see docs/validation/cross.md."""
+
+
+def cross(
+    x: Imu | Mapping[str, Signal | ArrayLike],
+    rate: float | None = None,
+    *,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    size: float = 0.05,
+    confidence: float = 0.95,
+) -> CrossCovariance:
+    """Estimate the covariance and the correlation of the noise of several axes at each scale, and test whether it is 0.
+
+    The estimate is the mean product of the Haar coefficients of two axes,
+
+        γ̂_j = Σ_t W_{a,j,t} W_{b,j,t} / M_j = (ν̂²_{a+b,j} − ν̂²_{a−b,j}) / 4,   r_j = γ̂_j / (ν̂_{a,j} ν̂_{b,j}).
+
+    If two signals share no noise, Var γ̂_j = Σ_u n(u) C_a(u) C_b(u) / M_j², with C the autocovariances of their
+    coefficients, whatever the distribution of the noise. The autocovariances are those of the most likely mixtures of
+    all processes, without drifts and sinusoids. With η_j = ν_a² ν_b² / Var γ̂_j degrees of freedom,
+
+        r_j √(η_j − 1) / √(1 − r_j²)
+
+    has a Student distribution with η_j − 1 degrees of freedom. The p-values of all levels and pairs are adjusted by
+    Holm's method. Levels with η_j ≤ 3, or 8 for the robust estimate, are not tested.
+
+    Parameters
+    ----------
+    x : Imu, or mapping of name to Signal or (N,) array
+        Two or more signals that were sampled together: of one rate, one length, and with the same gaps.
+    rate : float
+        Sampling rate (Hz); only for plain arrays.
+    robust : bool
+        Whether to use the robust estimates of ν²_{a+b} and ν²_{a−b}: outliers that two axes have in common are no
+        shared noise then. The variance of γ̂ is exact if the spectra of the two axes have the same shape.
+    efficiency : float
+        Efficiency of the robust estimate, see `wavelet_variance`.
+    size : float
+        Significance level of the test of all levels and pairs together.
+    confidence : float
+        Confidence level of the intervals of the correlations, tanh(artanh r ± z / √(η − 2)).
+
+    Returns
+    -------
+    CrossCovariance
+
+    Raises
+    ------
+    DataError
+        If there are fewer than two signals, or they differ in rate, length or gaps; or as for `wavelet_variance`.
+    OptionError
+        If an option has a value that is not allowed.
+
+    References
+    ----------
+    Whitcher, Guttorp and Percival (2000), Wavelet analysis of covariance with application to atmospheric time series,
+    JGR 105, 14941-14962; Holm (1979), A simple sequentially rejective multiple test procedure, Scandinavian Journal of
+    Statistics 6, 65-70. Sizes and coverage: docs/validation/cross.md.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> table = rng.normal(size=20_000)
+    >>> found = cross({axis: rng.normal(size=20_000) + 0.3 * table for axis in "xyz"}, rate=100.0)
+    >>> f"{found.correlation['x', 'y'][0]:.2f}", len(found.shared) > 3
+    ('0.08', True)
+    """
+    require_robust(robust, efficiency)
+    size = as_size(size)
+    as_confidence(confidence)
+    signals = _signals(x, rate)
+    names = list(signals)
+    own = {name: _measured(signal, robust, efficiency) for name, signal in signals.items()}
+    short = next((name for name, wv in own.items() if not np.all(wv.variance > 0)), None)
+    if short is not None:
+        raise DataError(
+            f"{short} has no noise at some scales: its wavelet variance is 0", argument="x",
+            advice=f"Leave {short} out.",
+        )  # fmt: skip
+    unit = {name: math.exp(-0.5 * float(np.mean(np.log(wv.variance)))) for name, wv in own.items()}
+    design = Design.of(next(iter(own.values())))
+    models = {name: _model(wv, design) for name, wv in own.items()}
+    moments = {pair: _moment(signals, own, unit, pair=pair) for pair in pairs_of(names)}
+    freedom = {pair: _freedom(models[pair[0]], models[pair[1]], design) for pair in moments}
+    correlation = {
+        (a, b): np.clip(gamma / np.sqrt(own[a].variance * own[b].variance), -1.0, 1.0)
+        for (a, b), gamma in moments.items()
+    }
+    least = LEAST_ROBUST if robust else LEAST
+    tested = {pair: eta > least for pair, eta in freedom.items()}
+    raw = np.concatenate([_pvalues(correlation[pair], freedom[pair])[tested[pair]] for pair in moments])
+    adjusted = iter(holm(raw).tolist())
+    pvalues, limits = {}, {}
+    for pair in moments:
+        p = np.full(design.levels.size, np.nan)
+        p[tested[pair]] = [next(adjusted) for _ in range(int(np.count_nonzero(tested[pair])))]
+        pvalues[pair] = p
+        limits[pair] = _limits(correlation[pair], np.where(tested[pair], freedom[pair], np.nan), confidence)
+    first = own[names[0]]
+    return CrossCovariance(
+        axes=tuple(names),
+        units={name: signal.unit for name, signal in signals.items()},
+        levels=first.levels,
+        rate=first.rate,
+        samples=first.samples,
+        variance={name: wv.variance for name, wv in own.items()},
+        covariance=Pairs(moments),
+        correlation=Pairs(correlation),
+        lower=Pairs({pair: low for pair, (low, _) in limits.items()}),
+        upper=Pairs({pair: high for pair, (_, high) in limits.items()}),
+        degrees_of_freedom=Pairs(freedom),
+        pvalues=Pairs(pvalues),
+        delays=delays_of(signals),
+        size=size,
+        confidence=confidence,
+        efficiency=efficiency if robust else None,
+    )
+
+
+def _signals(x: Any, rate: float | None) -> dict[str, Signal]:
+    """The signals by name, checked to be synchronous."""
+    x = x.signals if isinstance(x, Imu) else x
+    if not isinstance(x, Mapping):
+        raise DataError(argument="x", expected="a recording, or a mapping of names to signals", got=x)
+    found: dict[str, Signal] = {}
+    for name, item in x.items():
+        if not isinstance(item, Signal):
+            item = Signal(as_vector(item, name), as_rate(rate), "", name)
+        elif rate is not None and as_rate(rate) != item.rate:
+            raise DataError(f"rate={rate:g} contradicts the rate of {name}, {item.rate:g} Hz", argument="rate")
+        found[name] = item
+    if len(found) < 2:
+        raise DataError(argument="x", expected="at least two signals", got=list(found))
+    first, *others = found
+    one = found[first]
+    for name in others:
+        other = found[name]
+        for what, same in (
+            ("rate", other.rate == one.rate),
+            ("length", other.values.size == one.values.size),
+            ("gaps", other.segments == one.segments),
+        ):
+            if not same:
+                raise DataError(
+                    f"{first} and {name} differ in their {what}", argument="x",
+                    advice="Pass signals that were sampled together.",
+                )  # fmt: skip
+    return found
+
+
+def _measured(signal: Signal, robust: bool, efficiency: float) -> WaveletVariance:
+    return signal_wavelet_variance(signal, robust=robust, efficiency=efficiency)
+
+
+def _model(wv: WaveletVariance, design: Design) -> Model:
+    """The most likely mixture under a curve. A drift or a sinusoid has no chance in it, and V would be too small."""
+    return mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1]
+
+
+def _moment(
+    signals: Mapping[str, Signal],
+    own: Mapping[str, WaveletVariance],
+    unit: Mapping[str, float],
+    *,
+    pair: tuple[str, str],
+) -> Vector:
+    """γ̂_j (J,) of a pair, in u_a u_b, from the curves of the sum and the difference of the scaled signals."""
+    a, b = pair
+    robust = own[a].robust
+    curves = []
+    for sign in (1.0, -1.0) if robust else (1.0,):
+        values = unit[a] * signals[a].values + sign * unit[b] * signals[b].values
+        both = replace(signals[a], values=values)
+        curves.append(_measured(both, robust, own[a].efficiency or 0.6).variance)
+    if robust:
+        gamma = (curves[0] - curves[1]) / 4
+    else:
+        # The difference is known from the curves of the two signals: ν²₊ + ν²₋ = 2 (ν_a² + ν_b²).
+        gamma = (curves[0] - unit[a] ** 2 * own[a].variance - unit[b] ** 2 * own[b].variance) / 2
+    return np.asarray(gamma / (unit[a] * unit[b]))
+
+
+def _freedom(one: Model, other: Model, design: Design) -> Vector:
+    """Degrees of freedom η_j (J,) of the correlation of two signals that share no noise."""
+    plain = replace(design, efficiency=None, excess=None, model_error=0.0)
+    # The degrees of freedom do not depend on the units; without them, the differences below are accurate.
+    one, other = (_scaled(model, design) for model in (one, other))
+    curves = [model.wavelet_variance(design.levels, design.rate) for model in (one, other)]
+    both = _sum(one, other)
+    # Var ν̂² of the sum of independent signals has the term 4 Σ n C_a C_b / M², the mixed one of the square.
+    total = variances(both, plain)
+    null = (total - variances(one, plain) - variances(other, plain)) / 4
+    if design.efficiency is not None:
+        null *= variances(both, replace(plain, efficiency=design.efficiency)) / total
+    return np.asarray(curves[0] * curves[1] / null)
+
+
+def _scaled(model: Model, design: Design) -> Model:
+    """The model whose wavelet variance has the geometric mean 1."""
+    unit = math.exp(float(np.mean(np.log(model.wavelet_variance(design.levels, design.rate)))))
+    return Model(tuple(_with_scale(process, process.scale / unit) for process in model.processes))
+
+
+def _with_scale(process: Process, scale: float) -> Process:
+    return process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
+
+
+def _sum(one: Model, other: Model) -> Model:
+    """The model of the sum of two independent signals; terms of one shape are one term."""
+    scales: dict[tuple[type[Process], tuple[float, ...]], float] = {}
+    for process in (*one.processes, *other.processes):
+        key = type(process), tuple(process.nonlinear.tolist())
+        scales[key] = scales.get(key, 0.0) + process.scale
+    return Model(tuple(_with_scale(kind.standard(np.array(shape)), scale) for (kind, shape), scale in scales.items()))
+
+
+def _pvalues(correlation: Vector, freedom: Vector) -> Vector:
+    """Two-sided p-values (J,) of zero correlation, by Student's distribution."""
+    from scipy.special import stdtr
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        score = np.abs(correlation) * np.sqrt((freedom - 1) / (1 - correlation**2))
+        return np.asarray(2 * stdtr(freedom - 1, -score))
+
+
+def _limits(correlation: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
+    """Confidence limits (J,), by Fisher's transformation."""
+    from scipy.special import ndtri
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = ndtri(0.5 + confidence / 2) / np.sqrt(freedom - 2)
+        middle = np.arctanh(correlation)
+        return np.tanh(middle - half), np.tanh(middle + half)

@@ -1,0 +1,144 @@
+"""Result of the test whether two recordings have the same noise."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from gmwm._tables import headed
+from gmwm._text import Summarised, duration_text
+from gmwm.remarks import Quantity, Remark, texts
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+
+@dataclass(frozen=True, kw_only=True)
+class LevelRatio:
+    """The ratio of two recordings at one scale.
+
+    Attributes
+    ----------
+    axis : str
+    level : int
+    tau : float
+        Scale (s).
+    ratio : float
+        ν_1 / ν_2, the ratio of the wavelet deviations.
+    lower, upper : float or None
+        Its confidence limits; None if the level has too few degrees of freedom for a test.
+    pvalue : float or None
+        p-value, adjusted for the number of tests; None without a test.
+    differs : bool
+        Whether the test finds a difference.
+    """
+
+    axis: str
+    level: int
+    tau: float
+    ratio: float
+    lower: float | None
+    upper: float | None
+    pvalue: float | None
+    differs: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SameNoise(Summarised):
+    """Whether two recordings have the same noise, by axis and scale.
+
+    Attributes
+    ----------
+    axes : tuple of str
+    levels : tuple of LevelRatio
+        All levels of all axes.
+    tolerance : float
+        Largest |ln(ν_1/ν_2)| that counts as the same.
+    size, confidence : float
+        Significance level of all tests together, and confidence level of the intervals.
+    """
+
+    axes: tuple[str, ...]
+    levels: tuple[LevelRatio, ...]
+    tolerance: float
+    size: float
+    confidence: float
+
+    def __getitem__(self, axis: str) -> tuple[LevelRatio, ...]:
+        """The levels of one axis."""
+        return tuple(row for row in self.levels if row.axis == axis)
+
+    @property
+    def differences(self) -> tuple[LevelRatio, ...]:
+        """The levels at which the recordings differ, from the smallest p-value on."""
+        return tuple(sorted((row for row in self.levels if row.differs), key=lambda row: row.pvalue or 0.0))
+
+    @property
+    def differs(self) -> bool:
+        """Whether the recordings differ at any scale of any axis."""
+        return bool(self.differences)
+
+    @property
+    def pvalue(self) -> float:
+        """The smallest adjusted p-value: the p-value of the test of all levels and axes together."""
+        return min((row.pvalue for row in self.levels if row.pvalue is not None), default=1.0)
+
+    def largest(self, axis: str) -> LevelRatio:
+        """The level at which an axis differs most surely, or would: the one whose interval is farthest from 1."""
+        return min(self[axis], key=lambda row: (row.pvalue if row.pvalue is not None else 1.0, -abs(row.ratio - 1)))
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Whether the recordings differ, by axis."""
+        tests = sum(row.pvalue is not None for row in self.levels)
+        facts = {"tests": tests, "size": self.size, "tolerance": self.tolerance}
+        if not self.differs:
+            within = "yes" if self.tolerance else "no"
+            return (Remark.of("noise-same", **facts, within=within),)
+        found = []
+        for axis in self.axes:
+            rows = [row for row in self[axis] if row.differs]
+            if rows:
+                most = max(rows, key=lambda row: abs(row.ratio - 1))
+                found.append(
+                    Remark.of(
+                        "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
+                        more="higher" if most.ratio > 1 else "lower", levels=len(rows),
+                        p=min(row.pvalue or 0.0 for row in rows),
+                    )
+                )  # fmt: skip
+        return tuple(found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers, lists and strings."""
+        return {
+            "axes": list(self.axes),
+            "tolerance": self.tolerance,
+            "size": self.size,
+            "confidence": self.confidence,
+            "pvalue": self.pvalue,
+            "differs": self.differs,
+            "levels": [asdict(row) for row in self.levels],
+            "remarks": [remark.to_dict() for remark in self.remarks],
+        }
+
+    def to_frame(self) -> DataFrame:
+        """The ratios as a Polars data frame: one row for each axis and level."""
+        from polars import DataFrame
+
+        return DataFrame([asdict(row) for row in self.levels], infer_schema_length=None)
+
+    def summary(self) -> str:
+        """Format a table of the ratio of each axis at its most different scale, and the remarks."""
+        rows = [["axis", "ratio", f"{100 * self.confidence:g} %", "at τ", "p"]]
+        for axis in self.axes:
+            row = self.largest(axis)
+            limits = "no test" if row.lower is None else f"{row.lower:.3f} … {row.upper:.3f}"
+            p = "" if row.pvalue is None else f"{row.pvalue:.2g}"
+            rows.append([axis, f"{row.ratio:.3f}", limits, duration_text(row.tau), p])
+        head = "Ratio of the deviations of two recordings, at the scale where each axis differs most significantly"
+        return "\n".join([head, "", *headed(rows), "", *texts(self.remarks)])
+
+    def __repr__(self) -> str:
+        found = "different" if self.differs else "the same"
+        return f"SameNoise({', '.join(self.axes)}: {found}, p = {self.pvalue:.2g})"

@@ -1,0 +1,24 @@
+"""Adjust p-values for the number of tests."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector
+
+
+def holm(pvalues: ArrayLike) -> Vector:
+    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70).
+
+    Each is multiplied by the number of p-values that are not smaller, monotonically. The probability that any true
+    hypothesis has an adjusted p-value of at most s is at most s, whatever the dependence of the tests.
+
+    >>> holm([0.01, 0.5, 0.02])
+    array([0.03, 0.5 , 0.04])
+    """
+    p = np.asarray(pvalues, dtype=np.float64)
+    order = np.argsort(p, kind="stable")
+    adjusted = np.empty_like(p)
+    adjusted[order] = np.maximum.accumulate(np.minimum((p.size - np.arange(p.size)) * p[order], 1.0))
+    return adjusted

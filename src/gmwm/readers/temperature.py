@@ -1,0 +1,122 @@
+"""The temperature of every row, from the rows that have a reading.
+
+Other rows are interpolated linearly: by the time stamps if they increase, so that rows of the temperature alone are
+used too, and over the rows otherwise. Before the first reading, and over more than `LONGEST` rows without one, the
+nearest earlier reading counts. The result does not depend on how the rows are divided into chunks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.readers.base import Rows
+from gmwm.readers.lost_samples import is_missing
+
+LONGEST = 1 << 20
+"""Rows over which the temperature is interpolated: 17 min at 1 kHz. So many rows wait for the next reading at most, so
+that memory is bounded. It is a choice."""
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A temperature, the number of its row, and its time stamp from the first one."""
+
+    row: int
+    stamp: float
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Consecutive rows, from row `first` of the file on."""
+
+    rows: Rows
+    first: int
+    stamps: Vector
+    values: Vector
+    missing: NDArray[np.bool_]
+
+    def reading(self, k: int) -> _Reading:
+        """The reading of row k."""
+        return _Reading(self.first + k, float(self.stamps[k]), float(self.values[k]))
+
+    def filled(self, column: int, before: _Reading, after: _Reading | None) -> Rows:
+        """The rows with a temperature in each of them, from the readings here, before and after."""
+        known, at = np.flatnonzero(~self.missing), np.flatnonzero(self.missing)
+        if not at.size:
+            return self.rows
+        readings = [before, *([] if after is None else [after])]
+        row, stamp, value = (
+            np.concatenate([[getattr(before, name)], own, [getattr(one, name) for one in readings[1:]]])
+            for name, own in (
+                ("row", known + self.first), ("stamp", self.stamps[known]), ("value", self.values[known]),
+            )
+        )  # fmt: skip
+        left = np.searchsorted(row, at + self.first, side="right") - 1
+        right = np.minimum(left + 1, row.size - 1)
+        x, x0, x1 = self.stamps[at], stamp[left], stamp[right]
+        ordered = (x0 <= x) & (x <= x1) & (x0 < x1)  # False for missing time stamps
+        x, x0, x1 = (np.where(ordered, a, b) for a, b in ((x, at + self.first), (x0, row[left]), (x1, row[right])))
+        near = (right > left) & (row[right] - row[left] <= LONGEST)
+        slope = np.divide(value[right] - value[left], x1 - x0, out=np.zeros(at.size), where=near)
+        out = self.values.copy()
+        out[at] = np.where(near, slope * (x - x0) + value[left], value[left])
+        return {**self.rows, column: out}
+
+
+def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
+    """Yield the rows of chunks with a temperature in each of them.
+
+    Parameters
+    ----------
+    chunks : iterable of Rows
+    columns : mapping of role to column index
+        "temperature", and "time" if the time stamps are read.
+    first : float
+        The first reading (°C).
+    """
+    column, count, origin = columns["temperature"], 0, None
+    before = latest = _Reading(-LONGEST - 1, np.nan, first)
+    waiting = list[_Block]()
+
+    def flushed(after: _Reading | None) -> Iterator[Rows]:
+        # Only the first of the waiting blocks may hold readings.
+        for k, one in enumerate(waiting):
+            yield one.filled(column, latest if k else before, after)
+        waiting.clear()
+
+    for rows in chunks:
+        missing, size = is_missing(rows[column]), rows[column].size
+        if missing is None:
+            missing = np.zeros(size, dtype=bool)
+        stamps = np.full(size, np.nan)
+        if "time" in columns and size:
+            origin = rows[columns["time"]][0] if origin is None else origin
+            stamps = _since(rows[columns["time"]], origin)
+        values = rows[column].astype(np.float64, copy=False)
+        block, count = _Block(rows, count, stamps=stamps, values=values, missing=missing), count + size
+        known = np.flatnonzero(~missing)
+        if known.size:
+            yield from flushed(block.reading(known[0]))
+            before, latest = latest, block.reading(known[-1])
+        elif not waiting:
+            before = latest
+        waiting.append(block)
+        if latest.row == count - 1 or count - latest.row > LONGEST:
+            yield from flushed(None)
+    yield from flushed(None)
+
+
+def _since(stamps: NDArray[Any], origin: Any) -> Vector:
+    """Time stamps from the first one; NaN where they are missing."""
+    since: Vector = (stamps - origin).astype(np.float64)
+    missing = is_missing(stamps)
+    if missing is not None:
+        since[missing] = np.nan
+    return since

@@ -1,0 +1,114 @@
+"""Choose the recording to read in a file that may hold several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from gmwm._text import counted, duration_text
+from gmwm.axis_names import AXES
+from gmwm.errors import OptionError, ReadError
+from gmwm.readers.base import Layout, Reader
+from gmwm.readers.several_files import Source, found_reader
+from gmwm.remarks import Remark
+
+
+def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
+    """Choose the recording to read: the one named `topic`, or the only one that is inertial.
+
+    Raises
+    ------
+    OptionError
+        If there is no recording of this name, or several.
+    ReadError
+        If the choice is not unique without a name, or the recording cannot be read.
+    """
+    layouts = reader.layouts(path)
+    if topic is not None:
+        # The first instance of a message, and a topic of ROS without its slash.
+        spelled = ((topic,), (f"{topic}_0", f"/{topic}"))
+        named = next((found for names in spelled if (found := [x for x in layouts if x.topic in names])), [])
+        if len(named) == 1:
+            return _readable(named[0], path)
+        what = f"{len(named)} topics {topic!r}" if named else f"no topic {topic!r}"
+        raise OptionError(f"{path} has {what}. Its topics: {_topics(layouts)}", argument="topic", got=topic)
+    fitting = [layout for layout in layouts if layout.inertial] if len(layouts) > 1 else layouts
+    if len(fitting) == 1:
+        return _readable(fitting[0], path)
+    preferred = [layout for layout in fitting if layout.preferred]
+    if len(preferred) == 1:
+        others = tuple(topic_words(layout) for layout in fitting if not layout.preferred)
+        chosen = Remark.of("topic-chosen", topic=topic_words(preferred[0]), others=others)
+        return _readable(replace(preferred[0], remarks=(chosen, *preferred[0].remarks)), path)
+    if not fitting:
+        raise ReadError(
+            f"{path} holds {len(layouts)} recordings, none of them known as inertial. Its topics: {_topics(layouts)}",
+            code="no-inertial-data",
+            advice="Choose one with {--topic}, and name its axes with {--columns}.",
+        )
+    raise ReadError(
+        f"{path} holds {len(fitting)} recordings: {_topics(fitting)}",
+        code="several-recordings",
+        advice="Choose one with {--topic}." + _APART if _apart(fitting) else "Choose one with {--topic}.",
+    )
+
+
+def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
+    """Names of the inertial recordings in a file, in their order.
+
+    Raises
+    ------
+    ReadError, OptionError
+        If the file cannot be read.
+    """
+    file, reader = found_reader(path, format)
+    layouts = reader.layouts(file)
+    return tuple(layout.topic for layout in layouts if layout.inertial or len(layouts) == 1)
+
+
+def _readable(layout: Layout, path: Path) -> Layout:
+    """The layout, if it has columns.
+
+    Raises
+    ------
+    ReadError
+        If the recording cannot be read.
+    """
+    if layout.unreadable is not None:
+        raise layout.unreadable
+    if not layout.channels:
+        raise ReadError(
+            f"{path} has no columns", code="no-inertial-data", advice="Check whether the recording was interrupted."
+        )
+    return layout
+
+
+def _topics(layouts: Sequence[Layout], most: int = 20) -> str:
+    """Topics with their axes, for a message."""
+    named = [topic_words(layout) for layout in layouts[:most]]
+    return ", ".join(named) + (f" and {len(layouts) - most} more" if len(layouts) > most else "") or "none"
+
+
+def topic_words(layout: Layout) -> str:
+    """A topic with its axes, rate and length, for a message.
+
+    >>> topic_words(Layout((), topic="/imu", extent=(501, 5.0)))
+    '/imu (100 Hz, 5 s)'
+    """
+    axes = [channel.axis for channel in layout.channels if channel.axis in AXES]
+    about = [", ".join(axes)] if axes else []
+    if layout.extent is not None:
+        samples, seconds = layout.extent
+        shown = f"{(samples - 1) / seconds:.4g} Hz, {duration_text(seconds)}" if seconds > 0 else ""
+        about += [shown or counted(samples, "message")]
+    return layout.topic + (f" ({'; '.join(about)})" if about else "")
+
+
+_APART = " Gyroscopes and accelerometers with different clocks are read and calibrated one after the other."
+
+
+def _apart(layouts: Sequence[Layout]) -> bool:
+    """Whether one recording has only gyroscopes and another only accelerometers."""
+    sensors = [{channel.axis[:-2] for channel in layout.channels if channel.axis in AXES} for layout in layouts]
+    return {"gyro"} in sensors and {"accel"} in sensors

@@ -1,0 +1,48 @@
+"""gmwm cross and gmwm same: the library's results, in every form."""
+
+import numpy as np
+import polars
+import pytest
+
+import gmwm as library
+from gmwm.readers import read
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("joint")
+    for k, name in enumerate(("monday", "tuesday")):
+        rng = np.random.default_rng(k)
+        x = rng.normal(size=(3, 5000)) + 0.5 * rng.normal(size=5000)
+        library.Imu.from_arrays(dict(zip(("gyro_x", "gyro_y", "gyro_z"), x, strict=True)), 100.0).write(
+            folder / f"{name}.csv"
+        )
+    return folder
+
+
+def test_cross(gmwm, recordings, tmp_path):
+    path, table, picture = recordings / "monday.csv", tmp_path / "cross.csv", tmp_path / "cross.png"
+    outcome = gmwm("cross", path, "--json", "--csv", table, "--plot", picture)
+    found = library.cross(read(path))
+    assert outcome.json["pairs"] == found.to_dict()["pairs"]
+    assert polars.read_csv(table).shape == found.to_frame().shape
+    assert picture.stat().st_size > 10_000
+    plain = gmwm("cross", path, "--axis", "gyro_x", "--axis", "gyro_z", "--robust")
+    assert plain.code == 0
+    assert "gyro_x, gyro_z" in plain.out
+    assert "gyro_y" not in plain.out
+
+
+def test_one_axis_has_no_pair(gmwm, recordings):
+    assert gmwm("cross", recordings / "monday.csv", "--axis", "gyro_x").code == 2
+
+
+def test_same(gmwm, recordings):
+    files = [recordings / f"{name}.csv" for name in ("monday", "tuesday")]
+    outcome = gmwm("same", *files, "--json", "--tolerance", "0.1")
+    assert outcome.json["levels"] == library.same(*map(read, files), tolerance=0.1).to_dict()["levels"]
+    assert outcome.json["differs"] is False
+    text = gmwm("same", *files, "--axis", "gyro_y")
+    assert text.code == 0
+    assert "gyro_y" in text.out
+    assert gmwm("same", files[0]).code == 2

@@ -1,0 +1,93 @@
+"""Whether two recordings have the same noise."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.errors import DataError, OptionError
+from gmwm.joint import same
+
+RATE = 50.0
+
+
+def noise(n, seed, scale=1.0, walk=0.0):
+    rng = np.random.default_rng(seed)
+    return scale * rng.standard_normal(n) + np.cumsum(walk * rng.standard_normal(n))
+
+
+def test_the_same_noise_is_not_different_and_other_noise_is():
+    x = noise(20_000, 1, walk=0.02)
+    assert not same(x, noise(30_000, 2, walk=0.02), RATE).differs
+    louder = same(x, noise(20_000, 3, scale=1.1, walk=0.02), RATE)
+    assert louder.differs
+    assert {row.level for row in louder.differences} >= {1, 2}
+    assert louder.levels[0].ratio == pytest.approx(1 / 1.1, rel=0.03)
+    wandering = same(x, noise(20_000, 4, walk=0.06), RATE)
+    assert {row.level for row in wandering.differences} & {8, 9, 10}
+    assert not any(row.level == 1 for row in wandering.differences)
+
+
+def test_order_and_units_do_not_matter():
+    x, y = noise(5000, 1), noise(9000, 2, scale=1.05)
+    one, turned, scaled = same(x, y, RATE), same(y, x, RATE), same(1e-9 * x, 1e-9 * y, RATE)
+    for a, b, c in zip(one.levels, turned.levels, scaled.levels, strict=True):
+        assert a.ratio == pytest.approx(1 / b.ratio) == pytest.approx(c.ratio)
+        assert (a.pvalue is None) == (a.lower is None) == (b.pvalue is None)
+        if a.lower is not None:
+            assert a.pvalue == pytest.approx(b.pvalue, rel=1e-6) == pytest.approx(c.pvalue, rel=1e-6)
+            assert a.lower == pytest.approx(1 / b.upper, rel=1e-6)
+            assert a.lower < a.ratio < a.upper
+
+
+def test_a_tolerance_makes_p_values_larger_until_the_difference_counts_as_none():
+    x, y = noise(20_000, 1), noise(20_000, 3, scale=1.1)
+    values = [same(x, y, RATE, tolerance=tolerance).pvalue for tolerance in (0.0, 0.03, 0.06, 0.2)]
+    assert values == sorted(values)
+    assert values[0] < 1e-6
+    assert values[-1] == 1.0
+
+
+def test_heavy_tails_are_no_difference():
+    found = [
+        same(*np.random.default_rng([3, k]).standard_t(4.5, (2, 20_000)), RATE).differs for k in range(12)
+    ]  # fmt: skip
+    assert sum(found) <= 2
+
+
+def test_axes_of_two_recordings():
+    monday, tuesday = (gmwm.simulate("WN(sigma2=4e-8)", rate=RATE, samples=5000, rng=k) for k in (1, 2))
+    found = gmwm.same(monday, tuesday)
+    assert found.axes == tuple(monday)
+    assert not found.differs
+    assert [remark.code for remark in found.remarks] == ["noise-same"]
+    assert json.loads(json.dumps(found.to_dict()))["differs"] is False
+    assert found.to_frame().shape[0] == len(found.levels) == 6 * len(found["gyro_x"])
+    assert all(axis in found.summary() for axis in monday)
+    louder = gmwm.Imu(
+        {axis: gmwm.Signal(2 * s.values, RATE, s.unit, axis) for axis, s in tuesday["gyro"].signals.items()}
+    )
+    changed = gmwm.same(monday, louder)
+    assert changed.axes == ("gyro_x", "gyro_y", "gyro_z")
+    assert [(remark.code, remark.facts["more"]) for remark in changed.remarks] == [("noise-differs", "lower")] * 3
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        (gmwm.Signal(noise(100, 1), 10.0), gmwm.Signal(noise(100, 2), 20.0)),
+        (gmwm.Signal(noise(100, 1), 10.0, "rad/s"), gmwm.Signal(noise(100, 2), 10.0, "m/s²")),
+        (gmwm.Signal(noise(100, 1), 10.0), gmwm.Signal(np.ones(100), 10.0)),
+    ],
+)
+def test_recordings_that_cannot_be_compared_are_refused(x, y):
+    with pytest.raises(DataError):
+        same(x, y)
+
+
+@pytest.mark.parametrize("options", [{"tolerance": -0.1}, {"tolerance": "x"}, {"size": 1.0}, {"confidence": 0.1}])
+def test_options_are_checked(options):
+    with pytest.raises(OptionError) as error:
+        same(noise(100, 1), noise(100, 2), RATE, **options)
+    assert error.value.argument == next(iter(options))
