@@ -1,6 +1,7 @@
 """Recordings with a known spectrum, made with NumPy alone."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -12,12 +13,17 @@ def recursive(rng: np.random.Generator, n: int, forward: tuple[float, ...], back
     """White noise through a filter of at most two poles, without its transient."""
     driven = np.convolve(rng.normal(size=n + 2000), forward)[: n + 2000]
     # The impulse response is short beside the recording, so the filter is a convolution by FFT.
+    size = 1 << (n + 4000).bit_length()
+    return np.fft.irfft(np.fft.rfft(driven, size) * np.fft.rfft(impulse_response(back), size), size)[2000 : n + 2000]
+
+
+@cache
+def impulse_response(back: tuple[float, ...]) -> np.ndarray:
     response = np.zeros(2000)
     for k in range(response.size):
         recent = [response[k - j] for j in range(1, len(back)) if k >= j]
         response[k] = (k == 0) - sum(a * y for a, y in zip(back[1:], recent, strict=False))
-    size = 1 << (n + 4000).bit_length()
-    return np.fft.irfft(np.fft.rfft(driven, size) * np.fft.rfft(response, size), size)[2000 : n + 2000]
+    return response
 
 
 def resonance(frequency: float, quality: float) -> Noise:

@@ -36,9 +36,11 @@ s."""
 # The slope guides in a corner: width, largest height, and distance from the border, as fractions of the panel.
 FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
 REACH = 5.0
-"""Factor by which a fitted line is drawn beyond the range that it was fitted to."""
+"""Factor by which a fitted line is drawn beyond the range that it was fitted to. Pinned by
+tests/plots/test_plot_limits.py."""
 MOST_ADDED = 20.0
-"""Largest factor by which the vertical axis is extended to show the point where a coefficient is read."""
+"""Largest factor by which the vertical axis is extended to show the point where a coefficient is read. Pinned by
+tests/plots/test_plot_limits.py."""
 
 
 @dataclass(frozen=True)

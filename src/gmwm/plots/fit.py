@@ -64,7 +64,8 @@ right, so the top centre is free."""
 LINE = 28
 """Characters in a line of this text."""
 LINES = 2
-"""Largest number of sinusoids that have a curve each, also in `gmwm.plots.spectrum`."""
+"""Largest number of sinusoids that have a curve each, also in `gmwm.plots.spectrum`. Pinned by
+tests/plots/test_plot_limits.py."""
 
 
 def fit_panel(

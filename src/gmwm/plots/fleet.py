@@ -34,13 +34,13 @@ SINGLY = 40
 """Largest number of units that are drawn as dots with intervals. More units are drawn as a curve. Pinned by
 tests/plots/test_plot_fleet.py."""
 POINTS = 400
-"""Largest number of points of a curve of many units."""
+"""Largest number of points of a curve of many units. Pinned by tests/plots/test_plot_limits.py."""
 HALF = 0.4
 """Half of the width of the strip of an axis; the distance between two strips is 1."""
 COLUMNS = 3
 EVEN = 4.0
 """Up to this ratio of the largest to the smallest value, a linear axis is as readable as a logarithmic one, and it has
-more ticks."""
+more ticks. Pinned by tests/plots/test_plot_limits.py."""
 NAMED, LETTERS = 3, 14
 """Largest number of outliers in a panel whose names are written, and the number of letters of a name. Pinned by
 tests/plots/test_plot_fleet.py."""
@@ -50,7 +50,8 @@ SMALL = 0.005
 """Panels whose largest value is below this are written with a power of ten. Pinned by
 tests/plots/test_plot_fleet.py."""
 REACH = 3.0
-"""Largest factor by which a confidence interval may stretch the axis beyond the values."""
+"""Largest factor by which a confidence interval may stretch the axis beyond the values. Pinned by
+tests/plots/test_plot_limits.py."""
 ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 

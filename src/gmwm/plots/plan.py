@@ -27,9 +27,9 @@ HIGHEST = 2.0
 """Largest relative error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
 FURTHER = (2.0, 100.0)
 """The curves end where all parameters have reached the accuracy, but at least at 2 and at most at 100 times the
-planned duration."""
+planned duration. Pinned by tests/plots/test_plot_limits.py."""
 PER_DECADE = 8
-"""Points of a curve for each decade of duration."""
+"""Points of a curve for each decade of duration. Pinned by tests/plots/test_plot_limits.py."""
 SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
 OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
 """Symbols that are also used unfilled. The unfilled circle is not one of them: it marks where the accuracy is

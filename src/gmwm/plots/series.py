@@ -33,12 +33,13 @@ DOTS = 15.0
 WIDTH = 0.5
 """Width of the line through a long signal, in points."""
 FEW = 60
-"""Largest number of samples that are drawn with a symbol each."""
+"""Largest number of samples that are drawn with a symbol each. Pinned by tests/plots/test_plot_limits.py."""
 ALIKE = 8.0
 """Panels whose spans differ by at most this factor share a scale. With a larger factor, the signal with the smallest
 span would look constant. Pinned by tests/plots/test_plot_series.py."""
 ONE_POWER = 1e3
-"""Panels whose largest values differ by at most this factor share a power of ten."""
+"""Panels whose largest values differ by at most this factor share a power of ten. Pinned by
+tests/plots/test_plot_limits.py."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from gmwm.spectrum import PowerSpectrum
 
 REACH = 5.0
-"""How far limits and models may stretch the vertical axis beyond the data: a factor."""
+"""How far limits and models may stretch the vertical axis beyond the data: a factor. Pinned by
+tests/plots/test_plot_limits.py."""
 FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
 """Symbol of a line in the spectrum."""
 BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)

@@ -43,7 +43,7 @@ DENSE = 0.03
 Pinned by tests/plots/test_plot_tracks.py."""
 FAR = 50.0
 """If values are more than this many times their span, a constant is subtracted, because tick labels would be too
-long."""
+long. Pinned by tests/plots/test_plot_limits.py."""
 
 
 # --- what is drawn, as data ---------------------------------------------------------------------------
