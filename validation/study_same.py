@@ -51,7 +51,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
 
 
 def _differ(x: Array, y: Array) -> bool:
-    return same(x[0], y[0], RATE).differs
+    return same(x[0], y[0], rate=RATE).differs
 
 
 def table(result: dict[str, Any]) -> str:

@@ -40,7 +40,10 @@ def test_one_axis_has_no_pair(gmwm, recordings):
 def test_same(gmwm, recordings):
     files = [recordings / f"{name}.csv" for name in ("monday", "tuesday")]
     outcome = gmwm("same", *files, "--json", "--tolerance", "0.1")
-    assert outcome.json["levels"] == library.same(*map(read, files), tolerance=0.1).to_dict()["levels"]
+    assert (
+        outcome.json["levels"]
+        == library.same(*map(read, files), labels=["monday", "tuesday"], tolerance=0.1).to_dict()["levels"]
+    )
     assert outcome.json["differs"] is False
     text = gmwm("same", *files, "--axis", "gyro_y")
     assert text.code == 0

@@ -19,19 +19,19 @@ def noise(n, seed, scale=1.0, walk=0.0):
 
 def test_the_same_noise_is_not_different_and_other_noise_is():
     x = noise(20_000, 1, walk=0.02)
-    assert not same(x, noise(30_000, 2, walk=0.02), RATE).differs
-    louder = same(x, noise(20_000, 3, scale=1.1, walk=0.02), RATE)
+    assert not same(x, noise(30_000, 2, walk=0.02), rate=RATE).differs
+    louder = same(x, noise(20_000, 3, scale=1.1, walk=0.02), rate=RATE)
     assert louder.differs
     assert {row.level for row in louder.differences} >= {1, 2}
     assert louder.levels[0].ratio == pytest.approx(1 / 1.1, rel=0.03)
-    wandering = same(x, noise(20_000, 4, walk=0.06), RATE)
+    wandering = same(x, noise(20_000, 4, walk=0.06), rate=RATE)
     assert {row.level for row in wandering.differences} & {8, 9, 10}
     assert not any(row.level == 1 for row in wandering.differences)
 
 
 def test_order_and_units_do_not_matter():
     x, y = noise(5000, 1), noise(9000, 2, scale=1.05)
-    one, turned, scaled = same(x, y, RATE), same(y, x, RATE), same(1e-9 * x, 1e-9 * y, RATE)
+    one, turned, scaled = same(x, y, rate=RATE), same(y, x, rate=RATE), same(1e-9 * x, 1e-9 * y, rate=RATE)
     for a, b, c in zip(one.levels, turned.levels, scaled.levels, strict=True):
         assert a.ratio == pytest.approx(1 / b.ratio) == pytest.approx(c.ratio)
         assert (a.pvalue is None) == (a.lower is None) == (b.pvalue is None)
@@ -43,7 +43,7 @@ def test_order_and_units_do_not_matter():
 
 def test_a_tolerance_makes_p_values_larger_until_the_difference_counts_as_none():
     x, y = noise(20_000, 1), noise(20_000, 3, scale=1.1)
-    values = [same(x, y, RATE, tolerance=tolerance).pvalue for tolerance in (0.0, 0.03, 0.06, 0.2)]
+    values = [same(x, y, rate=RATE, tolerance=tolerance).pvalue for tolerance in (0.0, 0.03, 0.06, 0.2)]
     assert values == sorted(values)
     assert values[0] < 1e-6
     assert values[-1] == 1.0
@@ -51,9 +51,28 @@ def test_a_tolerance_makes_p_values_larger_until_the_difference_counts_as_none()
 
 def test_heavy_tails_are_no_difference():
     found = [
-        same(*np.random.default_rng([3, k]).standard_t(4.5, (2, 20_000)), RATE).differs for k in range(12)
+        same(*np.random.default_rng([3, k]).standard_t(4.5, (2, 20_000)), rate=RATE).differs for k in range(12)
     ]  # fmt: skip
     assert sum(found) <= 2
+
+
+def test_of_three_recordings_the_one_that_differs_is_named():
+    records = [noise(20_000, 1), noise(15_000, 2), noise(20_000, 3, scale=1.1)]
+    found = same(*records, rate=RATE, labels=["a", "b", "c"])
+    assert found.differences[0].recording == "c"
+    assert "c" in found.summary()
+    alone = same(records[0], records[1], rate=RATE, labels=["a", "b"])
+    assert not alone.differs
+    # The mean of the others has the degrees of freedom of both, and the mean weighted by them.
+    first = next(row for row in found.levels if row.recording == "c" and row.level == 1)
+    assert first.ratio == pytest.approx(1.1, rel=0.02)
+    single = same(records[2], records[0], rate=RATE).levels[0]
+    assert first.upper - first.lower < single.upper - single.lower
+
+
+def test_clocks_that_differ_a_little_are_compared():
+    one, other = (gmwm.Signal(noise(2000, k), rate) for k, rate in ((1, 99.99), (2, 100.01)))
+    assert not same(one, other).differs
 
 
 def test_axes_of_two_recordings():
@@ -79,6 +98,7 @@ def test_axes_of_two_recordings():
         (gmwm.Signal(noise(100, 1), 10.0), gmwm.Signal(noise(100, 2), 20.0)),
         (gmwm.Signal(noise(100, 1), 10.0, "rad/s"), gmwm.Signal(noise(100, 2), 10.0, "m/s²")),
         (gmwm.Signal(noise(100, 1), 10.0), gmwm.Signal(np.ones(100), 10.0)),
+        (gmwm.Imu.from_arrays({"gyro_x": noise(100, 1)}, 10.0), gmwm.Imu.from_arrays({"gyro_y": noise(100, 1)}, 10.0)),
     ],
 )
 def test_recordings_that_cannot_be_compared_are_refused(x, y):
@@ -86,8 +106,10 @@ def test_recordings_that_cannot_be_compared_are_refused(x, y):
         same(x, y)
 
 
-@pytest.mark.parametrize("options", [{"tolerance": -0.1}, {"tolerance": "x"}, {"size": 1.0}, {"confidence": 0.1}])
+@pytest.mark.parametrize(
+    "options", [{"tolerance": -0.1}, {"tolerance": "x"}, {"size": 1.0}, {"confidence": 0.1}, {"labels": ["a"]}]
+)
 def test_options_are_checked(options):
     with pytest.raises(OptionError) as error:
-        same(noise(100, 1), noise(100, 2), RATE, **options)
+        same(noise(100, 1), noise(100, 2), rate=RATE, **options)
     assert error.value.argument == next(iter(options))

@@ -1,4 +1,4 @@
-"""gmwm same: test whether two recordings have the same noise."""
+"""gmwm same: test whether recordings have the same noise."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from gmwm.cli.agree import names_of
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, chosen_axes, load
@@ -23,7 +24,9 @@ EXAMPLES = (
 def same(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Two recordings, in any supported formats.", metavar="FILE FILE", show_default=False),
+        typer.Argument(
+            help="Two or more recordings of any supported format.", metavar="FILE FILE…", show_default=False
+        ),
     ],
     reading: ReadOptions,
     axis: Axes = None,
@@ -32,7 +35,9 @@ def same(
     ] = 0.0,
     size: Annotated[float, typer.Option(help="Significance level of all tests together.")] = 0.05,
 ) -> Outcome:
-    """Test whether two recordings have the same noise at each scale, without a model.
+    """Test whether recordings have the same noise at each scale, without a model.
+
+    Of more than two recordings, each is compared with the mean of the others.
 
     Use it before and after a change of temperature, supply or mounting, or for two units of one type. To compare the
     numbers of two calibrations, use gmwm agree.
@@ -40,10 +45,10 @@ def same(
     from gmwm import Imu
     from gmwm.joint import same
 
-    if len(files) != 2:
-        raise OptionError(argument="files", expected="two recordings", got=[str(file) for file in files])
-    one, other = (Imu(chosen_axes(load(file, reading), axis)) for file in files)
-    found = same(one, other, tolerance=tolerance, size=size)
+    if len(files) < 2:
+        raise OptionError(argument="files", expected="at least two recordings", got=[str(file) for file in files])
+    recordings = [Imu(chosen_axes(load(file, reading), axis)) for file in files]
+    found = same(*recordings, labels=names_of(files), tolerance=tolerance, size=size)
     return Outcome(
         command="same", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary()
     )  # fmt: skip

@@ -1,11 +1,11 @@
-"""Test whether two signals have the same noise."""
+"""Test whether recordings have the same noise."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,35 +23,40 @@ from gmwm.signals import Imu, Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
+SLOWER = 1e-3
+"""Largest relative difference of the rates: those of real clocks differ by some 1e-5, and a difference of 1e-3 changes
+the wavelet variance by at most 0.3 %."""
 LEAST = 2.0
 """Degrees of freedom that both estimates of a level need for a test."""
 
 
 def same(
-    x: Imu | Signal | ArrayLike,
-    y: Imu | Signal | ArrayLike,
+    *recordings: Imu | Signal | ArrayLike,
     rate: float | None = None,
-    *,
+    labels: Sequence[str] | None = None,
     tolerance: float = 0.0,
     size: float = 0.05,
     confidence: float = 0.95,
 ) -> SameNoise:
-    """Test whether two recordings have the same noise at each scale, without a model.
+    """Test whether recordings have the same noise at each scale, without a model.
 
-    If they have, the ratio of their wavelet variances at level j has an F distribution with η_1j and η_2j degrees of
-    freedom, η_j = 2 ν_j⁴ / V_jj. V is that of the most likely mixture of processes under the mean of both curves, and
-    the covariance from heavy tails or a varying variance is added to it. The p-values of all levels and axes are
-    adjusted by Holm's method.
+    The wavelet variances of two recordings are compared at each level, and of more than two, that of each recording
+    with the mean of the others. If the noise is the same, the ratio has an F distribution with η_1j and η_2j degrees of
+    freedom, η_j = 2 ν_j⁴ / V_jj. V is that of the most likely mixture of processes under the mean of all curves, and
+    the covariance from heavy tails or a varying variance is added to it. The p-values of all levels, axes and
+    recordings are adjusted by Holm's method.
 
     With millions of samples, differences of a thousandth are found. `tolerance` asks whether they matter.
 
     Parameters
     ----------
-    x, y : Imu, Signal, or (N,) array
-        Two recordings of one rate, of any lengths, that were not made at the same time. Of two Imu, the axes that both
-        have are compared.
+    *recordings : Imu, Signal, or (N,) array
+        Two or more recordings of one rate, of any lengths, that were not made at the same time. Of Imu, the axes that
+        all have are compared.
     rate : float
         Sampling rate (Hz); only for plain arrays.
+    labels : sequence of str, optional
+        Names of the recordings; "1", "2", … by default.
     tolerance : float
         Largest |ln(ν_1/ν_2)| that counts as the same, from 0: 0.1 asks whether deviations differ by more than 10 %.
     size : float
@@ -66,14 +71,14 @@ def same(
     Raises
     ------
     DataError
-        If the recordings differ in rate or unit, or have no axis in common.
+        If there are fewer than two recordings, they differ in rate or unit, or have no axis in common.
     OptionError
         If an option has a value that is not allowed.
 
     References
     ----------
     Holm (1979), A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics 6, 65-70.
-    Sizes: validation/study_same.py.
+    Sizes: docs/validation/same.md.
 
     Examples
     --------
@@ -84,87 +89,120 @@ def same(
     (False, True)
     >>> same(monday, later, rate=100.0, tolerance=0.2).differs
     False
+    >>> same(monday, tuesday, later, rate=100.0, labels=["monday", "tuesday", "later"]).differences[0].recording
+    'later'
     """
     size = as_size(size)
     as_confidence(confidence)
     known = isinstance(tolerance, int | float) and not isinstance(tolerance, bool)
     if not known or not 0 <= tolerance < math.inf:
         raise OptionError(argument="tolerance", expected="a number of at least 0, such as 0.1", got=tolerance)
-    pairs = _pairs(x, y, rate)
+    names = [str(k) for k in range(1, len(recordings) + 1)] if labels is None else list(labels)
+    if len(set(names)) != len(names) or len(names) != len(recordings):
+        raise OptionError(argument="labels", expected="a different name for each recording", got=labels)
+    axes = _axes(recordings, rate)
     rows = [
         row
-        for axis, (one, other) in pairs.items()
-        for row in _rows(axis, one, other, confidence=confidence, tolerance=tolerance)
+        for axis, signals in axes.items()
+        for row in _rows(axis, dict(zip(names, signals, strict=True)), confidence=confidence, tolerance=tolerance)
     ]
     tested = [k for k, row in enumerate(rows) if row.pvalue is not None]
     adjusted = holm([rows[k].pvalue or 0.0 for k in tested]).tolist()
     for k, p in zip(tested, adjusted, strict=True):
         rows[k] = replace(rows[k], pvalue=p, differs=p <= size)
     return SameNoise(
-        axes=tuple(pairs), levels=tuple(rows), tolerance=float(tolerance), size=size, confidence=confidence
-    )
+        recordings=tuple(names), axes=tuple(axes), levels=tuple(rows),
+        tolerance=float(tolerance), size=size, confidence=confidence,
+    )  # fmt: skip
 
 
-def _pairs(x: Any, y: Any, rate: float | None) -> dict[str, tuple[Signal, Signal]]:
+def _axes(recordings: Sequence[Any], rate: float | None) -> dict[str, list[Signal]]:
     """The signals to compare, by axis."""
-    given = [_axes(item, rate, name) for item, name in ((x, "x"), (y, "y"))]
-    if all(len(one) == 1 for one in given) and not (isinstance(x, Imu) or isinstance(y, Imu)):
-        ((name, one),), (other,) = given[0].items(), given[1].values()
-        found = {name: (one, other)}
+    if len(recordings) < 2:
+        raise DataError(argument="recordings", expected="at least two recordings", got=len(recordings))
+    given = [_signals(item, rate, f"recording {k}") for k, item in enumerate(recordings, start=1)]
+    if not any(isinstance(item, Imu) for item in recordings):
+        # Single signals are compared whatever their names.
+        found = {next(iter(given[0])): [signal for one in given for signal in one.values()]}
     else:
-        found = {axis: (given[0][axis], given[1][axis]) for axis in given[0] if axis in given[1]}
+        found = {axis: [one[axis] for one in given] for axis in given[0] if all(axis in one for one in given)}
     if not found:
-        raise DataError(
-            f"the recordings have no axis in common: {', '.join(given[0])}, and {', '.join(given[1])}", argument="y"
-        )
-    for axis, (one, other) in found.items():
-        for what, a, b in (("rate", one.rate, other.rate), ("unit", one.unit, other.unit)):
-            if a != b:
-                raise DataError(f"the recordings of {axis} differ in their {what}: {a} and {b}", argument="y")
+        names = "; ".join(", ".join(one) for one in given)
+        raise DataError(f"the recordings have no axis in common: {names}", argument="recordings")
+    for axis, signals in found.items():
+        first = signals[0]
+        for other in signals[1:]:
+            if abs(other.rate / first.rate - 1) > SLOWER:
+                raise _differ(axis, "rate", f"{first.rate:g} Hz and {other.rate:g} Hz")
+            if other.unit != first.unit:
+                raise _differ(axis, "unit", f"{first.unit or 'none'} and {other.unit or 'none'}")
     return found
 
 
-def _axes(item: Any, rate: float | None, name: str) -> Mapping[str, Signal]:
+def _differ(axis: str, what: str, values: str) -> DataError:
+    return DataError(f"the recordings of {axis} differ in their {what}: {values}", argument="recordings")
+
+
+def _signals(item: Any, rate: float | None, name: str) -> Mapping[str, Signal]:
     if isinstance(item, Imu):
         return item.signals
     signal = item if isinstance(item, Signal) else Signal(as_vector(item, name), as_rate(rate))
     return {signal.axis or "signal": signal}
 
 
-def _rows(axis: str, one: Signal, other: Signal, *, confidence: float, tolerance: float) -> list[LevelRatio]:
-    """The ratio of each level that both recordings have, with the p-value of its test alone."""
-    from scipy.special import fdtr, fdtrc, fdtri
+class _Curve(NamedTuple):
+    """Wavelet variance (J,) and its degrees of freedom."""
 
-    curves = [signal_wavelet_variance(signal) for signal in (one, other)]
-    levels = min(map(len, curves))
-    if not all(np.all(wv.variance[:levels] > 0) for wv in curves):
-        raise DataError(f"{axis} has no noise at some scales: its wavelet variance is 0", argument="x")
-    eta = np.array([wv.degrees_of_freedom[:levels] for wv in curves])
-    pooled = np.average([wv.variance[:levels] for wv in curves], axis=0, weights=eta)
-    freedom = [_freedom(pooled, eta.sum(axis=0), wv, signal) for wv, signal in zip(curves, (one, other), strict=True)]
+    variance: Vector
+    freedom: Vector
+
+
+def _rows(axis: str, signals: Mapping[str, Signal], *, confidence: float, tolerance: float) -> list[LevelRatio]:
+    """The ratio of each level that all recordings have, with the p-value of its test alone."""
+    measured = [signal_wavelet_variance(signal) for signal in signals.values()]
+    levels = min(map(len, measured))
+    if not all(np.all(wv.variance[:levels] > 0) for wv in measured):
+        raise DataError(f"{axis} has no noise at some scales: its wavelet variance is 0", argument="recordings")
+    eta = np.array([wv.degrees_of_freedom[:levels] for wv in measured])
+    pooled = np.average([wv.variance[:levels] for wv in measured], axis=0, weights=eta)
+    curves = {
+        name: _Curve(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv, signal))
+        for (name, signal), wv in zip(signals.items(), measured, strict=True)
+    }
+    # Of two recordings, both comparisons would be the same.
+    compared = list(curves)[: 1 if len(curves) == 2 else None]
     rows = []
-    for k in range(levels):
-        ratio = float(curves[0].variance[k] / curves[1].variance[k])
-        degrees = float(freedom[0][k]), float(freedom[1][k])
-        tested = min(degrees) > LEAST
-        above = float(fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))
-        below = float(fdtr(*degrees, ratio * math.exp(2 * tolerance)))
-        rows.append(
-            LevelRatio(
-                axis=axis,
-                level=int(curves[0].levels[k]),
-                tau=float(curves[0].tau[k]),
-                ratio=math.sqrt(ratio),
-                lower=math.sqrt(ratio / float(fdtri(*degrees, (1 + confidence) / 2))) if tested else None,
-                upper=math.sqrt(ratio / float(fdtri(*degrees, (1 - confidence) / 2))) if tested else None,
-                pvalue=min(1.0, 2 * min(above, below)) if tested else None,
-            )
-        )
+    for name in compared:
+        others = _mean([curve for other, curve in curves.items() if other != name])
+        for k in range(levels):
+            row = _row(curves[name], others, k, confidence=confidence, tolerance=tolerance)
+            rows.append(replace(row, axis=axis, recording=name, level=k + 1, tau=float(measured[0].tau[k])))
     return rows
 
 
+def _mean(curves: Sequence[_Curve]) -> _Curve:
+    """The mean of independent curves of the same noise, with their degrees of freedom as weights."""
+    freedom = np.sum([curve.freedom for curve in curves], axis=0)
+    total = np.sum([curve.freedom * curve.variance for curve in curves], axis=0)
+    return _Curve(total / freedom, freedom)
+
+
+def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: float) -> LevelRatio:
+    """The ratio of two curves at one level."""
+    from scipy.special import fdtr, fdtrc, fdtri
+
+    ratio = float(one.variance[k] / other.variance[k])
+    degrees = float(one.freedom[k]), float(other.freedom[k])
+    if min(degrees) <= LEAST:
+        return LevelRatio(ratio=math.sqrt(ratio))
+    above = float(fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))
+    below = float(fdtr(*degrees, ratio * math.exp(2 * tolerance)))
+    lower, upper = (math.sqrt(ratio / float(fdtri(*degrees, (1 + s * confidence) / 2))) for s in (1, -1))
+    return LevelRatio(ratio=math.sqrt(ratio), lower=lower, upper=upper, pvalue=min(1.0, 2 * min(above, below)))
+
+
 def _freedom(pooled: Vector, eta: Vector, wv: WaveletVariance, signal: Signal) -> Vector:
-    """Degrees of freedom η_j (J,) of one curve under the model of both."""
+    """Degrees of freedom η_j (J,) of one curve under the model of all."""
     levels = pooled.size
     design = Design.of(replace(wv, excess=excess_covariance(signal, wv))).only(np.arange(len(wv)) < levels)
     curve, model = mixture(pooled, eta, design, random=True)

@@ -1,4 +1,4 @@
-"""Result of the test whether two recordings have the same noise."""
+"""Result of the test whether recordings have the same noise."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class LevelRatio:
-    """The ratio of two recordings at one scale.
+    """The ratio of two recordings at one scale, or of one recording to the mean of the others.
 
     Attributes
     ----------
     axis : str
+    recording : str
+        The recording in the numerator.
     level : int
     tau : float
         Scale (s).
@@ -33,31 +35,35 @@ class LevelRatio:
         Whether the test finds a difference.
     """
 
-    axis: str
-    level: int
-    tau: float
     ratio: float
-    lower: float | None
-    upper: float | None
-    pvalue: float | None
+    axis: str = ""
+    recording: str = ""
+    level: int = 0
+    tau: float = 0.0
+    lower: float | None = None
+    upper: float | None = None
+    pvalue: float | None = None
     differs: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SameNoise(Summarised):
-    """Whether two recordings have the same noise, by axis and scale.
+    """Whether recordings have the same noise, by axis and scale.
 
     Attributes
     ----------
+    recordings : tuple of str
+        Names of the recordings.
     axes : tuple of str
     levels : tuple of LevelRatio
-        All levels of all axes.
+        All levels of all axes: of two recordings, the first over the second; of more, each over the mean of the others.
     tolerance : float
         Largest |ln(ν_1/ν_2)| that counts as the same.
     size, confidence : float
         Significance level of all tests together, and confidence level of the intervals.
     """
 
+    recordings: tuple[str, ...]
     axes: tuple[str, ...]
     levels: tuple[LevelRatio, ...]
     tolerance: float
@@ -83,35 +89,44 @@ class SameNoise(Summarised):
         """The smallest adjusted p-value: the p-value of the test of all levels and axes together."""
         return min((row.pvalue for row in self.levels if row.pvalue is not None), default=1.0)
 
-    def largest(self, axis: str) -> LevelRatio:
-        """The level at which an axis differs most surely, or would: the one whose interval is farthest from 1."""
-        return min(self[axis], key=lambda row: (row.pvalue if row.pvalue is not None else 1.0, -abs(row.ratio - 1)))
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """The recordings in the numerators: the first of two, or all."""
+        return self.recordings[: 1 if len(self.recordings) == 2 else None]
+
+    def largest(self, axis: str, recording: str = "") -> LevelRatio:
+        """The level at which a recording of an axis differs most significantly; by default, of all recordings."""
+        rows = [row for row in self[axis] if recording in ("", row.recording)]
+        return min(rows, key=lambda row: (row.pvalue if row.pvalue is not None else 1.0, -abs(row.ratio - 1)))
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Whether the recordings differ, by axis."""
-        tests = sum(row.pvalue is not None for row in self.levels)
-        facts = {"tests": tests, "size": self.size, "tolerance": self.tolerance}
+        """Whether the recordings differ, by axis and recording."""
         if not self.differs:
+            tests = sum(row.pvalue is not None for row in self.levels)
             within = "yes" if self.tolerance else "no"
-            return (Remark.of("noise-same", **facts, within=within),)
+            same = Remark.of("noise-same", tests=tests, size=self.size, tolerance=self.tolerance, within=within)
+            return (same,)
         found = []
-        for axis in self.axes:
-            rows = [row for row in self[axis] if row.differs]
-            if rows:
-                most = max(rows, key=lambda row: abs(row.ratio - 1))
-                found.append(
-                    Remark.of(
-                        "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
-                        more="higher" if most.ratio > 1 else "lower", levels=len(rows),
-                        p=min(row.pvalue or 0.0 for row in rows),
-                    )
-                )  # fmt: skip
+        for recording in self.compared:
+            for axis in self.axes:
+                rows = [row for row in self[axis] if row.differs and row.recording == recording]
+                if rows:
+                    most = max(rows, key=lambda row: abs(row.ratio - 1))
+                    other = f"recording {self.recordings[1]}" if len(self.recordings) == 2 else "the others"
+                    found.append(
+                        Remark.of(
+                            "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
+                            more="higher" if most.ratio > 1 else "lower", levels=len(rows),
+                            p=min(row.pvalue or 0.0 for row in rows), recording=recording, other=other,
+                        )
+                    )  # fmt: skip
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
         return {
+            "recordings": list(self.recordings),
             "axes": list(self.axes),
             "tolerance": self.tolerance,
             "size": self.size,
@@ -130,13 +145,17 @@ class SameNoise(Summarised):
 
     def summary(self) -> str:
         """Format a table of the ratio of each axis at its most different scale, and the remarks."""
-        rows = [["axis", "ratio", f"{100 * self.confidence:g} %", "at τ", "p"]]
+        two = len(self.recordings) == 2
+        rows = [["axis", *([] if two else ["recording"]), "ratio", f"{100 * self.confidence:g} %", "at τ", "p"]]
         for axis in self.axes:
-            row = self.largest(axis)
-            limits = "no test" if row.lower is None else f"{row.lower:.3f} … {row.upper:.3f}"
-            p = "" if row.pvalue is None else f"{row.pvalue:.2g}"
-            rows.append([axis, f"{row.ratio:.3f}", limits, duration_text(row.tau), p])
-        head = "Ratio of the deviations of two recordings, at the scale where each axis differs most significantly"
+            for recording in self.compared:
+                row = self.largest(axis, recording)
+                limits = "no test" if row.lower is None else f"{row.lower:.3f} … {row.upper:.3f}"
+                p = "" if row.pvalue is None else f"{row.pvalue:.2g}"
+                name = [] if two else [recording]
+                rows.append([axis, *name, f"{row.ratio:.3f}", limits, duration_text(row.tau), p])
+        what = " over ".join(self.recordings) if two else "each recording over the mean of the others"
+        head = f"Ratio of the deviations, {what}, at the scale of the most significant difference"
         return "\n".join([head, "", *headed(rows), "", *texts(self.remarks)])
 
     def __repr__(self) -> str:
