@@ -307,7 +307,6 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

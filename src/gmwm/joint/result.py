@@ -174,7 +174,6 @@ class CrossCovariance(Summarised):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
         """
         from gmwm.plots.cross import plot_cross
 

@@ -273,7 +273,6 @@ class LikelihoodFit(KalmanMethods):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

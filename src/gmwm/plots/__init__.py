@@ -2,7 +2,10 @@
 
 Each plot has two functions: one returns the plot as data (`wavelet_variance_panel`, `fit_panel`, `overlay_panel`,
 `imu_figure`, `ranking_figure`), and one draws these data with Matplotlib (`plot_…`). Matplotlib is imported
-by the first drawing.
+by the first drawing. Results have a method `plot`, which calls the function of their kind.
+
+All of them return a `matplotlib.figure.Figure` that is not registered with pyplot: it need not be closed, and notebooks
+display it. With `path`, they also write the picture to a file: .png, .pdf or .svg.
 """
 
 from gmwm.plots.allan import plot_allan, plot_allan_axes, plot_avlr

@@ -114,7 +114,7 @@ def resolve(
     Raises
     ------
     UnitError
-        If the unit of a gyroscope is unknown, or that of the accelerometers can neither be found nor inferred.
+        If the unit of a gyroscope is unknown, or the unit of the accelerometers can neither be found nor inferred.
     """
     units: dict[str, Unit] = {}
     remarks: list[Remark] = []
@@ -139,7 +139,7 @@ def resolve(
         unnamed = next((axis for axis, one in known.items() if not one.unit), None)
         if unnamed is not None:
             raise UnitError(
-                f"the unit of {unnamed} is not named, while that of the other axes is {', '.join(names)}",
+                f"the unit of {unnamed} is not named, but the other axes are in {', '.join(names)}",
                 code="unit-unnamed",
                 advice="State the unit of the sensor with {--units=@example}.",
                 example=f"{quantity}:{names[0]}",

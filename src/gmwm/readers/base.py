@@ -222,7 +222,7 @@ def register(reader: R) -> R:
         older = type(_READERS[key])
         if not defined_anew(reader, older) or key != reader.name:
             raise OptionError(
-                f"the name {key!r} of {reader.__qualname__} is already that of {older.__qualname__} in "
+                f"the name {key!r} of {reader.__qualname__} already belongs to {older.__qualname__} in "
                 f"{older.__module__}",
                 advice="Give the new reader another name.",
             )

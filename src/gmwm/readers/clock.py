@@ -358,7 +358,7 @@ def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> flo
 
 
 def _require_agreement(rate: float, measured: float, unit: str) -> None:
-    """Require that a declared rate and that of the time stamps (Hz) differ by 1 % at most.
+    """Require that the declared rate and the rate of the time stamps (Hz) differ by 1 % at most.
 
     Raises
     ------
@@ -385,7 +385,7 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
 
 
 def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remark]:
-    """A remark if a declared rate and that of the time stamps (Hz) differ; `grave` if it is also a warning."""
+    """A remark if the declared rate differs from the rate of the time stamps (Hz); `grave` if it is also a warning."""
     apart = abs(measured / rate - 1)
     if apart <= _RATE_REMARK:
         return

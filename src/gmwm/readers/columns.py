@@ -172,7 +172,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
 
 
 def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
-    """The stamp in the header of ROS messages, if other columns hold a time too, such as that of recording.
+    """The stamp in the header of ROS messages, if other columns hold a time too, such as the time of recording.
 
     A driver that does not set it leaves zeros.
     """

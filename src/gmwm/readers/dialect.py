@@ -73,7 +73,7 @@ class Dialect:
     cleaning : tuple of (pattern, replacement)
         What is replaced in each line before it is split: labels of the numbers, arrows after a time.
     cut : tuple of str
-        The last cell of the file if it was cut off within a number, and that of the line before; empty otherwise.
+        If the file was cut off within a number: its last cell, and the last cell of the line before. Otherwise empty.
     """
 
     delimiter: str
@@ -427,7 +427,7 @@ _RATE = re.compile(
 
 
 def _is_clear(word: str, clause: str) -> bool:
-    """Whether a unit of time in a comment is that of the stamps; minutes and hours may be the length."""
+    """Whether a unit of time in a comment is the unit of the time stamps; minutes and hours may state the length."""
     stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
     return word in _CLEAR or (word in _LONG and stands_alone)
 

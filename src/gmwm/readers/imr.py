@@ -133,7 +133,7 @@ def _header(path: Path) -> _Header:
 def _rate(path: Path, header: _Header) -> tuple[Remark, ...]:
     """A remark if the first time stamps contradict the rate of the header by more than 1 %.
 
-    The header may state the rate of the device instead of that of the records, so this is not a warning.
+    The header may state the rate of the device instead of the rate of the records, so this is not a warning.
     """
     times = np.fromfile(path, record("i4", header.order), 2048, offset=_HEADER_BYTES)["time"].astype(np.float64)
     interval = float(np.median(np.diff(times))) if times.size > 1 else 1 / header.rate

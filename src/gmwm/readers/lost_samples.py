@@ -54,7 +54,7 @@ class Sifted:
     lost : (n,) array of bool, or None
         Rows without a value in some axis; None if there is none.
     cut : (n + 1,) array of bool, or None
-        Rows before which a row that cannot be placed was left out; the last number is that of the row that follows.
+        Rows before which a row that cannot be placed was left out; the last entry is for the row that follows.
     unplaced, other : int
         Number of rows that were left out because they have no time stamp, and because they have no value in any axis.
     """

@@ -164,7 +164,7 @@ class _Sides:
 
 
 def _burst(steps: Vector) -> int:
-    """Number of samples in a burst; 1 if the median interval is that of uniform sampling.
+    """Number of samples in a burst; 1 if the median interval is the interval of uniform sampling.
 
     Samples come in bursts if more than 5 % of the intervals are longer than 4 medians: gaps are rarer.
     """

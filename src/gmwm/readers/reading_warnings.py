@@ -31,7 +31,7 @@ def of_file(remarks: Iterable[Remark], path: object) -> tuple[Remark, ...]:
 
 
 def warn(remarks: Iterable[Remark], stacklevel: int) -> None:
-    """Warn of the remarks that are also warnings; `stacklevel` is that of `warnings.warn` in the caller."""
+    """Warn of the remarks that are also warnings; `stacklevel` as in a `warnings.warn` of the caller."""
     for remark in remarks:
         category = _CATEGORIES.get(remark.code)
         if category is not None:

@@ -23,7 +23,7 @@ def multiply(
 ) -> tuple[Remark, ...]:
     """Multiply the numbers by their factors, and increments by the rate, in place.
 
-    The factor of an axis overrides that of its sensor.
+    The factor of an axis overrides the factor of its sensor.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def multiply(
     Raises
     ------
     OptionError
-        If a factor is that of an axis or a sensor that is not read.
+        If there is a factor for an axis or a sensor that is not read.
     """
     read = {key for axis in choice.axes for key in (axis, axis_quantity(axis))}
     for name, keys in (("scale", factors), ("increments", increments if set(increments) != set(SI_UNIT) else ())):

@@ -100,7 +100,7 @@ class SeveralFiles(Reader):
                 yield {column: _missing(values) for column, values in last.items()}
 
     def _alike(self, file: Path, reader: Reader, layout: Layout, wanted: Sequence[int]) -> Layout:
-        """The recording of another file that continues that of the first one.
+        """The recording of another file that continues the recording of the first file.
 
         Raises
         ------

@@ -184,9 +184,10 @@ class Stream:
     ) -> WaveletVariances:
         """Compute the wavelet variance of each axis; a robust estimate reads the recording twice by default.
 
-        By default, the wavelet variance of up to 8.4 million samples of six axes is that of `gmwm.wavelet_variance`, to
-        the last bit. Of more samples, the levels after `exact` use the coefficients at every τ/64-th sample, see
-        `WaveletAccumulator`; a remark says so. Segments between gaps are measured together; no coefficient spans a gap.
+        By default, the wavelet variance of up to 8.4 million samples of six axes equals the result of
+        `gmwm.wavelet_variance` to the last bit. With more samples, the levels after `exact` use the coefficients at
+        every τ/64-th sample, see `WaveletAccumulator`; a remark says so. Segments between gaps are measured together;
+        no coefficient spans a gap.
 
         Parameters
         ----------

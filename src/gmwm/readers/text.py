@@ -205,8 +205,11 @@ def _head_lines(source: FileSource) -> list[str]:
 
 
 def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()] | None:
-    """How the last line ends: None with a line end, () without one, and in a number that was cut off with its last
-    cell and that of the line before: then it has fewer digits than in all lines before."""
+    """How the last line ends: None with a line end, () without one.
+
+    If it ends in a number that was cut off, and so has fewer digits than in all lines before: its last cell, and the
+    last cell of the line before.
+    """
     with source.open() as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - TAIL_BYTES))

@@ -26,7 +26,7 @@ _COMBINED = {f"gyro_rad[{k}]": f"gyro_{axis}" for k, axis in enumerate(_AXES)} |
     f"accelerometer_m_s2[{k}]": f"accel_{axis}" for k, axis in enumerate(_AXES)
 }
 _MESSAGES = {"sensor_combined": _COMBINED, "sensor_gyro": _GYRO, "sensor_accel": _ACCEL}
-_STAMPS = ("timestamp_sample", "timestamp")  # µs; the time of the sample is preferred to that of its publication
+_STAMPS = ("timestamp_sample", "timestamp")  # µs; the time of the sample is preferred to the time of its publication
 _UNITS = {"gyro": "rad/s", "accel": "m/s²", "temperature": "°C"}
 _MOST_FIELDS = 2000  # of a message: sensors have some ten; deeply nested types could exhaust the memory
 
@@ -57,7 +57,7 @@ class UlogReader(Reader):
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """One recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as sensor_gyro_0.
 
-        The six axes of sensor_combined are preferred. Its temperature is that of the selected gyroscope, which logs it
+        The six axes of sensor_combined are preferred. The temperature comes from the selected gyroscope, which logs it
         with the slower message sensor_gyro.
         """
         log = _loaded(path)

@@ -336,7 +336,6 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

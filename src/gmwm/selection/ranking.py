@@ -339,7 +339,6 @@ class Ranking:
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------
@@ -416,7 +415,6 @@ class Comparison(Summarised):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

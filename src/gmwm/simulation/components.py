@@ -86,7 +86,6 @@ class SimulatedSignal:
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

@@ -90,7 +90,6 @@ class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

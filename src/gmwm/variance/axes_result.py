@@ -96,7 +96,6 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

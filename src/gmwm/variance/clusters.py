@@ -186,7 +186,6 @@ class ClusterVariance(Summarised):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------

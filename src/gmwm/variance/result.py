@@ -379,7 +379,6 @@ class WaveletVariance(Summarised):
         Returns
         -------
         matplotlib.figure.Figure
-            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
         Raises
         ------
