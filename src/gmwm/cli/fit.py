@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from gmwm.cli.command import command
+from gmwm.cli.conditions import fitted_conditions
 from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text, require_states
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
 from gmwm.cli.measuring import Chunked, memory_for, needs_memory, opened, signals_or_curves
@@ -36,6 +37,7 @@ from gmwm.cli.output import (
     units_text,
 )
 from gmwm.cli.read_options import Axes, File, chosen_axes
+from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.processes import ordered_classes, registry
 from gmwm.regression.against import NONE
@@ -51,6 +53,7 @@ EXAMPLES = (
     "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
     "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
     "gmwm fit static.csv --axis gyro_x --model 'GM + WN + RW' --likelihood",
+    "gmwm fit turn.csv --axis gyro_z --model 'WN + RW' --conditions rates.csv --varies 'WN: 1 + rate**2'",
     "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
 )
 _PROCESSES = ", ".join(
@@ -76,6 +79,26 @@ def fit(
     ],
     axis: Axes = None,
     against: AgainstOption = NONE,
+    conditions: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV table of the parts of the recording at known conditions, with the columns start and stop (s from "
+            "the first sample) and the condition: start,stop,rate. One model is fitted to all parts.",
+            metavar="TABLE",
+            rich_help_panel="Estimation",
+            show_default=False,
+        ),
+    ] = None,
+    varies: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
+            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. Can be repeated.",
+            metavar="TERM: SUM",
+            rich_help_panel="Estimation",
+            show_default=False,
+        ),
+    ] = None,
     weighting: Annotated[
         Literal["diagonal", "optimal", "identity"] | None,
         typer.Option(
@@ -165,6 +188,20 @@ def fit(
     from gmwm.estimation import Sampled
 
     parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
+    if conditions is not None:
+        unused = {
+            "against": against != NONE, "likelihood": likelihood, "start_draws": start_draws is not None,
+            "bootstrap_draws": bootstrap_draws is not None, "filter": needs_memory(filter, transform),
+            "chunked": chunked == "yes",
+        }  # fmt: skip
+        if name := next((name for name, given in unused.items() if given), None):
+            raise OptionError(argument=name, expected="left out with --conditions", advice="Leave it out.")
+        return fitted_conditions(
+            file, reading, parsed, conditions, varies or [], axis, weighting=weighting, robust=robust,
+            efficiency=strength, certify=certify, plot=plot, output=output,
+        )  # fmt: skip
+    if varies:
+        raise OptionError("--varies needs --conditions", argument="varies", got=varies, advice="Add {--conditions}.")
     if likelihood:
         require_states(parsed, argument="likelihood")
     how = _interval_method(confidence, bootstrap_draws, seed)

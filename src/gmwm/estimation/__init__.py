@@ -1,7 +1,8 @@
 """Estimation: fit the wavelet variance of a model to that of a signal (GMWM)."""
 
+from gmwm.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.estimation.estimator import fit
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.estimation.starts import Sampled, Start
 
-__all__ = ["Diagnostics", "Fit", "Sampled", "Start", "fit"]
+__all__ = ["ConditionsFit", "Diagnostics", "Estimate", "Fit", "Sampled", "Start", "fit"]

@@ -69,6 +69,24 @@ Place = tuple[Branch, float]
 """A point of the tabulated curve: a branch and the search coordinate u on it."""
 
 
+def shape_at(
+    process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+) -> Matrix:
+    """Wavelet variances (n, J) at unit scale; the levels may be those of several curves, one after another."""
+    if np.all(levels[1:] > levels[:-1]):
+        return process.shape(parameters, levels, rate, filter)
+    ascending, place = np.unique(levels, return_inverse=True)
+    return np.asarray(process.shape(parameters, ascending, rate, filter)[:, place])
+
+
+def slope_at(
+    process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+) -> Matrix:
+    """Derivatives (n, J) of `shape_at` by the first nonlinear parameter."""
+    ascending, place = np.unique(levels, return_inverse=True)
+    return np.asarray(process.shape_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
+
+
 def shapes(
     process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
@@ -76,7 +94,7 @@ def shapes(
     if not places:
         return np.empty((0, levels.size))
     parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
-    return process.shape(parameters, levels, rate, filter)
+    return shape_at(process, parameters, levels, rate, filter)
 
 
 @lru_cache(maxsize=16)
@@ -87,8 +105,8 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
     for index, branch in enumerate(branches):
         cells = max(2, int(np.ceil((branch.high - branch.low) / SPACING)))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
-        value = process.shape(branch.values(u), number, rate, filter)
-        slope = process.shape_jacobian(branch.values(u[::2]), number, rate, filter)[:, :, 0] * branch.slope(u[::2])
+        value = shape_at(process, branch.values(u), number, rate, filter)
+        slope = slope_at(process, branch.values(u[::2]), number, rate, filter) * branch.slope(u[::2])
         owner.append(np.full(cells + 1, index))
         nodes.append(u[::2])
         spacing += [np.diff(u[::2]), np.zeros(1)]
@@ -152,8 +170,8 @@ def close_up(
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])
     by_u = np.concatenate([branch.slope(end) for (branch, _), end in zip(places, ends, strict=True)])
-    values = process.shape(parameters, levels, rate, filter)
-    slopes = process.shape_jacobian(parameters, levels, rate, filter)[:, :, 0] * by_u
+    values = shape_at(process, parameters, levels, rate, filter)
+    slopes = slope_at(process, parameters, levels, rate, filter) * by_u
     unit, slope = unit_curve(values, slopes, root)
     margins = np.zeros(2 * len(places) - 1)
     margins[1::2] = -1.0

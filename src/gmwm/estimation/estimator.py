@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix
 from gmwm.errors import FitWarning, ModelError, OptionError
+from gmwm.estimation.conditions import fit_conditions
+from gmwm.estimation.conditions_fit import ConditionsFit
 from gmwm.estimation.problem import pose, to_find
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.estimation.reweighting import REWEIGHTED, First, Settled, settle
@@ -33,6 +37,7 @@ NEAR = 1e-6
 √(2/N) > 1e-6, for the longest recording that `gmwm.plan` accepts, 2⁴⁰ samples."""
 
 
+@overload
 def fit(
     model: Model | Process | str,
     data: WaveletVariance | Signal | ArrayLike,
@@ -44,7 +49,36 @@ def fit(
     certify: bool = True,
     start: Sampled | None = None,
     against: Against = None,
-) -> Fit:
+) -> Fit: ...
+
+
+@overload
+def fit(
+    model: Model | Process | str,
+    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None = None,
+    *,
+    weighting: Weighting | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    certify: bool = True,
+    varies: Mapping[str, str] | None = None,
+) -> ConditionsFit: ...
+
+
+def fit(
+    model: Model | Process | str,
+    data: WaveletVariance | Signal | ArrayLike | Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None = None,
+    *,
+    weighting: Weighting | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    certify: bool = True,
+    start: Sampled | None = None,
+    against: Against = None,
+    varies: Mapping[str, str] | None = None,
+) -> Fit | ConditionsFit:
     """Fit a sum of noise processes to a signal or to its wavelet variance.
 
     The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)). It needs no starting values and no random
@@ -62,8 +96,9 @@ def fit(
     model : Model, Process or str
         The model to fit, for example ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values in the model are used
         as additional starting values; values in ``fixed(…)`` are held.
-    data : WaveletVariance, Signal, or (N,) array in any unit
-        The data to fit the model to.
+    data : WaveletVariance, Signal, (N,) array in any unit, or mapping of condition to one of these
+        The data to fit the model to. A mapping has recordings at known conditions, for example rates of a turntable or
+        plateaus of a chamber: ``{0.0: rest, 50.0: slow, 100.0: fast}``.
     rate : float, optional
         Sampling rate (Hz); needed only if `data` is a plain array.
     weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
@@ -93,11 +128,17 @@ def fit(
         Conditions whose effect is removed from the signal before the fit, for example
         ``{"temperature:2,lag": imu.temperature}`` or "time:3"; see docs/howto/temperature.md. Intervals and tests
         account for what the regression removes from the noise; `fit.regression` has its coefficients.
+    varies : mapping of term to str, optional
+        With a mapping of conditions: how the variance of a term depends on the condition, as a sum of known functions
+        with unknown coefficients of zero or more, for example ``{"WN": "1 + rate**2"}``. Functions are 1, powers of a
+        name, abs(name), and hats(0, 25, 50), which is piecewise linear. Other terms are the same at all conditions; see
+        docs/howto/conditions.md.
 
     Returns
     -------
     Fit
-        Estimates, objective with its lower bound, fitted curve and remarks.
+        Estimates, objective with its lower bound, fitted curve and remarks. With a mapping of conditions, a
+        `gmwm.estimation.ConditionsFit`.
 
     Raises
     ------
@@ -136,6 +177,18 @@ def fit(
             got=start,
             advice="Write starting values into the model, for example `GM(beta=0.1)`.",
         )
+    if isinstance(data, Mapping):
+        return _fitted_conditions(
+            wanted, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
+            others={"start": start, "against": against},
+        )  # fmt: skip
+    if varies is not None:
+        raise OptionError(
+            "varies needs recordings at known conditions",
+            argument="varies",
+            got=varies,
+            advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`.",
+        )
     wv = measured(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
@@ -143,6 +196,33 @@ def fit(
     for remark in found.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return found
+
+
+def _fitted_conditions(
+    model: Model,
+    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None,
+    varies: Mapping[str, str] | None,
+    *,
+    weighting: Weighting | None,
+    robust: bool,
+    efficiency: float,
+    certify: bool,
+    others: Mapping[str, object],
+) -> ConditionsFit:
+    """Fit recordings at known conditions, after a check of the options."""
+    for name, value in others.items():
+        if value is not None:
+            raise OptionError(argument=name, expected="left out with recordings at known conditions", got=value)
+    chosen = "diagonal" if weighting is None else weighting
+    if not isinstance(chosen, str) or chosen not in REWEIGHTED:
+        raise OptionError(argument="weighting", expected="'diagonal' or 'optimal' with known conditions", got=weighting)
+    keys: list[object] = list(data)
+    bad = [key for key in keys if isinstance(key, bool) or not isinstance(key, int | float | np.number)]
+    if bad or not all(math.isfinite(key) for key in data):
+        raise OptionError(argument="data", expected="conditions that are finite numbers", got=bad[0] if bad else keys)
+    curves = {float(condition): measured(one, rate, robust, efficiency) for condition, one in data.items()}
+    return fit_conditions(model, curves, varies or {}, weighting=chosen, certify=certify)
 
 
 def refitted(fit: Fit, wv: WaveletVariance) -> Fit:

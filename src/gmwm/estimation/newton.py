@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.estimation.atoms import Place
+from gmwm.estimation.atoms import Place, shape_at, slope_at
 from gmwm.estimation.problem import Problem
 from gmwm.processes.base import Process
 
@@ -78,8 +78,8 @@ def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) 
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])
     by_u = np.concatenate([b.slope(u) for b, u in points])
-    values = curved_class.shape(parameters[:count], problem.levels, problem.rate, problem.filter)
-    slopes = curved_class.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+    values = shape_at(curved_class, parameters[:count], problem.levels, problem.rate, problem.filter)
+    slopes = slope_at(curved_class, parameters, problem.levels, problem.rate, problem.filter) * by_u
     bends = (slopes[count : 2 * count] - slopes[2 * count :]) / (2 * d)
     root = problem.root.T
     return values @ root, slopes[:count] @ root, bends @ root

@@ -99,12 +99,12 @@ class Problem:
 
     def under(self, matrix: Matrix) -> Problem:
         """The same problem under another weighting matrix Ω."""
-        root, unit, target = _weighed(self.observed, matrix)
+        root, unit, target = weighed(self.observed, matrix)
         return replace(self, matrix=matrix, root=root, unit=unit, target=target)
 
     def observing(self, observed: Vector) -> Problem:
         """The same problem for other data."""
-        _, unit, target = _weighed(observed, self.matrix)
+        _, unit, target = weighed(observed, self.matrix)
         return replace(self, observed=observed, unit=unit, target=target)
 
     def weighted(self, shapes: Matrix) -> Matrix:
@@ -126,8 +126,8 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
         If the model has no free parameter or more than there are levels; if a scale is held while a shape parameter of
         the same process is free; or if the filter removes one of the processes.
     """
-    linear, shaped, held = _by_kind(model)
-    curved, free = _searched(model, shaped)
+    linear, shaped, held = by_kind(model)
+    curved, free = searched(model, shaped)
     count = len(linear) + sum(1 + len(to_find(model.processes[place])) for place in shaped)
     if count == 0:
         raise ModelError(
@@ -143,9 +143,9 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     known = np.zeros(len(wv))
     for place in held:
         known += model.processes[place].wavelet_variance(levels, rate, filter)
-    shapes = [_shape(model.processes[place], levels, rate, filter) for place in linear]
+    shapes = [unit_shape(model.processes[place], levels, rate, filter) for place in linear]
     observed = wv.variance - known
-    root, unit, target = _weighed(observed, matrix)
+    root, unit, target = weighed(observed, matrix)
     return Problem(
         model=model,
         levels=levels,
@@ -164,7 +164,8 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     )
 
 
-def _weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
+def weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
+    """L with LᵀL = Ω, the unit of the objective, and the weighted data in this unit."""
     root = square_root(matrix)
     weighted = root @ observed
     largest = float(np.abs(weighted).max())
@@ -172,7 +173,14 @@ def _weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
     return root, unit, weighted / unit
 
 
-def _shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
+def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
+    """Wavelet variance (J,) at unit scale of a process with a known shape.
+
+    Raises
+    ------
+    ModelError
+        If it is zero at every level.
+    """
     shape = np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
     if not np.any(shape > 0):
         raise ModelError(
@@ -190,7 +198,7 @@ def to_find(process: Process) -> tuple[int, ...]:
     return tuple(k for k, p in enumerate(process.nonlinear_parameters()) if not process.is_fixed(p.name))
 
 
-def _searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Indices of the processes that branch and bound searches, and of the others with a free shape.
 
     The search covers one class of processes. If the model has two, it is the one with more terms.
@@ -203,7 +211,7 @@ def _searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], t
     return curved, tuple(free)
 
 
-def _by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+def by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
     """Indices of the processes with a free scale only, with a free shape, and with all parameters held."""
     linear: list[int] = []
     shaped: list[int] = []

@@ -16,15 +16,11 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._text import Named
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
-from gmwm.estimation.weighting import square_root
+from gmwm.estimation.linearised import relative_covariance
 from gmwm.processes.model import Model
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
-
-COLLINEAR = 1e-9
-"""Relative singular value of the Jacobian below which a direction of the parameters is not determined. Pinned by
-tests/inference/test_plan.py: parameters with the same effect on the curve have infinite errors."""
 
 NO_COEFFICIENT = 1e-8
 """Value that replaces a coefficient φ = 0, because errors are relative to values."""
@@ -148,27 +144,6 @@ def _sizes(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
     """Values of parameters, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
     values = np.array([model.parameters[name] for name in names], dtype=np.float64)
     return np.where(values == 0, NO_COEFFICIENT, values)
-
-
-def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
-    """B V Bᵀ (p, p) for a Jacobian D (J, p); infinite for parameters that the Jacobian does not determine."""
-    size = slopes.shape[1]
-    if size == 0:
-        return np.zeros((0, 0))
-    root = square_root(matrix)
-    weighted = root @ slopes
-    length = np.linalg.norm(weighted, axis=0)
-    seen = length > 0
-    left, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
-    clear = strength > COLLINEAR * strength.max(initial=0.0)
-    gain = np.zeros((size, slopes.shape[0]))
-    gain[seen] = (right[clear].T / strength[clear]) @ left[:, clear].T @ root / length[seen, None]
-    result = np.asarray(gain @ wavelet @ gain.T)
-    lost = ~seen
-    lost[seen] = np.any(np.abs(right[~clear]) > 1e-6, axis=0) if np.any(~clear) else False
-    result[lost] = result[:, lost] = 0.0
-    result[lost, lost] = np.inf
-    return (result + result.T) / 2
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:

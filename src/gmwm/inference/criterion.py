@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design
+from gmwm.estimation.linearised import COLLINEAR
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import estimated, solve
 from gmwm.estimation.weighting import square_root
 from gmwm.filters import WaveletFilter
-from gmwm.inference.asymptotic import COLLINEAR
 from gmwm.inference.bootstrap import DRAWS, bootstrap
 from gmwm.inference.intervals import Method
 from gmwm.options import one_of

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Matrix, Vector, freeze
+from gmwm._arrays import freeze
 from gmwm._text import Summarised, counted
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
 from gmwm.estimation.estimator import refitted
+from gmwm.estimation.linearised import unexplained
 from gmwm.estimation.reweighting import REWEIGHTED
 from gmwm.estimation.weighting import precision, square_root
-from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
+from gmwm.inference.asymptotic import columns_of, relative_jacobian
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.inference.intervals import Method
 from gmwm.options import one_of
@@ -169,12 +170,3 @@ def _statistic(fit: Fit) -> tuple[float, int]:
         raise _too_few(fit, len(columns), len(wv))
     root = square_root(precision(covariance(fit.model, design)))
     return unexplained(root @ (wv.variance - fit.implied), root @ relative_jacobian(fit.model, design, columns))
-
-
-def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
-    """Squared length of a vector (J,) without its part in the span of some columns (J, p), and the rank of these."""
-    length = np.linalg.norm(slopes, axis=0)
-    axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
-    clear = strength > COLLINEAR * strength.max(initial=0.0)
-    taken = axes[:, clear].T @ left
-    return float(left @ left - taken @ taken), int(np.count_nonzero(clear))

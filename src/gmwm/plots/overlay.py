@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
+    from gmwm.estimation.conditions_fit import AtCondition
     from gmwm.estimation.result import Fit
     from gmwm.variance.result import WaveletVariance
 
-Item: TypeAlias = "WaveletVariance | Fit"
+Item: TypeAlias = "WaveletVariance | Fit | AtCondition"
 """A curve of a panel: a wavelet variance, or a fit with its wavelet variance."""
 
 

@@ -23,12 +23,13 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design
 from gmwm.errors import GmwmError
 from gmwm.estimation.estimator import as_fit
+from gmwm.estimation.linearised import COLLINEAR
 from gmwm.estimation.problem import pose
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, drawn_covariance
 from gmwm.estimation.solver import solve
 from gmwm.estimation.weighting import precision, square_root
-from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
+from gmwm.inference.asymptotic import columns_of, relative_jacobian
 from gmwm.inference.criterion import optimism
 from gmwm.selection.candidate_fits import Explored, relaxed_columns
 from gmwm.selection.structure import without_values

@@ -1,0 +1,149 @@
+"""gmwm fit --conditions: fit one model to the parts of a recording at known conditions."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from gmwm.cli.output import NewFile, Outcome, json_text, made_directory, text_file
+from gmwm.cli.read_options import chosen_names, load
+from gmwm.errors import OptionError, ReadError
+from gmwm.options import ReadOptions
+
+if TYPE_CHECKING:
+    from gmwm.estimation import ConditionsFit
+    from gmwm.processes import Model
+    from gmwm.signals import Imu, Signal
+
+_EXPECTED = "a table with the columns start, stop and the condition, for example `start,stop,rate`"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Parts of a recording at known conditions.
+
+    Attributes
+    ----------
+    condition : str
+        Name of the condition.
+    parts : mapping of condition to list of (start, stop)
+        Times (s) from the first sample.
+    """
+
+    condition: str
+    parts: Mapping[float, list[tuple[float, float]]]
+
+    @classmethod
+    def read(cls, path: Path) -> Table:
+        """Read a CSV file with the columns start, stop and the condition.
+
+        Raises
+        ------
+        ReadError
+            If the file cannot be read as such a table.
+        """
+        try:
+            rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
+        except (OSError, UnicodeDecodeError) as error:
+            raise ReadError(f"{path} cannot be read: {error}", argument="conditions") from error
+        head = [cell.strip() for cell in rows[0]] if rows else []
+        if len(head) != 3 or head[:2] != ["start", "stop"] or not head[2].isidentifier():
+            raise ReadError(f"{path} is not {_EXPECTED}", argument="conditions", got=",".join(head))
+        parts: dict[float, list[tuple[float, float]]] = {}
+        for number, row in enumerate(rows[1:], 2):
+            try:
+                start, stop, condition = map(float, row)
+            except ValueError as error:
+                reason = f"{path}, row {number}: three numbers were expected, not {','.join(row)!r}"
+                raise ReadError(reason, argument="conditions", got=row) from error
+            if not 0 <= start < stop:
+                reason = (
+                    f"{path}, row {number}: the start, {start:g} s, must be 0 or more and before the stop, {stop:g} s"
+                )
+                raise ReadError(reason, argument="conditions", got=row)
+            parts.setdefault(condition, []).append((start, stop))
+        for (_, stop), (start, _) in pairwise(sorted(pair for own in parts.values() for pair in own)):
+            if start < stop:
+                raise ReadError(f"{path}: two parts overlap between {start:g} s and {stop:g} s", argument="conditions")
+        return cls(head[2], {condition: sorted(own) for condition, own in sorted(parts.items())})
+
+    def of(self, recording: Imu) -> dict[float, Imu]:
+        """The parts of a recording, with a gap between two parts at the same condition."""
+        found = {}
+        for condition, own in self.parts.items():
+            gaps = [(stop, start) for (_, stop), (start, _) in pairwise(own) if stop < start]
+            found[condition] = recording.between(own[0][0], own[-1][1], skip=gaps)
+        return found
+
+
+def as_varies(texts: Sequence[str]) -> dict[str, str]:
+    """Read --varies, such as "WN: 1 + rate**2".
+
+    >>> as_varies(["WN: 1 + rate**2"])
+    {'WN': '1 + rate**2'}
+    """
+    found = {}
+    for text in texts:
+        term, colon, functions = text.partition(":")
+        if not colon or not functions.strip() or term.strip() in found:
+            raise OptionError(argument="varies", expected="a term and its functions, as in 'WN: 1 + rate**2'", got=text)
+        found[term.strip()] = functions.strip()
+    return found
+
+
+def fitted_conditions(
+    file: Path, reading: ReadOptions, model: Model, table: Path, varies: Sequence[str], axis: Sequence[str] | None,
+    *, weighting: Literal["diagonal", "optimal", "identity"] | None, robust: bool, efficiency: float, certify: bool,
+    plot: Path | None, output: Path | None,
+) -> Outcome:  # fmt: skip
+    """Fit one model to the parts of a recording that a table lists."""
+    from gmwm import fit, wavelet_variance
+    from gmwm.cli.parallel import over_axes
+    from gmwm.estimation.varies import parsed as parsed_functions
+
+    wanted, known = as_varies(varies), Table.read(table)
+    _, named = parsed_functions(wanted)
+    if named not in ("condition", known.condition):
+        raise OptionError(argument="varies", expected=f"functions of {known.condition}, as in {table}", got=named)
+    recording = load(file, reading)
+    if output is not None:
+        made_directory(output)
+    parts = known.of(recording)
+    names = chosen_names(recording.axes, axis)
+    if plot is not None and len(names) > 1:
+        raise OptionError(
+            "--plot draws one axis at known conditions", argument="plot", got=str(plot),
+            advice="Select it with {--axis=gyro_z}, or use --output.",
+        )  # fmt: skip
+
+    def work(signal: Signal) -> ConditionsFit:
+        curves = {
+            condition: wavelet_variance(imu[signal.axis], robust=robust, efficiency=efficiency)
+            for condition, imu in parts.items()
+        }
+        found = fit(model, curves, weighting=weighting, certify=certify, varies=wanted)
+        return replace(found, condition=known.condition)
+
+    fits = over_axes(work, {name: recording[name] for name in names}, "fitting")
+    content = {
+        "file": str(file), "model": str(model), "conditions": str(table),
+        "axes": {name: found.to_dict() for name, found in fits.items()},
+    }  # fmt: skip
+    files = []
+    if output is not None:
+        files.append(text_file(output / "fits.json", json_text("fit", content) + "\n"))
+    for name, found in fits.items():
+        targets = [output / f"fit_{name}.png"] if output is not None else []
+        for path in [*targets, *([plot] if plot is not None else [])]:
+            files.append(NewFile(path, partial(_draw, found), f"plotting {path.name}"))
+    text = "\n\n".join(f"{name}: {found.summary()}" for name, found in fits.items())
+    return Outcome(command="fit", document=content, text=text, files=tuple(files))
+
+
+def _draw(found: ConditionsFit, path: Path) -> None:
+    found.plot(path=path)

@@ -1,0 +1,336 @@
+"""Fit one model to recordings at known conditions, such as the rates of a turntable or the plateaus of a chamber.
+
+The variance of a term is Σ_m s_m φ_m(c) with known functions φ_m ≥ 0 and unknown s_m ≥ 0, so that the curves of all
+conditions, one after another, are a non-negative sum of known vectors. The problem is solved as that of one curve, with
+the same certificate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.covariance import Design, covariance
+from gmwm.errors import ModelError, OptionError
+from gmwm.estimation.branch_and_bound import Term
+from gmwm.estimation.conditions_fit import ConditionsFit, Estimate
+from gmwm.estimation.linearised import relative_covariance, unexplained
+from gmwm.estimation.problem import Problem, by_kind, searched, unit_shape, weighed
+from gmwm.estimation.reweighting import implied_weights
+from gmwm.estimation.solver import Solution, resume, solve
+from gmwm.estimation.varies import Varies, parsed
+from gmwm.estimation.weighting import precision, square_root, weighting_matrix
+from gmwm.filters import find_filter
+from gmwm.processes.model import Model
+from gmwm.variance.result import WaveletVariance
+
+_SETTLED = 1e-9
+"""Relative change of the curves at which estimate and weights agree."""
+_ROUNDS = 100
+LEAST_FREEDOM = 3.0
+"""Degrees of freedom above which a level enters the tests, as in `Fit.goodness_of_fit`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """The curves of all conditions one after another, and the rows that a model adds to them.
+
+    Attributes
+    ----------
+    model : Model
+    curves : tuple of WaveletVariance
+        One for each of S conditions.
+    factors : mapping of index to (m, S) array
+        φ_m(c_s) of each process that varies.
+    """
+
+    model: Model
+    curves: tuple[WaveletVariance, ...]
+    factors: Mapping[int, Matrix]
+
+    @cached_property
+    def levels(self) -> NDArray[np.int64]:
+        """Levels of all curves."""
+        return np.concatenate([wv.levels for wv in self.curves])
+
+    @cached_property
+    def rows(self) -> list[tuple[int, int]]:
+        """Index of the process and of the function of each row with a linear coefficient."""
+        linear, _, _ = by_kind(self.model)
+        return [(place, m) for place in linear for m in range(len(self.factors.get(place, [0])))]
+
+    @cached_property
+    def shapes(self) -> Matrix:
+        """The rows at unit scale (rows, levels of all curves)."""
+        found = []
+        for place, m in self.rows:
+            process, phi = self.model.processes[place], self.factors.get(place)
+            parts = [
+                (1.0 if phi is None else phi[m, s]) * unit_shape(process, wv.levels, wv.rate, find_filter(wv.filter))
+                for s, wv in enumerate(self.curves)
+            ]
+            found.append(np.concatenate(parts))
+        return np.array(found).reshape(len(found), self.levels.size)
+
+    def posed(self, matrix: Matrix) -> Problem:
+        """The problem under a weighting matrix Ω of all levels."""
+        first = self.curves[0]
+        _, shaped, held = by_kind(self.model)
+        curved, free = searched(self.model, shaped)
+        if free:
+            raise ModelError(
+                f"{self.model.processes[free[0]]} has several shape parameters, or another class than "
+                "the search covers",
+                advice="Hold its shape with `fixed(…)`, or use GM, WN, RW, QN, FN and DR.",
+            )
+        count = len(self.rows) + 2 * len(curved)
+        if not 0 < count <= self.levels.size:
+            raise ModelError(
+                f"{self.model} has {count} free parameters at {self.levels.size} levels of all conditions",
+                advice="Free a parameter." if count == 0 else "Record longer, or use a smaller model.",
+            )
+        known = np.zeros(self.levels.size)
+        for place in held:
+            own = self.model.processes[place]
+            known += np.concatenate([own.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
+        observed = np.concatenate([wv.variance for wv in self.curves]) - known
+        root, unit, target = weighed(observed, matrix)
+        return Problem(
+            model=self.model, levels=self.levels, rate=first.rate, filter=find_filter(first.filter),
+            samples=max(wv.longest for wv in self.curves), observed=observed, matrix=matrix, root=root, unit=unit,
+            target=target, linear=tuple(range(len(self.rows))), curved=curved, free=(), shapes=self.shapes,
+        )  # fmt: skip
+
+    def models(self, solution: Solution) -> tuple[Model, ...]:
+        """The model of each condition with the values of a solution."""
+        _, shaped, _ = by_kind(self.model)
+        found = []
+        for s in range(len(self.curves)):
+            processes = list(self.model.processes)
+            scales: dict[int, float] = {}
+            for (place, m), scale in zip(self.rows, solution.scales.tolist(), strict=True):
+                phi = self.factors.get(place)
+                scales[place] = scales.get(place, 0.0) + scale * (1.0 if phi is None else float(phi[m, s]))
+            for place, term in zip(shaped, solution.terms, strict=True):
+                names = [p.name for p in processes[place].nonlinear_parameters()]
+                processes[place] = processes[place].with_values(**dict(zip(names, term.values, strict=True)))
+                scales[place] = term.scale
+            for place, scale in scales.items():
+                name = processes[place].scale_parameter().name
+                processes[place] = processes[place].with_values(**{name: processes[place].value_from(scale)})
+            found.append(Model(tuple(processes)))
+        return tuple(found)
+
+    def implied(self, models: tuple[Model, ...]) -> Vector:
+        """The curves of models, one after another."""
+        return np.concatenate(
+            [m.wavelet_variance(wv.levels, wv.rate, wv.filter) for m, wv in zip(models, self.curves, strict=True)]
+        )
+
+    def covariance(self, models: tuple[Model, ...]) -> Matrix:
+        """V of all curves, which are independent."""
+        return np.asarray(
+            block_diag(*(covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True)))
+        )
+
+    def weights(self, weighting: str, models: tuple[Model, ...]) -> Matrix:
+        """Ω of all curves under models."""
+        return np.asarray(
+            block_diag(
+                *(
+                    implied_weights(weighting, m, Design.of(wv), wv.variance)
+                    for m, wv in zip(models, self.curves, strict=True)
+                )
+            )
+        )
+
+    def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
+        """Columns of the linearised curves: ∂ν²/∂s of each linear coefficient, then ∂ν²/∂log θ of each shaped term.
+
+        The shape of a term that acts as another process, or that is zero, has no column.
+        """
+        _, shaped, _ = by_kind(self.model)
+        names: list[tuple[int, str | int]] = list(self.rows)
+        columns = list(self.shapes)
+        for place, term in zip(shaped, solution.terms, strict=True):
+            process = self.model.processes[place]
+            theta = np.array([term.values])
+            if term.scale > 0 and term.acts_as is None:
+                for k, parameter in enumerate(process.nonlinear_parameters()):
+                    own = [
+                        term.scale * term.values[k]
+                        * process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k]
+                        for wv in self.curves
+                    ]  # fmt: skip
+                    names.append((place, parameter.name))
+                    columns.append(np.concatenate(own))
+            if term.scale > 0:
+                own = [process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0] for wv in self.curves]
+                names.append((place, process.scale_parameter().name))
+                columns.append(np.concatenate(own))
+        return names, np.column_stack(columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A solved stack with its final weights."""
+
+    stack: Stack
+    problem: Problem
+    solution: Solution
+    models: tuple[Model, ...]
+
+
+def fit_conditions(
+    model: Model,
+    curves: Mapping[float, WaveletVariance],
+    varies: Mapping[str, str],
+    *,
+    weighting: str = "diagonal",
+    certify: bool = True,
+) -> ConditionsFit:
+    """Fit a model to the curves of known conditions: see `gmwm.fit`."""
+    functions, name = parsed(varies)
+    _check(model, curves, functions)
+    conditions = np.array(list(curves), dtype=np.float64)
+    places = {model.terms.index(term): term for term in functions}
+    factors = {place: functions[term].at(conditions, term) for place, term in places.items()}
+    solved = _settled(Stack(model, tuple(curves.values()), factors), weighting, certify=certify)
+    statistic, df, pvalue = _goodness(solved, weighting)
+    change = _no_change(solved, weighting) if factors else None
+    return ConditionsFit(
+        condition=name, structure=str(model), varies=dict(varies), curves=dict(curves),
+        models=dict(zip(curves, solved.models, strict=True)),
+        estimates=_estimates(solved, functions), objective=solved.solution.objective,
+        lower_bound=solved.solution.lower_bound, weighting=weighting, statistic=statistic, df=df, pvalue=pvalue,
+        pvalue_constant=change,
+    )  # fmt: skip
+
+
+def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Mapping[str, Varies]) -> None:
+    if len(curves) < 2:
+        raise OptionError(argument="data", expected="recordings at two or more conditions", got=len(curves))
+    first = next(iter(curves.values()))
+    for condition, wv in curves.items():
+        if (wv.rate, wv.filter, wv.unit) != (first.rate, first.filter, first.unit):
+            raise OptionError(
+                f"the recording at {condition:g} has {wv.rate:g} Hz, filter {wv.filter} and unit {wv.unit or 'none'}, "
+                f"but the first one has {first.rate:g} Hz, {first.filter} and {first.unit or 'none'}",
+                argument="data",
+            )
+    linear, _, _ = by_kind(model)
+    for term in functions:
+        if term not in model.terms:
+            raise OptionError(argument="varies", expected=f"terms of the model ({', '.join(model.terms)})", got=term)
+        process = model.processes[model.terms.index(term)]
+        if model.terms.index(term) not in linear or process.scale_parameter().scale_power != 1:
+            raise OptionError(
+                f"varies: only the variance of a term with a known shape can vary; {term} has a free or "
+                "no variance parameter",
+                argument="varies",
+                got=term,
+                advice="Hold its shape, for example `GM(beta=fixed(0.1))`.",
+            )
+
+
+def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
+    """Iterate estimate and weights until they agree; the final weights are held for the certificate."""
+    problem = stack.posed(np.asarray(block_diag(*(weighting_matrix("diagonal", wv) for wv in stack.curves))))
+    solution = solve(problem, certify=False, quick=True)
+    models = stack.models(solution)
+    before = stack.implied(models)
+    for _ in range(_ROUNDS):
+        problem = problem.under(stack.weights(weighting, models))
+        solution = resume(problem, solution)
+        models = stack.models(solution)
+        after = stack.implied(models)
+        if np.max(np.abs(after - before) / np.maximum(after, before)) < _SETTLED:
+            break
+        before = after
+    solution = solve(problem, certify=certify, near=solution)
+    return Solved(stack, problem, solution, stack.models(solution))
+
+
+def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
+    """The coefficients by name, with standard errors from the sandwich formula."""
+    stack, solution = solved.stack, solved.solution
+    names, columns = stack.slopes(solution)
+    spread = relative_covariance(columns, solved.problem.matrix, stack.covariance(solved.models))
+    errors = np.sqrt(np.diag(spread))
+    _, shaped, _ = by_kind(stack.model)
+    terms: dict[int, Term] = dict(zip(shaped, solution.terms, strict=True))
+    found = {}
+    for k, (place, which) in enumerate(names):
+        label, process = stack.model.terms[place], stack.model.processes[place]
+        scale = process.scale_parameter()
+        power = scale.scale_power or 1.0
+        if isinstance(which, int):
+            amount = float(solution.scales[k])
+            varied = functions.get(label)
+            name = f"{label}.{scale.name}" + ("" if varied is None else f" ({varied.functions[which].text})")
+        elif which == scale.name:
+            amount, name = terms[place].scale, f"{label}.{scale.name}"
+        else:
+            value = terms[place].values[[p.name for p in process.nonlinear_parameters()].index(which)]
+            found[f"{label}.{which}"] = Estimate(value, float(errors[k]) * abs(value), shape=True)
+            continue
+        if (one := terms.get(place)) is not None and one.acts_as is not None:
+            found[name] = Estimate(process.value_from(amount), math.inf, acts_as=one.acts_as)
+            continue
+        value = process.value_from(amount)
+        error = float(errors[k]) if power == 1 else float(errors[k]) * value / (power * amount) if amount else math.inf
+        found[name] = Estimate(value, error)
+    for place, term in terms.items():
+        if term.scale == 0:
+            process = stack.model.processes[place]
+            found[f"{stack.model.terms[place]}.{process.scale_parameter().name}"] = Estimate(0.0, math.inf)
+    return found
+
+
+def _short(stack: Stack) -> Stack:
+    """The stack with the levels that have enough degrees of freedom for a test."""
+    curves = []
+    for wv in stack.curves:
+        count = int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM))
+        cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
+        excess = None if wv.excess is None else wv.excess[:count, :count].copy()
+        curves.append(replace(wv, **cut, strides=wv.strides[:count], excess=excess))
+    return replace(stack, curves=tuple(curves))
+
+
+def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
+    """The chi-square test of the model: statistic, degrees of freedom and p-value."""
+    from scipy.special import gammaincc
+
+    short = _settled(_short(solved.stack), weighting, certify=False)
+    statistic, count = _left(short)
+    df = short.stack.levels.size - count
+    return statistic, df, float(gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
+
+
+def _no_change(solved: Solved, weighting: str) -> float:
+    """The p-value of the hypothesis that no term varies, from what the functions explain of its residuals."""
+    from scipy.special import gammaincc
+
+    short = _short(solved.stack)
+    constant = _settled(replace(short, factors={}), weighting, certify=False)
+    whole, few = _left(constant)
+    rest, many = _left(constant, short.shapes.T)
+    return float(gammaincc((many - few) / 2, (whole - rest) / 2))
+
+
+def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
+    """The weighted squares of the residuals that the parameters and further columns do not explain; their rank."""
+    stack = solved.stack
+    root = square_root(precision(stack.covariance(solved.models)))
+    _, columns = stack.slopes(solved.solution)
+    columns = columns if further is None else np.column_stack([columns, further])
+    observed = np.concatenate([wv.variance for wv in stack.curves])
+    return unexplained(root @ (observed - stack.implied(solved.models)), root @ columns)

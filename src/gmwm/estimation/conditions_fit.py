@@ -1,0 +1,216 @@
+"""The result of a fit to recordings at known conditions."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm._tables import aligned
+from gmwm._text import Summarised
+from gmwm.errors import OptionError
+from gmwm.estimation.varies import parsed
+from gmwm.options import as_confidence
+from gmwm.processes.model import Model
+from gmwm.variance.result import WaveletVariance
+
+_UNKNOWN = 14.0
+"""Half width of an interval, on the logarithm of a parameter, that counts as not determined: a factor of a million."""
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem, ViewName
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of a fit to known conditions.
+
+    Attributes
+    ----------
+    value, error : float
+        Estimate and standard error; the error is infinite if the data do not determine the parameter.
+    acts_as : str or None
+        Process that the term of the parameter acts as.
+    shape : bool
+        Whether it is a shape parameter, such as a correlation time, which cannot be zero.
+    """
+
+    value: float
+    error: float
+    acts_as: str | None = None
+    shape: bool = False
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Confidence interval on a logarithmic scale; from 0 to an upper limit if a variance of zero is possible."""
+        z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
+        if not math.isfinite(self.error) or (self.shape and z * self.error > _UNKNOWN * self.value):
+            return 0.0, math.inf
+        if z * self.error >= self.value and not self.shape:
+            return 0.0, self.value + z * self.error
+        factor = math.exp(z * self.error / self.value)
+        return self.value / factor, self.value * factor
+
+
+class AtCondition(NamedTuple):
+    """The curve at one condition, and that of the model."""
+
+    wavelet_variance: WaveletVariance
+    implied: Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ConditionsFit(Summarised):
+    """One model fitted to recordings at known conditions.
+
+    Attributes
+    ----------
+    condition : str
+        Name of the condition.
+    structure : str
+        The model, as text.
+    varies : mapping of term to str
+        Functions of the condition in the variance of each term that varies.
+    curves : mapping of condition to WaveletVariance
+        The data.
+    models : mapping of condition to Model
+        The model with its values at each condition.
+    estimates : mapping of name to Estimate
+        Parameters that are the same at all conditions, such as "RW.gamma2", and a coefficient for each function, such
+        as "WN.sigma2 (1)" and "WN.sigma2 (rate^2)", in SI units, per sample and per unit of the function.
+    objective : float
+        Σ_c (ν̂_c − ν_c)ᵀ Ω_c (ν̂_c − ν_c) at the estimate.
+    lower_bound : float or None
+        Lower bound on the objective of every model of this form; None if fitted with certify=False.
+    weighting : str
+        Ω: "diagonal" or "optimal".
+    statistic, df, pvalue : float, int, float
+        Chi-square goodness-of-fit test of all conditions.
+    pvalue_constant : float or None
+        Test that no term varies with the condition; None if `varies` is empty, and `pvalue` is this test.
+    """
+
+    condition: str
+    structure: str
+    varies: Mapping[str, str]
+    curves: Mapping[float, WaveletVariance]
+    models: Mapping[float, Model]
+    estimates: Mapping[str, Estimate]
+    objective: float
+    lower_bound: float | None
+    weighting: str
+    statistic: float
+    df: int
+    pvalue: float
+    pvalue_constant: float | None
+
+    def at(self, condition: float) -> Model:
+        """The model with its values at a condition within the range of the data.
+
+        Raises
+        ------
+        OptionError
+            If the condition is outside the range.
+        """
+        low, high = min(self.models), max(self.models)
+        if not low <= condition <= high:
+            raise OptionError(
+                argument="condition", expected=f"from {low:g} to {high:g}, the range of the recordings", got=condition
+            )
+        model, functions = next(iter(self.models.values())), parsed(self.varies)[0]
+        values = {}
+        for term, varied in functions.items():
+            name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"
+            values[name] = sum(
+                self.estimates[f"{name} ({one.text})"].value * float(one.of(np.array([float(condition)]))[0])
+                for one in varied.functions
+            )
+        return model.with_values(values)
+
+    def plot(
+        self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the curves of all conditions with their models.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.plots.overlay import Item, plot_comparison
+
+        items: dict[str, Item] = {
+            f"{self.condition} {c:g}": AtCondition(wv, self.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
+            for c, wv in self.curves.items()
+        }
+        return plot_comparison(items, view=view, units=units, path=path)
+
+    def summary(self) -> str:
+        """Estimates with 95 % confidence intervals, the certificate and the tests."""
+        conditions = ", ".join(f"{c:g}" for c in self.curves)
+        rows = [("", "estimate", "95 % interval")]
+        for name, one in self.estimates.items():
+            low, high = one.interval()
+            interval = "undetermined" if math.isinf(high) else f"{low:.4g} … {high:.4g}"
+            rows.append((name, f"{one.value:.4g}", f"acts as {one.acts_as}" if one.acts_as else interval))
+        lines = [f"{self.structure} at {self.condition} {conditions}", *aligned(rows)]
+        if self.lower_bound is not None:
+            gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
+            lines.append(
+                f"global optimum: no other parameter values lower the objective by more than {100 * max(gap, 0):.2g} %"
+            )
+        lines.append(
+            f"goodness of fit: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, {_p(self.pvalue)}"
+        )
+        if self.pvalue_constant is not None:
+            lines.append(f"no dependence on {self.condition}: {_p(self.pvalue_constant)}")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as numbers, lists and strings, ready for JSON."""
+        return {
+            "condition": self.condition, "model": self.structure, "varies": dict(self.varies),
+            "estimates": {
+                name: {
+                    "value": one.value,
+                    "standard_error": one.error if math.isfinite(one.error) else None,
+                    "interval": [end if math.isfinite(end) else None for end in one.interval()],
+                    "acts_as": one.acts_as,
+                }
+                for name, one in self.estimates.items()
+            },
+            "objective": self.objective, "lower_bound": self.lower_bound, "weighting": self.weighting,
+            "goodness_of_fit": {"statistic": self.statistic, "df": self.df, "pvalue": self.pvalue},
+            "pvalue_constant": self.pvalue_constant,
+            "conditions": [
+                {"condition": c, "parameters": self.models[c].parameters, "wavelet_variance": wv.to_dict()}
+                for c, wv in self.curves.items()
+            ],
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"ConditionsFit({self.structure}, {len(self.curves)} conditions)"
+
+
+def _p(value: float) -> str:
+    return f"p = {value:.3f}" if value >= 0.001 else "p < 0.001"
