@@ -96,6 +96,19 @@ def as_varies(texts: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
+    """Require that no options are given that do not apply with --conditions, or without it.
+
+    Raises
+    ------
+    OptionError
+    """
+    if varies and not conditions:
+        raise OptionError("--varies needs --conditions", argument="varies", advice="Add {--conditions}.")
+    if conditions and (name := next((name for name, given in others.items() if given), None)):
+        raise OptionError(argument=name, expected="left out with --conditions", advice="Leave it out.")
+
+
 def fitted_conditions(
     file: Path, reading: ReadOptions, model: Model, table: Path, varies: Sequence[str], axis: Sequence[str] | None,
     *, weighting: Literal["diagonal", "optimal", "identity"] | None, robust: bool, efficiency: float, certify: bool,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.conditions import fitted_conditions
+from gmwm.cli.conditions import fitted_conditions, require_unused
 from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text, require_states
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
 from gmwm.cli.measuring import Chunked, memory_for, needs_memory, opened, signals_or_curves
@@ -37,7 +37,6 @@ from gmwm.cli.output import (
     units_text,
 )
 from gmwm.cli.read_options import Axes, File, chosen_axes
-from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.processes import ordered_classes, registry
 from gmwm.regression.against import NONE
@@ -188,20 +187,16 @@ def fit(
     from gmwm.estimation import Sampled
 
     parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
+    require_unused(
+        conditions is not None, varies=bool(varies), against=against != NONE, likelihood=likelihood,
+        start_draws=start_draws is not None, bootstrap_draws=bootstrap_draws is not None, filter=filter != "haar",
+        transform=transform != "modwt", chunked=chunked == "yes",
+    )  # fmt: skip
     if conditions is not None:
-        unused = {
-            "against": against != NONE, "likelihood": likelihood, "start_draws": start_draws is not None,
-            "bootstrap_draws": bootstrap_draws is not None, "filter": needs_memory(filter, transform),
-            "chunked": chunked == "yes",
-        }  # fmt: skip
-        if name := next((name for name, given in unused.items() if given), None):
-            raise OptionError(argument=name, expected="left out with --conditions", advice="Leave it out.")
         return fitted_conditions(
-            file, reading, parsed, conditions, varies or [], axis, weighting=weighting, robust=robust,
-            efficiency=strength, certify=certify, plot=plot, output=output,
+            file, reading, model=parsed, table=conditions, varies=varies or [], axis=axis, weighting=weighting,
+            robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
         )  # fmt: skip
-    if varies:
-        raise OptionError("--varies needs --conditions", argument="varies", got=varies, advice="Add {--conditions}.")
     if likelihood:
         require_states(parsed, argument="likelihood")
     how = _interval_method(confidence, bootstrap_draws, seed)

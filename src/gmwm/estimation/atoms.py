@@ -94,7 +94,7 @@ def shapes(
     if not places:
         return np.empty((0, levels.size))
     parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
-    return shape_at(process, parameters, levels, rate, filter)
+    return shape_at(process, parameters, levels, rate=rate, filter=filter)
 
 
 @lru_cache(maxsize=16)
@@ -105,8 +105,8 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
     for index, branch in enumerate(branches):
         cells = max(2, int(np.ceil((branch.high - branch.low) / SPACING)))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
-        value = shape_at(process, branch.values(u), number, rate, filter)
-        slope = slope_at(process, branch.values(u[::2]), number, rate, filter) * branch.slope(u[::2])
+        value = shape_at(process, branch.values(u), number, rate=rate, filter=filter)
+        slope = slope_at(process, branch.values(u[::2]), number, rate=rate, filter=filter) * branch.slope(u[::2])
         owner.append(np.full(cells + 1, index))
         nodes.append(u[::2])
         spacing += [np.diff(u[::2]), np.zeros(1)]
@@ -170,8 +170,8 @@ def close_up(
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])
     by_u = np.concatenate([branch.slope(end) for (branch, _), end in zip(places, ends, strict=True)])
-    values = shape_at(process, parameters, levels, rate, filter)
-    slopes = slope_at(process, parameters, levels, rate, filter) * by_u
+    values = shape_at(process, parameters, levels, rate=rate, filter=filter)
+    slopes = slope_at(process, parameters, levels, rate=rate, filter=filter) * by_u
     unit, slope = unit_curve(values, slopes, root)
     margins = np.zeros(2 * len(places) - 1)
     margins[1::2] = -1.0

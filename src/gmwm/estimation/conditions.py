@@ -8,13 +8,12 @@ the same certificate.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design, covariance
@@ -88,7 +87,7 @@ class Stack:
             raise ModelError(
                 f"{self.model.processes[free[0]]} has several shape parameters, or another class than "
                 "the search covers",
-                advice="Hold its shape with `fixed(…)`, or use GM, WN, RW, QN, FN and DR.",
+                advice="Hold its shape with `fixed(…)`, or leave it out.",
             )
         count = len(self.rows) + 2 * len(curved)
         if not 0 < count <= self.levels.size:
@@ -136,19 +135,12 @@ class Stack:
 
     def covariance(self, models: tuple[Model, ...]) -> Matrix:
         """V of all curves, which are independent."""
-        return np.asarray(
-            block_diag(*(covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True)))
-        )
+        return _blocks(covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True))
 
     def weights(self, weighting: str, models: tuple[Model, ...]) -> Matrix:
         """Ω of all curves under models."""
-        return np.asarray(
-            block_diag(
-                *(
-                    implied_weights(weighting, m, Design.of(wv), wv.variance)
-                    for m, wv in zip(models, self.curves, strict=True)
-                )
-            )
+        return _blocks(
+            implied_weights(weighting, m, Design.of(wv), wv.variance) for m, wv in zip(models, self.curves, strict=True)
         )
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
@@ -186,6 +178,13 @@ class Solved:
     problem: Problem
     solution: Solution
     models: tuple[Model, ...]
+
+
+def _blocks(parts: Iterable[Matrix]) -> Matrix:
+    """A matrix with these blocks on its diagonal."""
+    from scipy.linalg import block_diag
+
+    return np.asarray(block_diag(*parts))
 
 
 def fit_conditions(
@@ -236,13 +235,13 @@ def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Map
                 "no variance parameter",
                 argument="varies",
                 got=term,
-                advice="Hold its shape, for example `GM(beta=fixed(0.1))`.",
+                advice="Hold its shape with `fixed(…)`.",
             )
 
 
 def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
     """Iterate estimate and weights until they agree; the final weights are held for the certificate."""
-    problem = stack.posed(np.asarray(block_diag(*(weighting_matrix("diagonal", wv) for wv in stack.curves))))
+    problem = stack.posed(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
     solution = solve(problem, certify=False, quick=True)
     models = stack.models(solution)
     before = stack.implied(models)

@@ -49,7 +49,17 @@ class Estimate:
     shape: bool = False
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Confidence interval on a logarithmic scale; from 0 to an upper limit if a variance of zero is possible."""
+        """Confidence interval on a logarithmic scale; from 0 to an upper limit if a variance of zero is possible.
+
+        Parameters
+        ----------
+        confidence : float
+            Confidence level.
+
+        Returns
+        -------
+        (low, high) : tuple of float
+        """
         z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
         if not math.isfinite(self.error) or (self.shape and z * self.error > _UNKNOWN * self.value):
             return 0.0, math.inf
@@ -113,6 +123,11 @@ class ConditionsFit(Summarised):
 
     def at(self, condition: float) -> Model:
         """The model with its values at a condition within the range of the data.
+
+        Parameters
+        ----------
+        condition : float
+            Value of the condition.
 
         Raises
         ------

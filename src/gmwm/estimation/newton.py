@@ -78,8 +78,8 @@ def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) 
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])
     by_u = np.concatenate([b.slope(u) for b, u in points])
-    values = shape_at(curved_class, parameters[:count], problem.levels, problem.rate, problem.filter)
-    slopes = slope_at(curved_class, parameters, problem.levels, problem.rate, problem.filter) * by_u
+    values = shape_at(curved_class, parameters[:count], problem.levels, rate=problem.rate, filter=problem.filter)
+    slopes = slope_at(curved_class, parameters, problem.levels, rate=problem.rate, filter=problem.filter) * by_u
     bends = (slopes[count : 2 * count] - slopes[2 * count :]) / (2 * d)
     root = problem.root.T
     return values @ root, slopes[:count] @ root, bends @ root
