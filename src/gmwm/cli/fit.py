@@ -218,12 +218,10 @@ def fit(
         carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed), confidence)
     content = {"file": str(file), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     return Outcome(
-        command="fit",
-        document=content,
+        command="fit", document=content, in_text=tuple(_remarks(fits, carried)),
         text="\n\n".join([fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]),
         files=tuple(_files(fits, content, folder=output, plot=plot, view=view, datasheet=datasheet)),
-        in_text=tuple(_remarks(fits, carried)),
-    )
+    )  # fmt: skip
 
 
 def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
