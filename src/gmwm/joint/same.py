@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm._arrays import Vector, as_rate, as_vector
+from gmwm._arrays import Matrix, Vector, as_rate, as_vector
 from gmwm.covariance.api import variances
 from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import mixture
@@ -165,9 +165,10 @@ def _rows(axis: str, signals: Mapping[str, Signal], *, confidence: float, tolera
         raise DataError(f"{axis} has no noise at some scales: its wavelet variance is 0", argument="recordings")
     eta = np.array([wv.degrees_of_freedom[:levels] for wv in measured])
     pooled = np.average([wv.variance[:levels] for wv in measured], axis=0, weights=eta)
+    tails = _tails(list(signals.values()), measured, levels)
     curves = {
-        name: _Curve(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv, signal))
-        for (name, signal), wv in zip(signals.items(), measured, strict=True)
+        name: _Curve(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv, excess))
+        for name, wv, excess in zip(signals, measured, tails, strict=True)
     }
     # Of two recordings, both comparisons would be the same.
     compared = list(curves)[: 1 if len(curves) == 2 else None]
@@ -201,9 +202,23 @@ def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: fl
     return LevelRatio(ratio=math.sqrt(ratio), lower=lower, upper=upper, pvalue=min(1.0, 2 * min(above, below)))
 
 
-def _freedom(pooled: Vector, eta: Vector, wv: WaveletVariance, signal: Signal) -> Vector:
+def _tails(signals: Sequence[Signal], curves: Sequence[WaveletVariance], levels: int) -> list[Matrix | None]:
+    """The relative covariance (J, J) of each curve beyond a Gaussian signal.
+
+    A recording that is too short to show it has that of the longest one that does, for its own length.
+    """
+    found = [excess_covariance(signal, wv) for signal, wv in zip(signals, curves, strict=True)]
+    known = [(wv.samples, excess) for wv, excess in zip(curves, found, strict=True) if excess is not None]
+    if not known:
+        return found
+    samples, longest = max(known, key=lambda one: one[0])
+    scaled = [longest * samples / wv.samples if excess is None else excess
+              for wv, excess in zip(curves, found, strict=True)]  # fmt: skip
+    return [excess[:levels, :levels] for excess in scaled]
+
+
+def _freedom(pooled: Vector, eta: Vector, wv: WaveletVariance, excess: Matrix | None) -> Vector:
     """Degrees of freedom η_j (J,) of one curve under the model of all."""
-    levels = pooled.size
-    design = Design.of(replace(wv, excess=excess_covariance(signal, wv))).only(np.arange(len(wv)) < levels)
+    design = replace(Design.of(wv).only(np.arange(len(wv)) < pooled.size), excess=excess)
     curve, model = mixture(pooled, eta, design, random=True)
     return np.asarray(2 * curve**2 / variances(model, design))
