@@ -21,7 +21,7 @@ is 0.33 for steps of 1.5 that are written as 1 and 2."""
 _FINE = 1.0
 """Standard deviation of the output, in steps, from which on Sheppard's correction is exact to 1e-8 of the step²."""
 _SPREADS = np.geomspace(0.05, 1.25, 60)
-"""Standard deviations before rounding, in steps, that are compared: the estimate is within 3 % of the best one."""
+"""Standard deviations before rounding, in steps, that are compared. The result is within 3 % of the best value."""
 _PLACES = np.linspace(-0.75, 0.75, 31)
 """Means that are compared, in steps from the mean of the output, from which rounding moves them by half a step."""
 _NEAR = 0.5

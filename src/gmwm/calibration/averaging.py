@@ -56,7 +56,7 @@ class Estimate:
 
 
 ABSENT = Estimate(weight=0.0, value=0.0, low=0.0, high=0.0, upper_only=True)
-"""The number in a model that does not have it: zero."""
+"""The value of a number in a model without it: zero."""
 
 
 def averaged_interval(estimates: Sequence[Estimate], level: float) -> tuple[float, float]:

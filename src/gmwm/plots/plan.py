@@ -86,7 +86,7 @@ _LABEL = "Relative standard error (%)"
 
 
 def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
-    """Durations and the relative errors of each parameter there.
+    """The durations of the curves, and the relative error of each parameter at each of them.
 
     The durations start where the first error falls below `HIGHEST` and end after the last error reaches the accuracy.
     """

@@ -168,7 +168,7 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
             "a recording from which time ranges are left out cannot be divided into parts",
             advice="Write the time ranges to keep to a file of their own instead of {--start}, {--stop} or {--skip}.",
         )
-    # Rows that the clock does not count have no number in the segments, so the recording is read from its beginning.
+    # Rows that the clock leaves out have no index in the segments, so the recording is read from its beginning.
     marks = () if stream._found.sparse else origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
     whole = Part(

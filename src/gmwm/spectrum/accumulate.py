@@ -17,7 +17,7 @@ from gmwm.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_s
 SHORTEST = 32
 """Shortest blocks (samples) that are chosen by themselves."""
 LONGEST = 1 << 16
-"""Longest blocks (samples) that are chosen by themselves: 11 min at 100 Hz, 1 MB of state."""
+"""Longest default block (samples): 11 min at 100 Hz, 1 MB of state."""
 ENOUGH = 15
 """Blocks of one length from which shorter blocks are not needed: 8 lengths of a recording without gaps. The standard
 error of the density is then 27 %, and the mean of neighbouring frequencies is as precise as with shorter blocks."""

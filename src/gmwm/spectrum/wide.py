@@ -205,7 +205,7 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
 
 
 def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
-    """Whether two peaks are one: as far as the width of the wider one or two bins of the grid."""
+    """Whether two peaks are one: no farther apart than the width of the wider peak, or than two bins."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
     return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
 
