@@ -115,7 +115,7 @@ class Design:
 
     @property
     def added(self) -> Matrix | None:
-        """Relative covariance (J, J) beyond a Gaussian signal of the model, with the model error; None for none."""
+        """Relative covariance (J, J) beyond a Gaussian signal of the model, with the model error, or None."""
         if not self.model_error:
             return self.excess
         own = self.model_error**2 * np.eye(self.levels.size)

@@ -52,9 +52,9 @@ class ShortMemory:
 
 
 def trimmed(autocovariance: Vector) -> Vector | None:
-    """The autocovariance up to the lag from which it is negligible; None if that is too far.
+    """The autocovariance up to the lag from which it is negligible; None if this lag is too large.
 
-    `autocovariance` must itself reach so far that nothing behind it counts.
+    `autocovariance` must reach beyond this lag itself.
     """
     tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]
     least = NEGLIGIBLE * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))

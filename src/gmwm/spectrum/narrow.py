@@ -25,7 +25,7 @@ NEAR, FAR = 4, 19
 LEAST_FLANK = 6
 """Fewest bins of a flank; without them a frequency is too close to zero to be tested."""
 INNER, OUTER = 2, 8
-"""A peak is narrow if the excess at 3 to 8 bins from it is less than half of that within 2 bins."""
+"""A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
 OUTSIDE_NOISE = 6.0
 """Standard error of the excess at 3 to 8 bins on both sides, in units of that of a density: √12 for 12 bins, √1.94 for
 the correlation of neighbours, and 12 times 0.3 for the level."""

@@ -26,7 +26,7 @@ BATCH = 1 << 17
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 """Largest relative error of the mean of a constant block, with a margin of eight."""
 TINY = 1e-300
-"""Least periodogram of which a logarithm is taken; that of a constant signal is 0."""
+"""Smallest value of the periodogram whose logarithm is used. The periodogram of a constant signal is 0."""
 
 
 @lru_cache(maxsize=16)
