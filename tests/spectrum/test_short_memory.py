@@ -183,11 +183,11 @@ def some_data():
 def test_the_jacobian_is_that_of_finite_differences():
     data, step = some_data(), 1e-6
     at = np.array([0.1, -0.4, 0.5, 0.3, 0.2])
-    here = _evaluated(data, at[1:3], at[3:4], at[0], at[4])
+    here = _evaluated(data, at[1:3], at[3:4], at[0], slow=at[4])
     for k in range(5):
         moved = at.copy()
         moved[k] += step
-        there = _evaluated(data, moved[1:3], moved[3:4], moved[0], moved[4])
+        there = _evaluated(data, moved[1:3], moved[3:4], moved[0], slow=moved[4])
         # `left` is data minus model.
         np.testing.assert_allclose((here.left - there.left) / step, here.jacobian[:, k], atol=1e-4)
 
@@ -213,6 +213,6 @@ def test_a_rise_below_the_data_is_not_used():
     angles = 2 * np.pi * frequencies / RATE
     waves = np.exp(-1j * np.outer(angles, np.arange(1, 11)))
     data = _Data(waves=waves, angles=angles, known=np.zeros(250), floor=0.0, logs=np.log(density), weights=eta / 2)
-    point = _evaluated(data, -found.phi, found.theta, np.log(found.innovation), 0.0)
+    point = _evaluated(data, -found.phi, found.theta, np.log(found.innovation), slow=0.0)
     assert abs(_bend(data, point)) <= FLAT
     assert SURE < FLAT

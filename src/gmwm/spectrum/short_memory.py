@@ -179,9 +179,9 @@ def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool)
     """The optimum with more roots, from the starting points that have descended farthest after a few steps."""
     # A real root does not depend on the angle, and both residuals can be largest at the same frequency.
     distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
-    short = [_descend(data, a, b, best.scale, best.slow, free=free, steps=_FIRST) for a, b in distinct]
+    short = [_descend(data, a, b, best.scale, slow=best.slow, free=free, steps=_FIRST) for a, b in distinct]
     first = sorted(short, key=lambda point: point.loss)[:_KEPT]
-    return min((_descend(data, p.a, p.b, p.scale, p.slow, free=free) for p in first), key=lambda point: point.loss)
+    return min((_descend(data, p.a, p.b, p.scale, slow=p.slow, free=free) for p in first), key=lambda point: point.loss)
 
 
 def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
@@ -252,7 +252,7 @@ class _Point:
             return np.column_stack([own, self.slow_share])
 
 
-def _evaluated(data: _Data, a: Vector, b: Vector, scale: float, slow: float) -> _Point:
+def _evaluated(data: _Data, a: Vector, b: Vector, scale: float, *, slow: float) -> _Point:
     below = 1 + data.waves[:, : a.size] @ a
     above = 1 + data.waves[:, : b.size] @ b
     with np.errstate(all="ignore"):
@@ -268,13 +268,13 @@ def _evaluated(data: _Data, a: Vector, b: Vector, scale: float, slow: float) -> 
 
 
 def _descend(
-    data: _Data, a: Vector, b: Vector, scale: float, slow: float = 0.0, *, free: bool = False, steps: int = _ITERATIONS
+    data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
 ) -> _Point:
     """The local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
 
     The factor on the known part is fitted if it is free.
     """
-    here, damping = _evaluated(data, a, b, scale, slow), 1e-3
+    here, damping = _evaluated(data, a, b, scale, slow=slow), 1e-3
     for _ in range(steps):
         jacobian = here.jacobian if free else here.jacobian * np.append(np.ones(1 + here.order), 0.0)
         root = np.sqrt(data.weights)[:, None] * jacobian
@@ -289,7 +289,7 @@ def _descend(
             step = np.linalg.lstsq(normal + damping * np.diag(size), slope, rcond=None)[0]
             there = _evaluated(
                 data, here.a + step[1 : 1 + a.size], here.b + step[1 + a.size : -1], here.scale + step[0],
-                here.slow + step[-1],
+                slow=here.slow + step[-1],
             )  # fmt: skip
             if there.loss < here.loss:
                 lower = there
@@ -302,7 +302,7 @@ def _descend(
         if done:
             break
     (inner_a, gain_a), (inner_b, gain_b) = _inside(here.a, POLE), _inside(here.b, ZERO)
-    return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b, here.slow)
+    return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b, slow=here.slow)
 
 
 def _score(point: _Point, price: float, spread: float = 1.0) -> float:
