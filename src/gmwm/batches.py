@@ -51,6 +51,14 @@ class Streamed(Protocol):
     def time_base(self) -> TimeBase:
         """Properties of the time stamps; after an iteration, of all of them."""
 
+    @property
+    def has_temperature(self) -> bool:
+        """Whether the recording has a temperature."""
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that the clock counts; of the first rows if the recording has no time stamps."""
+
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples."""
 
@@ -93,6 +101,31 @@ class Batch:
             self.continues,
             None if self.temperature is None else self.temperature[: stop - self.first],
         )
+
+
+class Segments:
+    """The segments of a recording, from its batches in order.
+
+    Attributes
+    ----------
+    ranges : list of (first, last)
+        Index ranges without a gap.
+    starts : list of float
+        Time of the first sample of each (s).
+    """
+
+    def __init__(self) -> None:
+        self.ranges: list[tuple[int, int]] = []
+        self.starts: list[float] = []
+
+    def update(self, batch: Batch) -> None:
+        """Add the next batch."""
+        one = next(iter(batch.signals.values()))
+        ranges = [(batch.first + a, batch.first + b) for a, b in one.segments]
+        if batch.continues:
+            self.ranges[-1] = (self.ranges[-1][0], ranges.pop(0)[1])
+        self.ranges += ranges
+        self.starts += one.starts[batch.continues :]
 
 
 class Accumulator(Protocol):

@@ -86,7 +86,7 @@ def calibrate(
     ----------
     data : Imu, Signal, Stream, or mapping of axis to Signal, WaveletVariance or Pair
         A recording of a sensor at rest. The result is the same for a recording in memory and a Stream, which is read
-        in bounded memory: twice if it has more than 2.1 million samples.
+        in bounded memory: twice if it has more than 2.1 million samples, and once more for its temperature.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
         rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the
@@ -241,7 +241,7 @@ def _inspected(
             advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
         )
     if isinstance(data, Imu | Stream):
-        conditions = Conditions.of_recording(data, asked, threads=threads)
+        conditions = Conditions.of_recording(data, asked, threads=threads, curves=True)
         measured = measured_recording(
             data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=steps.read,
             conditions=conditions,
@@ -403,12 +403,15 @@ class _Axis:
 
     def _left_in(self, fit: Fit) -> float | None:
         """K (SI) of the model with a random walk if the effect of the conditions were left in; None if unknown."""
-        if not isinstance(self.raw, Signal):
-            return None
+        raw = self.conditions.raw.get(self.name)
+        if raw is None:
+            if not isinstance(self.raw, Signal):
+                return None
+            raw = signal_wavelet_variance(self.raw)
         walks = any(process.name == RW.name for process in fit.model.processes)
         model = fit.model if walks else Model((*fit.model.processes, RW()))
         try:
-            left = nearly_fitted(model, signal_wavelet_variance(self.raw), self.options.weighting)
+            left = nearly_fitted(model, raw, self.options.weighting)
             entry = datasheet(left, self.options.confidence).get(WALK)
         except GmwmError:
             return None

@@ -220,7 +220,9 @@ def measured_recording(
         test for trends.
     """
     if isinstance(recording, Stream) and (scheduler is not None or workers is not None):
-        return _spread(recording, axes, options, scheduler=scheduler, workers=workers, progress=progress)
+        return _spread(
+            recording, axes, options, scheduler=scheduler, workers=workers, progress=progress, conditions=conditions
+        )
     batches = _reported(recording, progress)
     inspector = FirstPass(batches)
     measured = _measure(batches, axes, options, threads=threads, inspector=inspector, conditions=conditions)
@@ -237,12 +239,13 @@ def curves_and_inspection(
     scheduler: str | Client | None = None,
     workers: int | None = None,
     progress: Callable[[str], None] | None = None,
+    conditions: Conditions = NOTHING,
 ) -> tuple[dict[str, WaveletVariance], Inspection]:
-    """Measure the wavelet variance of some axes of a recording as it is, and inspect all axes, in the same passes.
+    """Measure the wavelet variance of some axes of a recording, and inspect all axes, in the same passes.
 
     Parameters
     ----------
-    stream, axes, scheduler, workers, progress
+    stream, axes, scheduler, workers, progress, conditions
         As in `measured_recording`.
     robust, efficiency
         As in `wavelet_variance`.
@@ -252,16 +255,20 @@ def curves_and_inspection(
     curves = curves_of(stream, axes, exact=exact, robust=robust, efficiency=efficiency)
     if remote:
         with connected(scheduler, workers) as client:
-            future = client.submit(_inspection, stream, (), pure=False, retries=2)
-            spread(stream, curves, scheduler=client, done=_both(stream, progress))
+            future = client.submit(_inspection, stream, (), conditions, pure=False, retries=2)
+            spread(stream, curves, scheduler=client, done=_both(stream, progress), prepare=conditions.batch)
             inspection = _result(future)[0]
     else:
         batches = _reported(stream, progress)
         inspector = FirstPass(batches)
-        _first_pass(batches, curves, inspector)
-        inspection = _inspected(batches, inspector, curves)
-    results = in_threads(lambda _, one: one.robust() if robust else one.classical(), curves)
-    return results, inspection
+        _first_pass(batches, curves, inspector, conditions=conditions)
+        inspection = _inspected(batches, inspector, curves, conditions=conditions)
+
+    def curve(axis: str, one: AxisCurves) -> WaveletVariance:
+        found, wv = conditions.applied(axis), one.robust() if robust else one.classical()
+        return wv if found is None else found.corrected(wv)
+
+    return in_threads(curve, curves), inspection
 
 
 def _measure(
@@ -351,13 +358,13 @@ def _both(stream: Stream, progress: Callable[[str], None] | None) -> Callable[[i
 
 def _spread(
     stream: Stream, axes: Sequence[str], options: CalibrationOptions, *, scheduler: str | Client | None,
-    workers: int | None, progress: Callable[[str], None] | None,
+    workers: int | None, progress: Callable[[str], None] | None, conditions: Conditions,
 ) -> RecordingMeasurement:  # fmt: skip
     """Measure and inspect with the workers of a cluster, or with local processes."""
     curves = curves_of(stream, axes, exact=part_levels(len(axes)), efficiency=options.efficiency, change=without_spikes)
     with connected(scheduler, workers) as client:
-        future = client.submit(_inspection, stream, tuple(axes), pure=False, retries=2)
-        spread(stream, curves, scheduler=client, done=_both(stream, progress))
+        future = client.submit(_inspection, stream, tuple(axes), conditions, pure=False, retries=2)
+        spread(stream, curves, scheduler=client, done=_both(stream, progress), prepare=conditions.batch)
         inspection, screens, spectra = _result(future)
     pairs = {axis: pair_of(one, screens[axis], spectra[axis], options.efficiency) for axis, one in curves.items()}
     return RecordingMeasurement(pairs, inspection)
@@ -366,14 +373,14 @@ def _spread(
 Inspected = tuple[Inspection, dict[str, Screen], dict[str, PowerSpectrum | None]]
 
 
-def _inspection(stream: Stream, axes: tuple[str, ...]) -> Inspected | GmwmError:
+def _inspection(stream: Stream, axes: tuple[str, ...], conditions: Conditions) -> Inspected | GmwmError:
     """Inspect in a worker, and screen axes. An error is returned, because Dask would repeat work that raises."""
     try:
         batches = Batches(stream)
         inspector = FirstPass(batches)
         made = {axis: AxisSamples(stream.rate, unit_of(stream, axis), axis) for axis in axes}
-        _first_pass(batches, made, inspector)
-        inspection = _inspected(batches, inspector, {})
+        _first_pass(batches, made, inspector, conditions=conditions)
+        inspection = _inspected(batches, inspector, {}, conditions=conditions)
         return inspection, {a: one.screen() for a, one in made.items()}, {a: one.spectrum() for a, one in made.items()}
     except GmwmError as error:
         return error

@@ -11,7 +11,7 @@ import typer
 from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
-from gmwm.regression.against import AUTO, NONE
+from gmwm.regression.against import NONE, Asked
 
 if TYPE_CHECKING:
     from gmwm.readers.streams import Stream
@@ -22,7 +22,7 @@ Chunked = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
         help="Read the recording in chunks, in bounded memory. auto: only files of 300 MB or more. The result is the "
-        "same; temperatures are not read.",
+        "same.",
         rich_help_panel=INPUT,
     ),
 ]
@@ -112,15 +112,18 @@ def stream_curves(
     efficiency: float,
     scheduler: str | None = None,
     workers: int | None = None,
+    against: str = NONE,
 ) -> dict[str, WaveletVariance]:
     """Compute the curves of axes of a recording in chunks. The remarks of its inspection become warnings."""
     from gmwm.calibration.measurement import curves_and_inspection
     from gmwm.cli.output import progress, tell
+    from gmwm.regression.conditions import Conditions
 
     with progress("reading") as advance:
+        conditions = Conditions.of_recording(stream, Asked.of(against))
         curves, inspection = curves_and_inspection(
             stream, axes, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
-            progress=lambda text: advance(text, 0),
+            progress=lambda text: advance(text, 0), conditions=conditions,
         )  # fmt: skip
     for remark in inspection.remarks:
         tell(remark)
@@ -128,17 +131,18 @@ def stream_curves(
 
 
 def memory_for(against: str, other: str = "") -> str:
-    """The option that needs the whole recording in memory, --against or another one; "" if there is none.
+    """The option that needs the whole recording in memory; "" if there is none.
 
     Raises
     ------
     OptionError
-        If both are given.
+        If --against and the option `other`, which needs it, are both given.
     """
     if other and against != NONE:
         reason = f"--against and {other} cannot be combined"
         raise OptionError(reason, argument="against", got=against, advice="Leave one of them out.")
-    return other if against in (AUTO, NONE) else f"--against {against}"
+    exact = any(term.exact for term in Asked.of(against).terms)
+    return f"--against {against}" if exact else other
 
 
 def signals_or_curves(
@@ -157,4 +161,5 @@ def signals_or_curves(
         if against == NONE:
             return signals
         return {axis: conditions.curve(axis, signals[axis], robust, efficiency) for axis in signals}
-    return stream_curves(recording, chosen_names(recording.axes, wanted), robust=robust, efficiency=efficiency)
+    axes = chosen_names(recording.axes, wanted)
+    return stream_curves(recording, axes, robust=robust, efficiency=efficiency, against=against)

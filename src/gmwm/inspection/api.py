@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
-from gmwm.batches import Batch, Batches
+from gmwm.batches import Batch, Batches, Segments
 from gmwm.errors import OptionError
 from gmwm.inspection.axis_statistics import AxisStatistics
 from gmwm.inspection.findings import (
@@ -57,7 +57,7 @@ def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
     ----------
     recording : Imu or Stream
         A recording in memory, or one in chunks, which is read twice in bounded memory, or once if it has at most 2.1
-        million samples. The temperature of a stream is not checked.
+        million samples; once more if the axes are regressed on conditions.
     against : "auto", "none", str or mapping
         Conditions that the axes are regressed on, as in `gmwm.calibrate`; "auto" is the temperature of the recording.
         The test for trends then sees the axes without their effect.
@@ -127,32 +127,31 @@ class FirstPass:
     def __init__(self, batches: Batches) -> None:
         self._batches = batches
         self._samples = {axis: Sample() for axis in batches.recording.axes}
-        self._segments: list[tuple[int, int]] = []
-        self._starts: list[float] = []
+        self._segments = Segments()
+        self._temperature: tuple[float, float] | None = None
 
     def update(self, batch: Batch) -> None:
         """Add the next batch."""
-        one = next(iter(batch.signals.values()))
-        segments = [(batch.first + a, batch.first + b) for a, b in one.segments]
-        if batch.continues:
-            self._segments[-1] = (self._segments[-1][0], segments.pop(0)[1])
-        self._segments += segments
-        self._starts += one.starts[batch.continues :]
+        self._segments.update(batch)
+        if batch.temperature is not None:
+            own = float(np.min(batch.temperature)), float(np.max(batch.temperature))
+            low, high = own if self._temperature is None else self._temperature
+            self._temperature = min(low, own[0]), max(high, own[1])
         for axis, sample in self._samples.items():
             sample.update(batch.signals[axis].values)
 
     def second_pass(self) -> RecordingStatistics:
         """Return the statistics, without data; the second pass adds the batches."""
         recording = self._batches.recording
-        base = recording.time_base or TimeBase(recording.rate, start=self._starts[0])
+        base = recording.time_base or TimeBase(recording.rate, start=self._segments.starts[0])
         return RecordingStatistics(
             source=recording.source,
             remarks=recording.remarks,
             base=base,
-            extent=Extent.of(recording.rate, self._segments, self._starts, base.left),
+            extent=Extent.of(recording.rate, self._segments.ranges, self._segments.starts, base.left),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
             values=self._batches.values,
-            temperature=recording.temperature if isinstance(recording, Imu) else None,
+            temperature=self._temperature,
         )
 
 
@@ -173,13 +172,13 @@ class RecordingStatistics:
         Quantization step of each axis; None if none is visible.
     values : callable
         Function `values(axis, first, last)` that returns a range of samples.
-    temperature : (N,) array or None
-        Temperature (°C).
+    temperature : (lowest, highest) or None
+        Range of the temperature (°C).
     """
 
     def __init__(
         self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
-        resolutions: Mapping[str, float | None], values: Values, temperature: Vector | None,
+        resolutions: Mapping[str, float | None], values: Values, temperature: tuple[float, float] | None,
     ) -> None:  # fmt: skip
         self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
         self._resolutions, self._values, self._temperature = resolutions, values, temperature
@@ -239,7 +238,7 @@ class RecordingStatistics:
             knocks=knocks,
             steps=tuple(steps),
             trends=trends,
-            temperature=_range(self._temperature),
+            temperature=self._temperature,
             regressions=dict(conditions.found),
             remarks=remarks,
         )
@@ -306,7 +305,3 @@ def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float] | None
     if usual > 0 and spreads[worst] > _RESTLESS * usual:
         return float(extent.times([extent.windows()[worst][0]])[0]), float(spreads[worst] / usual)
     return None
-
-
-def _range(temperature: Vector | None) -> tuple[float, float] | None:
-    return None if temperature is None else (float(np.min(temperature)), float(np.max(temperature)))

@@ -167,6 +167,11 @@ class Stream:
         """Whether the recording has a temperature."""
         return self._found.first_temperature is not None
 
+    @property
+    def rows(self) -> int:
+        """Number of rows that the clock counts; of the first rows if the recording has no time stamps."""
+        return self._found.timing.segments[-1][1]
+
     def wavelet_variance(
         self,
         *,

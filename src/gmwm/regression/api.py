@@ -33,6 +33,14 @@ _LEAST_KEPT = 0.1
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
+    """Regress an axis on covariates that are prepared for a signal of the same clock; see `regress_axis`."""
+    means = covariates.clock.means(signal.values, clipped=True)
+    return regress_axis(means, covariates, axis=signal.axis, unit=signal.unit, automatic=automatic)
+
+
+def regress_axis(
+    means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "", automatic: bool = False
+) -> Regression:
     """Regress an axis on covariates.
 
     Each wavelet level is weighted by the variance of the noise, which is estimated from the residuals together with the
@@ -40,9 +48,12 @@ def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) 
 
     Parameters
     ----------
-    signal : Signal
+    means : (n,) array
+        Block means of the axis, clipped, on the clock of the covariates.
     covariates : Covariates
-        Prepared for a signal of the same clock.
+        Prepared for a recording of the same clock.
+    axis, unit : str
+        Name and unit of the axis.
     automatic : bool
         Test whether the axis follows the temperature. If it does, its square, its rate of change and its cube are added
         if they are significant at the 1 % level; otherwise the regression is not applied.
@@ -50,10 +61,9 @@ def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) 
     Raises
     ------
     DataError
-        If the columns are collinear, or the signal is constant.
+        If the columns are collinear, or the axis is constant.
     """
-    means = covariates.clock.means(signal.values, clipped=True)
-    found = regress_means(means, covariates, axis=signal.axis, unit=signal.unit)
+    found = regress_means(means, covariates, axis=axis, unit=unit)
     if not automatic:
         return found
     if found.pvalue >= FOLLOWS:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
+from gmwm.batches import BATCH
 from gmwm.time_base import begins_of
 
 BLOCKS = 4096
@@ -19,6 +20,11 @@ CLIPPED = 8.0
 """Distance from the median of its block, in standard deviations, beyond which a sample is clipped: a knock or a wrong
 sample then moves a block mean by little. Gaussian noise reaches it once in 10¹⁵ samples."""
 _SLAB = 1 << 20
+
+
+def usual_length(samples: int, end: int) -> int:
+    """Samples of a block in a recording that has some of the places up to `end`."""
+    return 1 << max(int(max(samples // BLOCKS, end // MOST)).bit_length() - 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +59,7 @@ class Clock:
             offsets.append(max(round(begin * rate), end))
             end = offsets[-1] + last - first
         samples = segments[-1][1]
-        usual = 1 << max(int(max(samples // BLOCKS, end // MOST)).bit_length() - 1, 0)
-        return cls(usual if length is None else length, rate, tuple(segments), tuple(offsets))
+        return cls(usual_length(samples, end) if length is None else length, rate, tuple(segments), tuple(offsets))
 
     @property
     def blocks(self) -> int:
@@ -96,11 +101,34 @@ class Clock:
         """Blocks whose samples are all there."""
         return np.asarray(self.counts() == self.length)
 
+    def part(self, first: int, last: int) -> Clock:
+        """The clock of a half-open range of samples, with the same blocks."""
+        kept = [
+            (max(begin, first) - first, min(end, last) - first, offset + max(first - begin, 0))
+            for (begin, end), offset in zip(self.segments, self.offsets, strict=True)
+            if begin < last and end > first
+        ]
+        return replace(self, segments=tuple((a, b) for a, b, _ in kept), offsets=tuple(offset for _, _, offset in kept))
+
     def means(self, values: Vector, *, clipped: bool = False) -> Vector:
         """Means of the samples of each block; 0 for an empty block.
 
         With `clipped`, samples far from the median of their block are clipped, see `CLIPPED`.
         """
+        sums = np.zeros(self.blocks)
+        for first in range(0, values.size, BATCH):
+            part = self.part(first, min(first + BATCH, values.size)) if values.size > BATCH else self
+            own = part.sums(values[first : first + BATCH], clipped=clipped)
+            sums[: own.size] += own
+        return self.mean_of(sums)
+
+    def mean_of(self, sums: Vector) -> Vector:
+        """Means from the sums of all samples of each block; 0 for an empty block."""
+        counts = self.counts()
+        return np.divide(sums, counts, out=np.zeros(sums.size), where=counts > 0)
+
+    def sums(self, values: Vector, *, clipped: bool = False) -> Vector:
+        """Sums of the samples of each block, which are those of a batch."""
         spread = self._usual_spread(values) if clipped and self.length > 1 else 0.0
         sums = np.zeros(self.blocks)
         for first, last, place in self.places():
@@ -114,8 +142,7 @@ class Clock:
             for rest, k in ((part[:head], at), (part[edge:], begin + whole)):
                 if rest.size:
                     sums[k] += np.sum(_clipped(rest[None, :], spread) if spread else rest)
-        counts = self.counts()
-        return np.divide(sums, counts, out=np.zeros(sums.size), where=counts > 0)
+        return sums
 
     def clipped(self, values: Vector) -> Vector:
         """The samples, clipped where they are far from the median of their block, see `CLIPPED`."""

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
+from gmwm.axis_names import axis_quantity
 from gmwm.batches import Batch, Streamed
 from gmwm.errors import DataError, GmwmError, OptionError
 from gmwm.regression.against import TEMPERATURE, Asked, Term
-from gmwm.regression.api import effect_of, regress, without
+from gmwm.regression.api import effect_of, regress_axis, without
+from gmwm.regression.blocks import Clock, usual_length
 from gmwm.regression.covariates import Covariates
 from gmwm.regression.result import Regression
+from gmwm.regression.seen import Seen
 from gmwm.signals import Imu, Signal
+from gmwm.units import SI_UNIT
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY
 from gmwm.variance.result import WaveletVariance
@@ -33,11 +37,14 @@ class Conditions:
         Also those that are not applied, because the axis does not follow the temperature.
     unknown : str
         Why the temperature of the recording cannot be used; "" if it can, or if there is none.
+    raw : mapping of axis to WaveletVariance
+        The wavelet variances of a recording that is not in memory, as it is.
     """
 
     covariates: Covariates | None = None
     found: Mapping[str, Regression] = field(default_factory=dict)
     unknown: str = ""
+    raw: Mapping[str, WaveletVariance] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -52,25 +59,68 @@ class Conditions:
         OptionError, DataError
             If a covariate that was asked for is missing or cannot be used.
         """
-        if not signals or not (asked.terms or (asked.automatic and temperature is not None)):
+        if not signals or not _wanted(asked, temperature is not None):
             return cls()
+        clock = next(iter(signals.values()))
+        units = {axis: signal.unit for axis, signal in signals.items()}
+
+        def means(clock: Clock) -> dict[str, Vector]:
+            return in_threads(lambda _, one: clock.means(one.values, clipped=True), signals, threads=threads)
+
+        return cls._of(clock, asked, temperature, means=means, units=units, threads=threads)
+
+    @classmethod
+    def of_recording(
+        cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None, curves: bool = False
+    ) -> Conditions:
+        """Regress all axes of a recording, see `of`.
+
+        A recording in chunks is read once, and a second time if it has no time stamps or many lost samples. With
+        `curves`, its wavelet variances are measured in the first of these passes.
+
+        Raises
+        ------
+        OptionError
+            Also if the samples of an exact covariate are needed, and the recording is not in memory.
+        """
+        if isinstance(recording, Imu):
+            return cls.of(recording.signals, asked, recording.temperature, threads=threads)
+        if not _wanted(asked, recording.has_temperature):
+            return cls()
+        exact = next((term for term in asked.terms if term.exact), None)
+        if exact is not None:
+            raise OptionError(
+                f"against={exact} needs the recording in memory; got a Stream",
+                argument="against",
+                advice="Read the recording with `gmwm.read(path)`, or with {--chunked=no}.",
+            )
+        seen = Seen.of(recording, usual_length(recording.rows, 0), curves=curves, threads=threads)
+        units = {axis: SI_UNIT[axis_quantity(axis)] for axis in recording.axes}
+        found = cls._of(seen.clock, asked, seen.temperature, means=seen.means, units=units, threads=threads)
+        return replace(found, raw=seen.curves)
+
+    @classmethod
+    def _of(
+        cls, clock: Signal, asked: Asked, temperature: Vector | None, *, means: Callable[[Clock], Mapping[str, Vector]],
+        units: Mapping[str, str], threads: int | None,
+    ) -> Conditions:  # fmt: skip
+        """Regress the block means of axes, which `means` gives for the blocks of a clock."""
         if asked.automatic and temperature is not None and np.ptp(temperature) == 0:
             return cls()  # a constant temperature has no effect
-        first = next(iter(signals.values()))
         arrays = dict(asked.arrays or {})
         if temperature is not None:
             arrays.setdefault(TEMPERATURE, temperature)
         terms = (Term(TEMPERATURE),) if asked.automatic else asked.terms
         try:
-            covariates = Covariates.of(terms, arrays, first)
+            covariates = Covariates.of(terms, arrays, clock)
         except DataError as error:
             if not asked.automatic:
                 raise
             return cls(unknown=error.reason)
 
-        def work(axis: str, signal: Signal) -> Regression | None:
+        def work(axis: str, own: Vector) -> Regression | None:
             try:
-                return regress(signal, covariates, automatic=asked.automatic)
+                return regress_axis(own, covariates, axis=axis, unit=units[axis], automatic=asked.automatic)
             except OptionError:
                 raise
             except GmwmError:
@@ -78,27 +128,8 @@ class Conditions:
                     raise
                 return None
 
-        found = in_threads(work, signals, threads=threads)
+        found = in_threads(work, means(covariates.clock), threads=threads)
         return cls(covariates, {axis: one for axis, one in found.items() if one is not None})
-
-    @classmethod
-    def of_recording(cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None) -> Conditions:
-        """Regress all axes of a recording, see `of`; a recording in chunks has no temperature.
-
-        Raises
-        ------
-        OptionError
-            Also if a covariate was asked for, and the recording is not in memory.
-        """
-        if isinstance(recording, Imu):
-            return cls.of(recording.signals, asked, recording.temperature, threads=threads)
-        if asked.terms:
-            raise OptionError(
-                "against needs the recording in memory; got a Stream",
-                argument="against",
-                advice="Read the recording with `gmwm.read(path)`, or with {--chunked=no}.",
-            )
-        return cls()
 
     def applied(self, axis: str) -> Regression | None:
         """The regression of an axis whose effect is removed; None for none."""
@@ -118,7 +149,7 @@ class Conditions:
         for axis, signal in batch.signals.items():
             found = self.applied(axis)
             signals[axis] = signal if found is None else without(signal, found, self.covariates, batch.first)
-        return Batch(signals, batch.first, batch.continues)
+        return replace(batch, signals=signals)
 
     def curve(self, axis: str, signal: Signal, robust: bool = False, efficiency: float = EFFICIENCY) -> WaveletVariance:
         """The wavelet variance of an axis without the effect of the conditions."""
@@ -133,6 +164,11 @@ class Conditions:
             return np.zeros(len(indices))
         at = [effect_of(found, self.covariates, k, k + 1)[0] for k in indices]
         return np.array(at, dtype=np.float64)
+
+
+def _wanted(asked: Asked, temperature: bool) -> bool:
+    """Whether there is something to regress on."""
+    return bool(asked.terms) or (asked.automatic and temperature)
 
 
 NOTHING = Conditions()

@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gmwm._threads import INTERRUPT_CHECK
-from gmwm.batches import feed, gathered
+from gmwm.batches import Batch, feed, gathered
 from gmwm.errors import GmwmError
 from gmwm.readers.builder import RowSummary
 from gmwm.readers.parts import Part, PartReader
@@ -59,6 +59,7 @@ def spread(
     workers: int | None = None,
     parts: int | None = None,
     done: Callable[[int], None] | None = None,
+    prepare: Callable[[Batch], Batch] | None = None,
 ) -> None:
     """Read a recording as often as its curves need, in several processes or machines.
 
@@ -80,6 +81,8 @@ def spread(
     done : callable, optional
         Function that is called in the calling thread with the number of samples so far, after each part. In a second
         pass the count continues, up to twice the number of samples.
+    prepare : callable, optional
+        Function that is applied to each batch before it is measured. It can be pickled.
 
     Raises
     ------
@@ -93,7 +96,9 @@ def spread(
         If workers die repeatedly on the same part, or the connection to the scheduler is lost.
     """
     with connected(scheduler, workers) as client:
-        crew = _Crew(client, stream, {axis: one.change for axis, one in curves.items()}, parts=parts, done=done)
+        crew = _Crew(
+            client, stream, {axis: one.change for axis, one in curves.items()}, parts=parts, done=done, prepare=prepare
+        )
         first = crew.measure({axis: partial(_beginning, one.first) for axis, one in curves.items()})
         for axis, one in curves.items():
             one.first = first[axis]
@@ -131,6 +136,7 @@ class _Begin(Generic[G]):
 
     axes: Mapping[str, Callable[[int], G]]
     changes: Mapping[str, Change | None]
+    prepare: Callable[[Batch], Batch] | None
 
 
 def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
@@ -151,6 +157,7 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
         for batch in gathered(reader.samples(), tuple(axes), part.found.rate):
+            batch = batch if begin.prepare is None else begin.prepare(batch)
             for axis, one in axes.items():
                 signal, change = batch.signals[axis], begin.changes[axis]
                 feed(one, signal if change is None else change(signal), batch.continues)
@@ -166,9 +173,9 @@ class _Crew:
 
     def __init__(
         self, client: Any, stream: Stream, changes: Mapping[str, Change | None], *, parts: int | None,
-        done: Callable[[int], None] | None,
+        done: Callable[[int], None] | None, prepare: Callable[[Batch], Batch] | None,
     ) -> None:  # fmt: skip
-        self._client, self._done, self._changes, self._samples = client, done, changes, 0
+        self._client, self._done, self._changes, self._prepare, self._samples = client, done, changes, prepare, 0
         self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
@@ -199,7 +206,7 @@ class _Crew:
         found: dict[int, _Measured[G] | GmwmError] = {}
         joined: _Measured[G] | None = None
         asked = merged = 0
-        begin = self._held(_Begin(axes, self._changes))
+        begin = self._held(_Begin(axes, self._changes, self._prepare))
         try:
             while joined is None or merged < len(self._parts):
                 while asked < min(len(self._parts), merged + AHEAD * self._threads()):

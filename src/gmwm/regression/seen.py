@@ -1,0 +1,78 @@
+"""What a regression needs of a recording that is not in memory: its clock, its temperature and its block means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm._threads import in_threads
+from gmwm.batches import Segments, Streamed, batches
+from gmwm.regression.blocks import Clock
+from gmwm.signals import Signal
+from gmwm.streaming.passes import add_batch, curves_of
+from gmwm.variance.result import WaveletVariance
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A recording that was read once.
+
+    Attributes
+    ----------
+    recording : Streamed
+    clock : Signal
+        A signal with the segments of the recording. Its values are the temperature, or zeros.
+    temperature : (N,) array or None
+        Temperature (°C).
+    length : int
+        Samples of the blocks.
+    sums : mapping of axis to (n,) array
+        Sums of the samples of each block, clipped.
+    curves : mapping of axis to WaveletVariance
+        The wavelet variances of the axes as they are, if they were asked for.
+    """
+
+    recording: Streamed
+    clock: Signal
+    temperature: Vector | None
+    length: int
+    sums: Mapping[str, Vector]
+    curves: Mapping[str, WaveletVariance]
+
+    @classmethod
+    def of(cls, recording: Streamed, length: int, *, curves: bool = False, threads: int | None = None) -> Seen:
+        """Read a recording, for blocks of a length, and measure its wavelet variances if `curves` is true.
+
+        Raises
+        ------
+        ReadError, DataError
+            If `read` would refuse the recording.
+        """
+        segments, parts = Segments(), list[Vector]()
+        sums = {axis: np.zeros(0) for axis in recording.axes}
+        measured = curves_of(recording, recording.axes, robust=False) if curves else {}
+        for batch in batches(recording):
+            segments.update(batch)
+            add_batch(batch, measured, threads)
+            if batch.temperature is not None:
+                parts.append(batch.temperature)
+            clock = Clock.of(recording.rate, tuple(segments.ranges), tuple(segments.starts), length=length)
+            own = clock.part(batch.first, batch.stop)
+            for axis, signal in batch.signals.items():
+                added = own.sums(signal.values, clipped=True)
+                added[: sums[axis].size] += sums[axis]
+                sums[axis] = added
+        temperature = np.concatenate(parts) if parts else None
+        count = segments.ranges[-1][1]
+        values = np.zeros(count) if temperature is None else temperature
+        like = Signal(values, recording.rate, segments=segments.ranges, starts=segments.starts)
+        found = in_threads(lambda _, one: one.classical(), measured, threads=threads)
+        return cls(recording, like, temperature, length=length, sums=sums, curves=found)
+
+    def means(self, clock: Clock) -> dict[str, Vector]:
+        """The block means of all axes; the recording is read again if its blocks have another length."""
+        sums = self.sums if clock.length == self.length else Seen.of(self.recording, clock.length).sums
+        return {axis: clock.mean_of(own) for axis, own in sums.items()}
