@@ -186,7 +186,9 @@ def test_models_add_under_every_filter(name):
 
 # --- simulation ---------------------------------------------------------------------------------------
 
-PATHS, SAMPLES = 120, 400
+PATHS, SAMPLES = 40, 1200
+STANDARD_ERRORS = 4.3
+"""Exceeded by a mean of 40 paths in 1 of 9000 cases (Student's t), as 4 by a mean of 120."""
 
 
 @every_process
@@ -206,7 +208,7 @@ def test_estimates_of_simulated_paths_have_the_theory_for_their_mean(process):
             for estimates in (maximal, decimated, maximal - decimated):
                 error = estimates.std(axis=0, ddof=1) / math.sqrt(PATHS)
                 wanted = 0.0 if estimates is not maximal and estimates is not decimated else exact
-                assert np.all(np.abs(estimates.mean(axis=0) - wanted) <= 4 * error + rounding), name
+                assert np.all(np.abs(estimates.mean(axis=0) - wanted) <= STANDARD_ERRORS * error + rounding), name
 
 
 def test_the_laws_above_run_over_both_signs_of_an_autoregression():
