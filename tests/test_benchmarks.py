@@ -63,6 +63,7 @@ def test_a_verdict_can_be_each() -> None:
 # --- the page ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_page_is_that_of_the_record(record: dict[str, Any], tmp_path: Path) -> None:
     page.write(record, tmp_path)
     for ending in (".json", ".md"):
@@ -133,6 +134,7 @@ def test_curves_and_cases_are_times_of_calls(monkeypatch: pytest.MonkeyPatch) ->
     assert "MISSED" in harness.table([timing])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the resident set is read from /proc")
 def test_memory_of_a_process_is_its_own() -> None:
     held = np.ones(20_000_000)  # of the parent, which a child must not be charged with

@@ -90,6 +90,7 @@ def test_beyond_the_levels_that_were_kept_the_data_say_nothing():
 FLICKER = gmwm.Model.parse("WN(sigma2=6e-7) + FN(b2=4e-10)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "model"),
     [(WN(sigma2=6e-7) + GM(beta=0.2, sigma2=2e-8), "GM + WN"), (SLOW, "GM + WN"), (FLICKER, "2*GM + WN")],

@@ -16,6 +16,8 @@ from validation.__main__ import main
 from validation.comparators import allan_covariance, allan_points, slopes, vaccaro_zaki
 from validation.log_sampled import BlockLikelihood, log_sampling, most_likely_blocks
 
+pytestmark = pytest.mark.slow
+
 RATE = 100.0
 MIXTURE = gmwm.Model.parse(
     "GM(beta=20.0, sigma2=3.0) + GM(beta=0.5, sigma2=2.0) + WN(sigma2=1.5) + QN(q2=0.7) + RW(gamma2=0.02)"

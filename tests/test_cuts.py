@@ -147,6 +147,7 @@ def written(path, clock):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [0.0, 1.718e9])
 @pytest.mark.parametrize("how", [gmwm.read, gmwm.stream])
 def test_times_of_knocks_are_those_of_skip(tmp_path, clock, how):

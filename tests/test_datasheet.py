@@ -405,6 +405,7 @@ def test_a_fast_term_is_counted_to_white_noise():
     assert slow["N"].value == near(math.sqrt(1e-6 / RATE), 1e-4)
 
 
+@pytest.mark.slow
 def test_slow_terms_without_a_driving_noise_are_walks_as_gauss_markov_terms_are():
     gm = GM(beta=0.05, sigma2=1e-8)
     wanted = math.sqrt(2 * 0.05 * 1e-8)
@@ -436,6 +437,7 @@ def test_one_slow_term_that_is_white_noise_and_a_walk_is_counted_to_both():
     assert not found["K_eff"].upper_only
 
 
+@pytest.mark.slow
 def test_to_a_gauss_markov_bias_a_slow_term_and_flicker_noise_have_their_allan_deviation_at_its_time():
     for truth, time in ((FN(b2=4e-10), 2000.0), (Model.parse("MAT(beta=0.05, nu=0.5, sigma2=1e-8)"), 20.0)):
         truth = Model((truth,)) if isinstance(truth, Process) else truth
@@ -502,6 +504,7 @@ TRUTHS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", TRUTHS)
 def test_intervals_cover(text):
     truth, paths, n = TRUTHS[text], 200, 2**14

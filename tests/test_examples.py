@@ -15,7 +15,7 @@ from examples import contaminated, navigation, paper
 
 SEED = 2018
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def shared(file: str) -> Path:

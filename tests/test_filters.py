@@ -165,6 +165,7 @@ def test_too_long_a_level_filter_is_refused():
         find_filter("la8").level_filter(30)
 
 
+@pytest.mark.slow
 def test_without_pywavelets_the_extra_is_named():
     code = (
         "import sys; sys.modules['pywt'] = None\n"

@@ -65,6 +65,7 @@ def project() -> dict[str, object]:
 # --- the package ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_import_stays_light() -> None:
     command = [sys.executable, "-c", "import sys, gmwm; print(*sys.modules)"]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
@@ -182,6 +183,7 @@ def _takes_any_number(called: Callable[..., object]) -> bool:
     return any(p.kind is p.VAR_POSITIONAL for p in inspect.signature(called).parameters.values())
 
 
+@pytest.mark.slow
 def test_only_the_command_line_imports_from_the_package_itself() -> None:
     # The layers in pyproject.toml leave out `from gmwm import _core`; nothing else may slip through there.
     upstairs = {PACKAGE / "__init__.py", PACKAGE / "__main__.py", *(PACKAGE / "cli").glob("*.py")}

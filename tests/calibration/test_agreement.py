@@ -88,6 +88,7 @@ def of(*sheets, **options):
 # --- recordings -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_recordings_of_one_unit_agree(three):
     found = agree(three)
     assert found.labels == ("day_11", "day_12", "day_13")

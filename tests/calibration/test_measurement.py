@@ -76,6 +76,7 @@ def test_wrong_samples_are_replaced_whatever_curve_is_wanted():
         assert verdict.repaired == N // 250
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1 << 22, 20_000])
 def test_the_rule_is_the_same_in_a_stream(tmp_path, monkeypatch, size):
     monkeypatch.setattr(batches, "BATCH", size)

@@ -74,6 +74,7 @@ def test_the_same_misfit_of_several_axes_is_one_text(without_random_walk):
     assert both.summary(every=True).count("[model-misfit]") == 1
 
 
+@pytest.mark.slow
 def test_a_model_with_a_sinusoid_is_fitted_to_the_classical_curve_with_its_outliers():
     # Knocks and a hum: after the advice to add a sinusoid, the calibration must succeed.
     truth = "WN(sigma2=4e-7) + SIN(frequency=21.3, power=6e-7)"

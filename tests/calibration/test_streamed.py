@@ -29,6 +29,7 @@ def path(tmp_path_factory):
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1 << 22, 5_000])
 def test_a_stream_is_calibrated_as_the_recording(path, monkeypatch, size):
     monkeypatch.setattr(batches, "BATCH", size)
@@ -48,6 +49,7 @@ def test_a_stream_is_calibrated_as_the_recording(path, monkeypatch, size):
     assert calls[-1][:2] == (12, 12)
 
 
+@pytest.mark.slow
 def test_more_samples_than_fit_into_memory(path, monkeypatch):
     whole = gmwm.calibrate(gmwm.read(path), within="WN + RW")
     monkeypatch.setattr(batches, "BATCH", 5_000)

@@ -146,6 +146,7 @@ def test_one_gauss_markov_term_is_in_the_row_of_the_first_of_two():
     assert rows[0].count("±") == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("split", [True, False])
 def test_the_pictures_show_every_axis(calibration, split, tmp_path):
     figure = imu_figure(calibration, split=split)

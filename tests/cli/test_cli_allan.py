@@ -21,6 +21,7 @@ KINDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_json_is_the_library_s(gmwm, recording, kind):
     content = gmwm("allan", recording, "--kind", kind, "--axis", "gyro_y", "--json").json
@@ -44,6 +45,7 @@ def test_table_and_csv(gmwm, recording, tmp_path):
     assert f"{np.degrees(first) * 3600:#.5g}" in outcome.out
 
 
+@pytest.mark.slow
 def test_slopes(gmwm, recording, tmp_path):
     target = tmp_path / "slopes.png"
     outcome = gmwm("allan", recording, "--axis", "gyro_x", "--slopes", "--plot", target, "--datasheet")

@@ -14,6 +14,8 @@ from gmwm.remarks import Dialect
 from gmwm.reports.content import report_data
 from tests.helpers import only
 
+pytestmark = pytest.mark.slow
+
 WITHIN = "GM + WN + RW"
 FILES = ["by_sensor.png", "calibration.json", "calibration.png", "imu.yaml", "report.html", "summary.txt"]
 

@@ -35,15 +35,18 @@ def test_wv(gmwm, file, robust):
     assert "accel" not in same(gmwm, "wv", file, "--axis", "gyro", *robust)
 
 
+@pytest.mark.slow
 def test_fit_and_select(gmwm, file):
     same(gmwm, "fit", file, "--model", "WN + RW", "--axis", "gyro_x")
     same(gmwm, "select", file, "--within", WITHIN, "--robust")
 
 
+@pytest.mark.slow
 def test_calibrate(gmwm, file):
     assert "WN+RW" in same(gmwm, "calibrate", file, "--within", WITHIN)
 
 
+@pytest.mark.slow
 def test_worker_processes(gmwm, file):
     arguments = ("wv", file, "--robust")
     assert gmwm(*arguments, "--workers", "1").out == gmwm(*arguments).out

@@ -27,6 +27,7 @@ def test_compare_prints_the_curves(gmwm, recording):
         assert all(f"{value:.4e}" in outcome.out for value in wv.variance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extra", [[], ["--axis", "gyro_x"], ["--axis", "accel", "--view", "allan", "--datasheet"]])
 def test_compare_plot(gmwm, recording, tmp_path, extra):
     target = tmp_path / "compare.png"
@@ -36,6 +37,7 @@ def test_compare_plot(gmwm, recording, tmp_path, extra):
     assert target.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_compare_recordings(gmwm, recording, tmp_path):
     other = tmp_path / "other.csv"
     simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5000, rng=9).write(other)

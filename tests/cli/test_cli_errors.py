@@ -116,6 +116,7 @@ def places(folder, recording, unlabelled, broken):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("json", [False, True], ids=["words", "json"])
 @pytest.mark.parametrize("case", CASES)
 def test_one_readable_line(gmwm, places, case, json):

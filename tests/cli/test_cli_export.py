@@ -16,6 +16,7 @@ def test_calibrate_writes_imu_yaml(file):
     assert text == Calibration.load(file).export(format="kalibr")
 
 
+@pytest.mark.slow
 def test_calibrate_of_one_sensor_writes_none(gmwm, recording, tmp_path):
     outcome = gmwm("calibrate", recording, "--within", "WN + RW", "--axis", "gyro", "--output", tmp_path)
     assert outcome.code == 0
@@ -23,6 +24,7 @@ def test_calibrate_of_one_sensor_writes_none(gmwm, recording, tmp_path):
     assert not (tmp_path / "imu.yaml").exists()
 
 
+@pytest.mark.slow
 def test_it_prints_the_library_s_text(gmwm, file):
     outcome = gmwm(
         "export", file, "--format", "vins", "--inflation", 2, "--horizon", "3s", "--rate", 50, "--axes", "mean"
@@ -55,6 +57,7 @@ def test_json_has_the_text(gmwm, file):
     assert content["written"] == []
 
 
+@pytest.mark.slow
 def test_errors_take_one_line(gmwm, file, tmp_path):
     gyro = tmp_path / "gyro.json"
     found = Calibration.load(file)

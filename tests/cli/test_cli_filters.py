@@ -6,6 +6,7 @@ import gmwm as library
 from gmwm.readers import read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "transform"), [("la8", "modwt"), ("d4", "dwt"), ("haar", "dwt")])
 def test_wv_is_the_library_s(gmwm, recording, name, transform):
     options = ("--axis", "gyro_y", "--filter", name, "--transform", transform)

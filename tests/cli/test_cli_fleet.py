@@ -28,6 +28,7 @@ def run(gmwm, folder, tmp_path_factory):
     return target, gmwm("fleet", folder, "--within", WITHIN, "--output", target, "--workers", 0)
 
 
+@pytest.mark.slow
 def test_it_prints_the_summary_and_what_it_wrote(run):
     target, outcome = run
     assert outcome.code == 0
@@ -57,6 +58,7 @@ def test_a_unit_s_file_is_its_calibration(gmwm, run, folder):
     assert found["settings"] == alone["settings"]
 
 
+@pytest.mark.slow
 def test_the_same_again_does_nothing_anew_and_json_says_so(gmwm, run, folder):
     target, _ = run
     outcome = gmwm("fleet", folder, "--within", WITHIN, "--output", target, "--workers", 0, "--json")

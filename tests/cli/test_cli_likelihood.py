@@ -70,6 +70,7 @@ def test_tables_of_several_axes(gmwm, recording):
     assert max(map(len, outcome.out.splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_terms_that_the_likelihood_does_not_support_are_remarked(gmwm, recording):
     arguments = ("fit", recording, "-m", "WN + QN + RW", "--axis", "gyro_x,gyro_y", "--ml")
     outcome = gmwm(*arguments, "--json")
@@ -89,6 +90,7 @@ def test_gaps_are_missing_samples(gmwm, broken):
     assert found["residuals"]["samples"] == 500
 
 
+@pytest.mark.slow
 def test_fits_are_written_with_it(gmwm, recording, tmp_path):
     assert gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_x", "--ml", "--output", tmp_path).code == 0
     content = json.loads((tmp_path / "fits.json").read_text(encoding="utf-8"))

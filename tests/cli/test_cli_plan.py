@@ -19,6 +19,7 @@ def fits(gmwm, recording, tmp_path_factory):
     return folder / "fits.json"
 
 
+@pytest.mark.slow
 def test_it_prints_the_summary_and_draws(gmwm, tmp_path):
     target = tmp_path / "plan.png"
     outcome = gmwm("plan", MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.2, "--plot", target)
@@ -29,6 +30,7 @@ def test_it_prints_the_summary_and_draws(gmwm, tmp_path):
     assert target.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_folder_stands_for_what_is_in_it(gmwm, fits, tmp_path):
     arguments = ("--axis", "gyro_y", "--duration", "1d", "--json")
     of_file, of_folder = (gmwm("plan", "--from-fits", path, *arguments).json for path in (fits, fits.parent))

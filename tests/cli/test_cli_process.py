@@ -14,6 +14,8 @@ import gmwm as library
 from gmwm.cli.main import accept_all_characters, app
 from gmwm.processes import registry
 
+pytestmark = pytest.mark.slow
+
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX pipes and signals")
 
 

@@ -37,6 +37,7 @@ def test_tables(gmwm, vibrating):
     assert "No bumps" in outcome.out
 
 
+@pytest.mark.slow
 def test_csv_and_plot(gmwm, vibrating, tmp_path):
     table, picture = tmp_path / "psd.csv", tmp_path / "psd.png"
     assert gmwm("psd", vibrating, "--csv", table, "--plot", picture, "--datasheet").code == 0

@@ -10,6 +10,7 @@ def results(calibrated):
     return calibrated[0]
 
 
+@pytest.mark.slow
 def test_the_page_of_the_file_is_that_of_the_calibration(gmwm, results, recording, tmp_path):
     copy = shutil.copy(results / "calibration.json", tmp_path)
     outcome = gmwm("report", copy)
@@ -20,6 +21,7 @@ def test_the_page_of_the_file_is_that_of_the_calibration(gmwm, results, recordin
     assert f"Calibration of {recording.name}".encode() in page
 
 
+@pytest.mark.slow
 def test_json_says_where_it_is(gmwm, results, tmp_path):
     content = gmwm("report", results / "calibration.json", "--output", tmp_path / "unit7.html", "--json").json
     assert content["command"] == "report"
@@ -27,6 +29,7 @@ def test_json_says_where_it_is(gmwm, results, tmp_path):
     assert (tmp_path / "unit7.html").stat().st_size < 2_500_000
 
 
+@pytest.mark.slow
 def test_the_folder_of_a_calibration_stands_for_it(gmwm, results, tmp_path):
     shutil.copy(results / "calibration.json", tmp_path)
     outcome = gmwm("report", tmp_path)
@@ -36,6 +39,7 @@ def test_the_folder_of_a_calibration_stands_for_it(gmwm, results, tmp_path):
     assert str(tmp_path / "empty" / "calibration.json") in gmwm("report", tmp_path / "empty").err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "output", "fact"),
     [

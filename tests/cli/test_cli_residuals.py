@@ -9,6 +9,7 @@ import gmwm as library
 from gmwm.readers import read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extra", [[], ["--ml"], ["--robust"], ["--lags", 20]])
 def test_json_is_the_library_s(gmwm, recording, extra):
     found = gmwm("residuals", recording, "-m", "WN + RW", "--axis", "gyro_y", "--json", *extra).json["axes"]["gyro_y"]
@@ -63,6 +64,7 @@ def fits(gmwm, recording, tmp_path_factory):
     return folder / "fits.json"
 
 
+@pytest.mark.slow
 def test_fits_of_a_file(gmwm, recording, fits):
     content = json.loads(fits.read_text(encoding="utf-8"))["axes"]
     found = gmwm("residuals", recording, "--from-fits", fits, "--json").json["axes"]
@@ -86,6 +88,7 @@ def test_models_of_another_recording_were_not_estimated_here(gmwm, recording, fi
     assert mine["p_value"] < its["p_value"]  # its degrees of freedom are all the lags
 
 
+@pytest.mark.slow
 def test_a_calibration_has_models_of_its_own(gmwm, recording, tmp_path):
     axes = ("--axis", "gyro_x,accel_x")
     within = ("--within", "GM + WN + RW", "--robust", "no")
@@ -97,6 +100,7 @@ def test_a_calibration_has_models_of_its_own(gmwm, recording, tmp_path):
         assert any(line.startswith(f" {axis}") and structure in line for line in outcome.out.splitlines())
 
 
+@pytest.mark.slow
 def test_plot(gmwm, recording, tmp_path):
     target = tmp_path / "residuals.png"
     outcome = gmwm("residuals", recording, "-m", "WN + RW", "--axis", "gyro_x", "--plot", target, "--json")
@@ -124,6 +128,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_errors_take_a_line(gmwm, recording, broken, fits, folder, tmp_path, case):
     arguments, facts = CASES[case]

@@ -69,6 +69,7 @@ def moved(recording, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [("wv",), ("fit", "-m", "WN + RW", "--no-certify")])
 def test_motion_and_knocks_are_remarked_by_every_command(gmwm, moved, recording, command):
     outcome = gmwm(command[0], moved, *command[1:], "--axis", "gyro_z", "--json")
@@ -132,6 +133,7 @@ def test_wv_view_and_units(gmwm, recording):
     assert "95 % confidence intervals" in outcome.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extra", [[], ["--axis", "gyro_x"], ["--overlay", "--view", "allan"]])
 def test_wv_plot(gmwm, recording, tmp_path, extra):
     target = tmp_path / "wv.png"
@@ -202,6 +204,7 @@ def test_fit_remarks_name_their_axis(gmwm, unlabelled):
     assert "[term-zero]" not in gmwm(*plain).err
 
 
+@pytest.mark.slow
 def test_fit_writes_a_directory(gmwm, recording, tmp_path):
     target = tmp_path / "new" / "results"
     outcome = gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_x,gyro_y", "--output", target, "--no-certify")
@@ -214,6 +217,7 @@ def test_fit_writes_a_directory(gmwm, recording, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_fit_plots_all_axes(gmwm, recording, tmp_path):
     target = tmp_path / "fits.svg"
     assert gmwm("fit", recording, "-m", "WN + RW", "--plot", target, "--json").code == 0
@@ -288,6 +292,7 @@ def demo(gmwm, tmp_path_factory):
         patch.undo()
 
 
+@pytest.mark.slow
 def test_demo_compares_with_the_truth(demo):
     _, words, machine = demo
     assert (words.code, machine.code) == (0, 0)
@@ -312,6 +317,7 @@ def test_demo_compares_with_the_truth(demo):
     assert f"{sum(inside)} of {len(inside)} intervals" in " ".join(words.out.split())
 
 
+@pytest.mark.slow
 def test_demo_says_which_models_are_the_truth(demo):
     _, words, machine = demo
     axes = machine.json["calibration"]["axes"]
@@ -322,6 +328,7 @@ def test_demo_says_which_models_are_the_truth(demo):
     assert all(f"{axis}: {reference_imu()[axis].structure} was" in words.out for axis in truth if axis not in same)
 
 
+@pytest.mark.slow
 def test_demo_estimates_come_from_its_file(demo, gmwm):
     target, words, machine = demo
     again = gmwm("calibrate", target / "imu.csv", "--json").json
@@ -331,6 +338,7 @@ def test_demo_estimates_come_from_its_file(demo, gmwm):
     assert (target / "summary.txt").read_text(encoding="utf-8") == summary(found, Dialect.SHELL, every=True) + "\n"
 
 
+@pytest.mark.slow
 def test_demo_writes_all_it_names(demo):
     target, words, machine = demo
     written = machine.json["written"]
@@ -341,6 +349,7 @@ def test_demo_writes_all_it_names(demo):
     assert document == machine.json["calibration"]
 
 
+@pytest.mark.slow
 def test_demo_fits_in_eighty_columns(demo):
     target, words, _ = demo
     assert max(len(line.replace(str(target), "out")) for line in words.out.splitlines()) <= 80

@@ -43,6 +43,7 @@ def test_a_duration_has_units_or_is_in_seconds(gmwm, tmp_path, length):
     assert (found["duration"], found["samples"]) == (90.0, 9000)
 
 
+@pytest.mark.slow
 def test_info_draws_the_recording(gmwm, recording, tmp_path):
     path = tmp_path / "recording.png"
     outcome = gmwm("info", recording, "--plot", path)

@@ -77,6 +77,7 @@ def test_the_file_holds_every_track(gmwm, recording, tmp_path, suffix):
     assert np.array_equal(frame["time [s]"], tracks.times)
 
 
+@pytest.mark.slow
 def test_labels_choose(gmwm, recording, tmp_path):
     table, picture = tmp_path / "bias.csv", tmp_path / "bias.png"
     arguments = ("track", recording, "-m", MODEL, "--axis", "gyro_x", "--label", "bias", "--label", "WN")
@@ -133,6 +134,7 @@ def test_the_table(gmwm, recording):
     assert levels == pytest.approx([0.0, 0.0, 1000.0], abs=1.0)
 
 
+@pytest.mark.slow
 def test_fits_of_a_file(gmwm, recording, tmp_path):
     assert gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_x,gyro_y", "--ml", "--output", tmp_path).code == 0
     fits = tmp_path / "fits.json"
@@ -191,6 +193,7 @@ def fits(gmwm, recording, tmp_path_factory):
     return folder / "fits.json"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_errors_take_a_line_and_leave_no_file(gmwm, recording, broken, fits, folder, case):
     arguments, facts = CASES[case]

@@ -145,6 +145,7 @@ def test_a_model_with_too_many_parameters_is_remarked_and_the_curve_shown():
     assert "Allan deviation" in found.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of this kind are not sent there")
 def test_ctrl_c_ends_it_with_the_table(tmp_path):
     path = tmp_path / "log.csv"
@@ -159,6 +160,7 @@ def test_ctrl_c_ends_it_with_the_table(tmp_path):
     assert "4000 samples at 100 Hz" in out
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of this kind are not sent there")
 def test_ctrl_c_ends_it_while_standard_input_waits():
     command = [sys.executable, "-m", "gmwm", "watch", "-", "--every", "0.2s"]

@@ -18,6 +18,7 @@ def correlations(v):
     return v / np.outer(size, size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "how"),
     [
@@ -39,6 +40,7 @@ def test_follows_the_truth_where_the_signal_is_gaussian(model, how):
     assert np.abs(between[:8, :8]).max() < 0.15
 
 
+@pytest.mark.slow
 def test_follows_the_truth_where_it_is_not():
     # Laplace noise: fourth cumulant 12, against Var² = 4; with Haar's taps of equal size all of it is in closed form.
     rng, levels = np.random.default_rng(5), 8

@@ -52,6 +52,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [64, 333])
 @pytest.mark.parametrize("name", CASES)
 def test_against_the_definition(name, samples):

@@ -84,6 +84,7 @@ def assert_close(found, expected, tolerance):
     np.testing.assert_allclose(found / np.outer(size, size), expected / np.outer(size, size), atol=tolerance, rtol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize(
     ("filter", "transform"),

@@ -71,6 +71,7 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize(("filter", "transform"), [("haar", "modwt"), ("haar", "dwt"), ("d4", "modwt"), ("la8", "dwt")])
 def test_against_matrices(name, filter, transform):
@@ -82,6 +83,7 @@ def test_against_matrices(name, filter, transform):
     np.testing.assert_allclose(variances(model, at), np.diag(covariance(model, at)), rtol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.02, 0.1, 1.0, 13.0, 50.0])
 @pytest.mark.parametrize("noise", [GM(2.0, 1.0) + WN(1.0), RW(1e-3) + WN(1.0), FN(1.0) + WN(1.0), DR(0.1) + RW(1e-3)])
 def test_the_spectrum_and_lags_apart_will_do(noise, frequency, monkeypatch):

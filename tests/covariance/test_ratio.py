@@ -46,6 +46,7 @@ def test_uncorrelated_coefficients_have_the_efficiency() -> None:
     assert ratio_variances(gmwm.Model.parse("WN(sigma2=3.0)"), robust) == pytest.approx([expected], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.6, 0.9])
 def test_skewness_is_that_of_simulated_ratios(efficiency: float) -> None:
     from gmwm.variance.biweight import biweight
@@ -65,6 +66,7 @@ def test_skewness_is_that_of_simulated_ratios(efficiency: float) -> None:
     assert skew(d) == pytest.approx(ratio_skewness(efficiency) * d.std(), abs=5 * np.sqrt(6 / len(d)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", MODELS)
 def test_ratios_of_simulated_records_follow_the_law(text: str) -> None:
     model, robust, draws = gmwm.Model.parse(text).sorted(RATE), design(4000, 0.6, 7), 4000

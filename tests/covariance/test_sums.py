@@ -116,6 +116,7 @@ def test_robust_tends_to_classical():
     np.testing.assert_allclose(np.diag(inflation)[[0, 2, 6]], [1.49, 1.33, 1.28], atol=0.006)
 
 
+@pytest.mark.slow
 def test_uniform_errors_scatter_less():
     # By simulation: 0.69 of what Gaussian errors would have, at the first levels.
     paths, samples = 20_000, 64

@@ -40,6 +40,7 @@ def test_there_are_formulas():
     assert len(formulas()) > 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [False, True])
 def test_a_picture_is_as_large_as_its_formula(block):
     for formula, _ in formulas():

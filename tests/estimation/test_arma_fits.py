@@ -30,6 +30,7 @@ def measured(text, seed, n=10_000):
     return gmwm.wavelet_variance(gmwm.Model.parse(text).simulate(n, 1.0, rng=seed), 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", TRUTHS)
 def test_the_truth_is_found_and_no_random_start_beats_the_fit(text):
     wv, truth = measured(text, 8), gmwm.Model.parse(text)
@@ -66,6 +67,7 @@ def test_a_larger_order_never_fits_worse():
     assert all(larger <= smaller * (1 + 1e-9) for smaller, larger in pairwise(values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["AR(2) + 2*GM + RW", "ARMA(2,1) + GM + RW", "MA(2) + GM + RW", "AR(2) + MA(1) + GM"])
 @pytest.mark.parametrize("seed", range(2))
 def test_descents_that_are_not_followed_lead_nowhere(model, seed):
@@ -174,6 +176,7 @@ def test_a_thin_set_of_processes_beside_a_held_coefficient_is_found():
         AR(2, phi1=fixed(5.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_two_lines_are_both_found(seed):
     rng = np.random.default_rng(seed)

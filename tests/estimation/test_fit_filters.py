@@ -54,6 +54,7 @@ def test_limits_cover_as_often_as_they_say(name, transform):
         assert np.all(np.abs(coverage - 0.95) <= 4 * np.sqrt(0.95 * 0.05 / 400))
 
 
+@pytest.mark.slow
 @every_filter
 def test_a_fit_to_exact_theory_finds_the_truth(name):
     wv = WaveletVariance.from_values(TRUTH.wavelet_variance(13, RATE, name), samples=10**6, rate=RATE, filter=name)
@@ -64,6 +65,7 @@ def test_a_fit_to_exact_theory_finds_the_truth(name):
     np.testing.assert_allclose(sum(found.decomposition.values()), found.implied, rtol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @transforms
 @pytest.mark.parametrize("name", ["haar", "d4", "la8", "fk8"])

@@ -33,6 +33,7 @@ def observed(seed: int, samples: int = 50_000) -> WaveletVariance:
     return gmwm.wavelet_variance(truth.simulate(samples, RATE, rng), RATE)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, derandomize=True, deadline=None)
 @given(seeds)
 def test_a_model_that_contains_another_never_fits_worse(seed: int) -> None:
@@ -47,6 +48,7 @@ def test_a_model_that_contains_another_never_fits_worse(seed: int) -> None:
         assert larger.gap <= 1e-3
 
 
+@pytest.mark.slow
 @settings(max_examples=8, derandomize=True, deadline=None)
 @given(seeds)
 def test_the_order_of_terms_changes_nothing(seed: int) -> None:
@@ -73,6 +75,7 @@ def test_scaling_the_data_scales_the_estimates(seed: int, factor: float, weighti
     assert other.objective == pytest.approx(one.objective * factor**power, rel=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=5, derandomize=True, deadline=None)
 @given(seeds)
 def test_the_same_input_gives_the_same_output(seed: int) -> None:
@@ -89,6 +92,7 @@ def test_a_full_matrix_that_is_diagonal_is_the_diagonal(seed: int) -> None:
     assert again.objective == pytest.approx(plain.objective, rel=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, derandomize=True, deadline=None)
 @given(seeds)
 def test_bounds_hold_under_a_full_weighting(seed: int) -> None:

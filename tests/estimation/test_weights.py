@@ -11,6 +11,7 @@ from tests.helpers import codes
 TRUTH = gmwm.Model.parse("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [2**15, 33_000, 65_000])
 def test_a_last_level_of_one_coefficient_does_not_decide(samples):
     found = [gmwm.fit("GM + WN", TRUTH.simulate(samples, 10.0, seed), 10.0, certify=False) for seed in range(40)]

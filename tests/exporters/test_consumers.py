@@ -57,6 +57,7 @@ def test_every_format_has_a_consumer_here():
     assert {*CONSUMERS, "ros", *FULL} == set(export_formats())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["worst", "mean", "each"])
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_consumers_read_n_and_k_back(unit, format, rule):

@@ -88,6 +88,7 @@ def among(remarks):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_limit_among_measured_values_names_its_axis(mixed, format):
     text = mixed.export(format=format, axes="worst")

@@ -31,6 +31,7 @@ FLAT = 2 * math.log(2) / math.pi
 OTHERS = ("matlab", "kfgins", "gazebo")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", sorted(set(CONSUMERS) - set(OTHERS)))
 def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
     text = unit.export(format=format, horizon=2.0)
@@ -57,6 +58,7 @@ def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
     assert {remark.facts["time"].value for remark in found} == {time}
 
 
+@pytest.mark.slow
 def test_matlab_has_a_parameter_for_it(unit):
     text = unit.export(format="matlab", inflation=2.0)
     code = "\n".join(line for line in text.splitlines() if not line.startswith("%"))
@@ -74,6 +76,7 @@ def test_matlab_has_a_parameter_for_it(unit):
     assert not {"upper-limit", "upper-limit-among"} & {remark.code for remark in remarks_in(unit, "matlab")}
 
 
+@pytest.mark.slow
 def test_the_filter_of_matlab_holds_flicker_noise_as_long_as_is_said():
     # 1/A(z) of Kasdin, with as many poles as the file asks for.
     k = np.arange(1, 20_001)

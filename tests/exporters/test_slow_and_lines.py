@@ -10,6 +10,8 @@ from gmwm.remarks import texts
 from .conftest import RATE, calibrated, remarks_in, words
 from .consumers import CONSUMERS
 
+pytestmark = pytest.mark.slow
+
 SLOW = {"gyro": (4e-8, 6e-7), "accel": (4e-6, 6e-5)}
 PHI = math.exp(-0.05 / RATE)
 LINES = {"gyro": "SIN(frequency=0.7, power=4e-8) + WN(sigma2=6e-7) + RW(gamma2=1e-11)",

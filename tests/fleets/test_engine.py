@@ -22,6 +22,8 @@ from gmwm.options import ReadOptions
 from gmwm.readers.api import read_file
 from tests.helpers import raises
 
+pytestmark = pytest.mark.slow
+
 WITHIN = "WN + RW"
 ONE = {"gyro_x": "WN(sigma2=4e-7)"}
 TWO = ONE | {"gyro_y": "WN(sigma2=4e-7) + RW(gamma2=1e-9)"}

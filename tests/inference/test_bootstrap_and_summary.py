@@ -23,6 +23,7 @@ def fit():
     return gmwm.fit("GM + WN", x, RATE)
 
 
+@pytest.mark.slow
 def test_standard_errors_of_the_bootstrap_are_those_of_theory(fit):
     again = fit.bootstrap(draws=300, rng=1)
     for name, error in fit.standard_errors.items():

@@ -119,6 +119,7 @@ def test_the_same_process_in_other_parameters_has_the_same_criterion(seed: int, 
     assert other.optimism == pytest.approx(one.optimism, rel=1e-4)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, derandomize=True, deadline=None)
 @given(truths, seeds, st.sampled_from([1e-12, 1e-3, 7.0, 1e12]), st.sampled_from(WEIGHTINGS))
 def test_scaling_the_data_changes_nothing(truth: str, seed: int, factor: float, weighting: str) -> None:
@@ -143,6 +144,7 @@ TWO = "GM(beta=8.0, sigma2=1e-6) + GM(beta=1.0, sigma2=5e-7) + WN(sigma2=4e-6)"
 THREE = "GM(beta=20.0, sigma2=1e-6) + GM(beta=1.0, sigma2=1e-6) + GM(beta=0.1, sigma2=1e-6) + WN(sigma2=1e-6)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "structure"), [(TWO, "GM + WN"), (TWO, "AR1 + WN"), (TWO, "GM + WN + RW"), (THREE, "2*GM + WN")]
 )
@@ -197,6 +199,7 @@ def fit() -> gmwm.Fit:
     return gmwm.fit("GM + WN", recorded(TRUTHS[1], 2), certify=False)
 
 
+@pytest.mark.slow
 def test_bootstrap_and_theory_agree(fit: gmwm.Fit) -> None:
     one, other = fit.wic(), fit.wic("bootstrap", draws=200, rng=1)
     drawn = fit.bootstrap(draws=200, rng=1)

@@ -29,6 +29,7 @@ def test_levels_left_out_before_are_not_left_out_again():
     assert test.df == 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weighting", ["diagonal", "optimal", "identity"])
 def test_p_is_uniform_when_the_model_is_right(weighting):
     truth = WN(sigma2=4.0) + RW(gamma2=1e-3)

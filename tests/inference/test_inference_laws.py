@@ -34,6 +34,7 @@ def times(wv: WaveletVariance, factor: float) -> WaveletVariance:
     return WaveletVariance.from_values(wv.variance * factor**2, samples=wv.samples, rate=wv.rate)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, derandomize=True, deadline=None)
 @given(truths, seeds, st.sampled_from([1e-12, 1e-3, 7.0, 1e12]), st.sampled_from(WEIGHTINGS))
 def test_scaling_the_data_scales_intervals_and_tests(truth: str, seed: int, factor: float, weighting: str) -> None:
@@ -122,6 +123,7 @@ def test_the_weights_are_those_of_the_estimate(weighting: str) -> None:
         assert again.parameters[name] == pytest.approx(value, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_weights_do_not_pull_the_estimates_down() -> None:
     # Weights 1/ν̂⁴ alone pull a random walk down by 6 to 14 %; these leave less than four standard errors of the mean.
     truth = WN(sigma2=4.0) + RW(gamma2=1e-3)
@@ -148,6 +150,7 @@ def test_what_is_not_there_has_an_upper_limit(model, data) -> None:
             assert value < intervals[name][1] < np.inf
 
 
+@pytest.mark.slow
 def test_an_upper_limit_is_where_so_small_an_estimate_is_rare() -> None:
     # Records of a random walk as strong as the limit say: about one in twenty has so small an estimate.
     fit = gmwm.fit(WN() + RW(), gmwm.wavelet_variance(WN(sigma2=4.0).simulate(20_000, RATE, 5), RATE))

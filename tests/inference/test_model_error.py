@@ -52,6 +52,7 @@ def drawn(exact):
     return one
 
 
+@pytest.mark.slow
 def test_the_planted_error_is_found(drawn):
     planted, freedom = 0.05, None
     found = []

@@ -102,6 +102,7 @@ def test_scales_with_the_model(power):
 # --- their distribution ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"filter": find_filter("la8")}, {"transform": "dwt"}], ids=str)
 @pytest.mark.parametrize(
     "text",

@@ -22,6 +22,7 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("weighting", ["diagonal", "optimal"])
 def test_the_length_needed_is_the_shortest_from_which_on_the_error_is_small_enough(name, weighting):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+import pytest
 
 from gmwm import Model, fit
 from gmwm.covariance import Design, wavelet_covariance
@@ -28,6 +29,7 @@ def test_errors_are_those_of_a_term_that_is_free() -> None:
     assert np.all(np.diag(at_zero.relative) > 4 * np.diag(absent.relative))
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_beside_a_term_that_came_out_as_zero() -> None:
     held, zeros = 0, 0
     for seed in range(60):

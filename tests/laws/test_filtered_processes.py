@@ -56,6 +56,7 @@ def test_a_closed_form_has_hundred_digit_arithmetic_to_answer_to(process):
         assert process.name in oracle.SHAPES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("filter_name", ["haar", "d4", "la8", "fk8", "mb8", "bl14"])
 @pytest.mark.parametrize("name", oracle.SHAPES)
 def test_shape_agrees_with_hundred_digits_down_to_level_thirty(name, filter_name):
@@ -73,6 +74,7 @@ def test_shape_agrees_with_hundred_digits_down_to_level_thirty(name, filter_name
         np.testing.assert_allclose(shapes, exact, rtol=few)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("process", smooth, ids=[p.name for p in smooth])
 @every_filter
 def test_jacobian_agrees_with_differences(process, name):
@@ -83,6 +85,7 @@ def test_jacobian_agrees_with_differences(process, name):
     assert np.all(np.abs(given - derived) <= 1e-8 * (size + np.abs(given)))
 
 
+@pytest.mark.slow
 @every_filter
 @every_process
 def test_extremes_give_finite_shapes_and_no_warning(process, name):
@@ -107,6 +110,7 @@ def test_extremes_give_finite_shapes_and_no_warning(process, name):
 # --- default = override = definition ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @every_filter
 @every_process
 def test_shape_is_the_sum_over_the_filter(process, name):
@@ -127,6 +131,7 @@ def test_shape_is_the_sum_over_the_filter(process, name):
             assert one.wavelet_variance([level], RATE, name)[0] == pytest.approx(dense, rel=1e-10, abs=rounding)
 
 
+@pytest.mark.slow
 @every_filter
 @every_process
 def test_shape_given_agrees_with_the_default(process, name):
@@ -191,6 +196,7 @@ STANDARD_ERRORS = 4.3
 """Exceeded by a mean of 40 paths in 1 of 9000 cases (Student's t), as 4 by a mean of 120."""
 
 
+@pytest.mark.slow
 @every_process
 def test_estimates_of_simulated_paths_have_the_theory_for_their_mean(process):
     few = 1 if hasattr(process, "orders") else None

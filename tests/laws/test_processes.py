@@ -87,6 +87,7 @@ def test_a_shape_in_closed_form_has_fifty_digit_arithmetic_to_answer_to(process)
         assert process.name in oracle.SHAPES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", oracle.SHAPES)
 def test_shape_agrees_with_fifty_digits(name):
     process, levels = CLASSES[name], [1, 2, 3, 5, 9, 14, 20, 25, 30]
@@ -96,6 +97,7 @@ def test_shape_agrees_with_fifty_digits(name):
     np.testing.assert_allclose(shapes, exact, rtol=3e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [p.name for p in curved if p.name in oracle.SHAPES])
 def test_jacobian_agrees_with_fifty_digits(name):
     process, levels = CLASSES[name], [1, 2, 3, 5, 9, 14, 20, 25, 30]
@@ -176,6 +178,7 @@ def test_steps_of_the_continuous_form_are_the_state_space(process):
             np.testing.assert_allclose(getattr(steps, name), wanted, rtol=1e-12, atol=1e-14 * size)
 
 
+@pytest.mark.slow
 @every_process_having("autocovariance")
 def test_wavelet_variance_follows_from_the_autocovariance(process):
     for one in examples(process):
@@ -187,6 +190,7 @@ def test_wavelet_variance_follows_from_the_autocovariance(process):
             assert filter_ @ part @ filter_ == pytest.approx(one.wavelet_variance([level], RATE)[0], rel=1e-9)
 
 
+@pytest.mark.slow
 @every_process_having("psd")
 def test_wavelet_variance_follows_from_the_spectrum(process):
     f, weight = _frequencies(rational=process.has("state_space"))
@@ -249,6 +253,7 @@ def test_shape_given_agrees_with_the_default(process):
 # --- scale, simulation --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @every_process
 @fixed_profile
 @given(data=st.data(), power=st.integers(-40, 40))
@@ -281,6 +286,7 @@ def mean_square_of_haar(paths, levels):
     return np.column_stack(result)
 
 
+@pytest.mark.slow
 @every_process
 @pytest.mark.parametrize("how", ["given", "default"])
 def test_simulated_paths_have_the_wavelet_variance(process, how):
@@ -296,6 +302,7 @@ def test_simulated_paths_have_the_wavelet_variance(process, how):
         assert np.all(np.abs(estimates.mean(axis=0) - exact) <= 4 * error + 1e-12 * exact)
 
 
+@pytest.mark.slow
 @every_process
 def test_simulation_starts_stationary_and_is_reproducible(process):
     for one in examples(process, count=3, slowest=1e-4):
@@ -356,6 +363,7 @@ def test_declared_parameters_are_the_fields(process):
     assert process().values == dict.fromkeys([p.name for p in process.parameters])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*registry, *ordered_classes])
 def test_each_name_is_written_once_on_the_model_side(name):
     """The name in its own class is the only place in code that knows the process."""

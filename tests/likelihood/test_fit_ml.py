@@ -44,6 +44,7 @@ def top(found, x):
     return problem, z, problem.evaluate(z, list(range(z.size)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize("text", TRUTHS)
 def test_a_fit_is_at_the_top_of_its_likelihood(text, gaps):
@@ -69,6 +70,7 @@ def test_a_fit_is_at_the_top_of_its_likelihood(text, gaps):
         assert abs(value - model.sorted(RATE).parameters[name]) < 5 * found.standard_errors[name], name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [t for t in TRUTHS if "SIN" not in t])
 def test_the_same_top_is_reached_from_the_wavelets_and_from_afar(text):
     model, x = drawn(text, seed=2)

@@ -186,6 +186,7 @@ def test_it_is_that_of_the_yardstick_of_the_studies(decay):
     assert best.loglikelihood(x, RATE, mean=0.0) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interruptions", [0, 29, 4000])
 @pytest.mark.parametrize(
     "text",

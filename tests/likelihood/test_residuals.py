@@ -141,6 +141,7 @@ def test_estimates_take_as_many_degrees_of_freedom_as_they_have_shapes():
         residuals.ljung_box(3)
 
 
+@pytest.mark.slow
 def test_the_test_of_a_fit_rejects_as_often_as_it_says():
     model = Model.parse("AR1(phi=0.5, sigma2=1.0)")
     draws = 300

@@ -43,6 +43,7 @@ def problem(text, samples=700, gaps=True, mean=None, seed=1):
     return Problem(model, as_record(x, RATE), None if mean is None else 9.81)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mean", [None, 9.81])
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize("text", MODELS)
@@ -88,6 +89,7 @@ def test_matrices_have_the_slopes_that_their_differences_have(text):
             assert np.max(np.abs(got - expected), initial=0.0) <= 1e-4 * size + 1e-12, (k, name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [
@@ -116,6 +118,7 @@ def test_the_information_is_what_slopes_at_the_truth_scatter_by(text):
     assert np.all(np.abs(outer - np.eye(q)) < 4 * np.sqrt(1 + np.eye(q)) / np.sqrt(draws)), outer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mean", [None, 9.81])
 @pytest.mark.parametrize("beta", [0.01, 0.5, 20.0])
 def test_the_information_is_that_of_the_contrasts(beta, mean):

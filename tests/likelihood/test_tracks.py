@@ -46,6 +46,7 @@ def drawn(text, missing, seed=1):
     return model, x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
 @pytest.mark.parametrize("mean", [None, 9.5])
 @pytest.mark.parametrize("kind", ["filter", "smooth"])

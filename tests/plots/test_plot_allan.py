@@ -100,6 +100,7 @@ def test_a_constant_says_so():
     assert [text.text for text in panel.texts] == ["Every variance is zero"]
 
 
+@pytest.mark.slow
 def test_everything_is_drawn(curve, tmp_path):
     paths = [tmp_path / f"{name}.png" for name in ("curve", "lines", "axes")]
     figure = plot_allan(curve, path=paths[0])

@@ -255,6 +255,7 @@ def test_filtered_white_noise_has_the_stroke_of_white_noise_which_it_replaces(na
     assert both["WN"] == term_stroke(PLACES["WN"]) != both[name]
 
 
+@pytest.mark.slow
 def test_lines_beyond_two_share_one_curve_of_their_sum():
     model = gmwm.Model.parse("WN(1) + SIN(1, 0.1) + SIN(2, 0.2) + SIN(3, 0.3)")
     fit = gmwm.fit(model.structure, model.simulate(4096, 10.0, rng=1), rate=10.0)

@@ -44,6 +44,7 @@ def height_of_panel(picture):
     return picture.axes[0].get_window_extent().height / picture.dpi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", ["wavelet", "allan"])
 @pytest.mark.parametrize("units", ["si", "datasheet"])
 def test_many_terms(many, view, units):
@@ -52,6 +53,7 @@ def test_many_terms(many, view, units):
     assert_inside(plot_imu({"gyro_x": many, "gyro_y": many}, view=view, units=units))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["SARMA(1,0,1,0,12) + WN + GM", "AR(5) + WN"])
 def test_long_terms_leave_the_panel_its_height(fit, wv, name):
     long = gmwm.Model.parse(
@@ -65,6 +67,7 @@ def test_long_terms_leave_the_panel_its_height(fit, wv, name):
     assert height_of_panel(picture) > 0.9 * height_of_panel(usual)
 
 
+@pytest.mark.slow
 def test_names_longer_than_the_page_are_folded_and_the_picture_grows(wv, tmp_path):
     short, long = (
         plot_comparison({f"{name} {k}": wv for k in range(5)}, title=name, path=tmp_path / f"{n}.{ending}")
@@ -78,6 +81,7 @@ def test_names_longer_than_the_page_are_folded_and_the_picture_grows(wv, tmp_pat
     assert_inside(plot_imu({"gyro_x": {LONG: wv, "b": wv}, "gyro_y": wv}))
 
 
+@pytest.mark.slow
 def test_a_plan_of_many_parameters():
     plan = gmwm.plan(
         "GM(beta=8.0, sigma2=1e-6) + GM(beta=0.8, sigma2=1e-6) + GM(beta=0.08, sigma2=1e-6) + WN(sigma2=4e-6)"

@@ -103,6 +103,7 @@ def test_unbounded_and_zero_limits_can_be_drawn(wv, tmp_path):
     plot_wavelet_variance(open_ended, path=tmp_path / "open.png")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
 def test_files_are_written_and_repeatable(wv, tmp_path, ending, start):
     for name in ("one", "two"):
@@ -163,11 +164,13 @@ def test_results_draw_themselves(wv, fit):
     assert len(fit.plot(units="datasheet").axes[0].get_lines()) == 2 + len(fit.decomposition)
 
 
+@pytest.mark.slow
 def test_matplotlib_is_imported_when_something_is_drawn():
     code = "import sys, gmwm.plots; sys.exit(any(m.partition('.')[0] == 'matplotlib' for m in sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 def test_pyplot_is_never_imported():
     code = (
         "import sys; from gmwm.variance.result import WaveletVariance as W;"

@@ -30,6 +30,7 @@ def test_the_curves_are_the_numbers_of_the_plan_and_run_on_beyond_it(plan):
     assert np.nanmax(drawn) < panel.y.limits[1]
 
 
+@pytest.mark.slow
 def test_no_two_curves_differ_by_colour_alone():
     plan = gmwm.plan(
         "GM(beta=8.0, sigma2=1e-6) + GM(beta=0.8, sigma2=1e-6) + GM(beta=0.08, sigma2=1e-6) + WN(sigma2=4e-6)"
@@ -74,6 +75,7 @@ def test_a_curve_that_is_too_high_to_be_drawn_says_so():
     assert all(np.any(np.isfinite(panel[label].y)) for label in panel.labels if label.startswith("WN"))
 
 
+@pytest.mark.slow
 def test_it_is_drawn(plan, tmp_path):
     figure = plan.plot(path=tmp_path / "plan.pdf")
     assert (tmp_path / "plan.pdf").read_bytes().startswith(b"%PDF")

@@ -163,6 +163,7 @@ def test_a_single_candidate_has_a_picture():
     assert "0.00 ± 0.00" in candidates_figure(ranking.compare(0, 0)).title
 
 
+@pytest.mark.slow
 def test_it_is_drawn(ranking, several, tmp_path):
     figure = ranking.plot(path=tmp_path / "ranking.png")
     assert (tmp_path / "ranking.png").read_bytes().startswith(b"\x89PNG")

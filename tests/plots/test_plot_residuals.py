@@ -151,6 +151,7 @@ def test_units_are_none_and_times_have_theirs(good):
     assert (quantiles.x.label, correlations.x.label) == ("Normal quantile", "Lag (samples)")
 
 
+@pytest.mark.slow
 def test_pictures_are_written(good, tmp_path):
     for name in ("a.png", "b.pdf", "c.svg"):
         good.plot(path=tmp_path / name)

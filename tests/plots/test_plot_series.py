@@ -175,6 +175,7 @@ def test_all_of_a_signal_is_inside_whatever_its_scale(noise, scale):
     assert max(abs(tick.value) for tick in panel.y.ticks) < 1e4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [0.0, 9.80665, -3e-9, 1 / 3])
 def test_a_constant_can_be_drawn(value, tmp_path):
     signal = Signal(np.full(100, value), 100.0, "m/s²", "accel_z")
@@ -244,6 +245,7 @@ def test_terms_have_their_colours(simulated):
 # --- pictures -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pictures_are_written(recording, simulated, tmp_path):
     plot_signal(recording["gyro_x"], path=tmp_path / "signal.png")
     plot_recording(recording, path=tmp_path / "recording.pdf")

@@ -62,6 +62,7 @@ def test_lines_and_bumps_are_marked_above_their_peaks(spectrum):
     assert marks.y.max() < panel.y.limits[1]
 
 
+@pytest.mark.slow
 def test_a_panel_for_each_axis(tmp_path):
     imu = gmwm.simulate({"gyro": "WN(sigma2=4e-7)", "accel_z": "WN(sigma2=4e-5)"}, rate=RATE, samples=5000, rng=1)
     spectra = gmwm.psd(imu)

@@ -278,6 +278,7 @@ def test_options_that_cannot_be(smoothed):
 # --- pictures -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pictures_are_written(smoothed, filtered, gapped, tmp_path):
     smoothed.plot(path=tmp_path / "smoothed.png")
     filtered.plot(["GM", "bias"], path=tmp_path / "filtered.svg")

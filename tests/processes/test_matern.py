@@ -34,6 +34,7 @@ def exact(x, nu):
         return [float(v) for v in (here, 1 - here, by_distance, by_smoothness)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", SMOOTHNESS)
 def test_the_correlation_and_its_complement_to_fourteen_digits(nu):
     x = np.array([1e-8, 1e-4, 0.01, 0.3, 1.0, 1.9, 2.1, 4.0, 12.0, 30.0])
@@ -90,6 +91,7 @@ def test_down_to_level_twenty_five_at_half_integers(p, beta):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", SMOOTHNESS)
 def test_any_smoothness_against_the_sum_over_all_lags(nu):
     for beta in (1e-3, 0.2, 3.0):
@@ -203,6 +205,7 @@ def test_the_covariance_of_its_wavelet_variance_is_that_of_a_gauss_markov_proces
     np.testing.assert_allclose(variances(as_model(MAT(2.0, 0.5, 1.0) + WN(0.1)), design), expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_fit():
     truth = MAT(beta=0.5, nu=1.3, sigma2=1.0) + WN(0.5)
     found = fit(MAT() + WN(), truth.simulate(2**14, RATE, 2), rate=RATE)

@@ -70,6 +70,7 @@ def test_the_representation_of_a_process_is_python(model):
         assert eval(repr(process), {"__builtins__": {}}, names) == process
 
 
+@pytest.mark.slow
 @profile
 @given(st.text(alphabet="GMWNQRDA13*+-()=,. efixdbtasgm2_\n\"'[]é", max_size=40) | st.text(max_size=20))
 def test_any_text_is_a_model_or_a_model_error(text):

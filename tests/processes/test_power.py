@@ -123,6 +123,7 @@ def test_coefficient_covariances_have_their_digits(alpha, steps):
     np.testing.assert_allclose(found, np.array(exact, dtype=float), rtol=1e-11, atol=1e-14 * math.sqrt(own.prod()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one", [power(a) for a in ALPHAS] + [FGN(hurst=0.93, sigma2=2.0)], ids=str)
 def test_covariance_of_the_wavelet_variance_is_the_sum_over_all_pairs(one):
     n, levels = 300, np.arange(1, 9)
@@ -193,6 +194,7 @@ def test_fits_find_what_a_curve_was_made_of():
         assert found == pytest.approx((one + WN(sigma2=1.0)).parameters, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_intervals_of_flicker_noise_hold_the_truth_and_the_model_is_not_rejected():
     truth = WN(sigma2=1.0) + FN(b2=0.05) + RW(gamma2=1e-6)

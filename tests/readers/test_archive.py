@@ -153,6 +153,7 @@ def test_cut_anywhere(tmp_path):
             read(path)
 
 
+@pytest.mark.slow
 def test_bombs(tmp_path, monkeypatch):
     head = "t [s],gx [rad/s]\n"
     path = zipped(tmp_path, log=head + "0,1\n" * (32 << 20))

@@ -27,6 +27,7 @@ def saved(folder, content, suffix, name="a.csv"):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", PACK)
 @pytest.mark.parametrize("block", [100, 8 << 20])
 def test_the_same_numbers_packed(tmp_path, suffix, block, monkeypatch):
@@ -65,6 +66,7 @@ def test_cut_anywhere_or_damaged(tmp_path, suffix):
         read(saved(tmp_path, bytes(broken), suffix))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", PACK)
 def test_a_bomb_is_not_unpacked(tmp_path, suffix):
     line = b"0,1,1\n" * (1 << 20)

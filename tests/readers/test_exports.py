@@ -126,6 +126,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_an_export_is_read_without_options(tmp_path, name):
     path = tmp_path / name

@@ -114,6 +114,7 @@ def test_what_cannot_be_used():
         Imu.from_arrays({"gyro_x": VALUES[:, 0], "accel_x": VALUES[:9, 3]}, 100)
 
 
+@pytest.mark.slow
 def test_no_library_of_tables_is_imported():
     code = (
         "import sys, numpy as np, gmwm; gmwm.Imu.from_arrays({'time': np.arange(9) / 100, 'gyro_x': np.arange(9.0)});"

@@ -40,6 +40,7 @@ def followed(data, cuts, **options):
     return source, list(source), lines
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_however_it_comes_it_is_what_it_is_as_a_whole(tmp_path, seed):
     data = table()

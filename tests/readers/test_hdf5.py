@@ -92,6 +92,7 @@ def test_a_promise_of_numbers_that_are_not_there(path):
         read(path, rate=1)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
 def test_cut_anywhere_and_flipped(path):
     with h5py.File(path, "w") as file:

@@ -101,6 +101,7 @@ def test_few_records_and_foreign_files(file):
         read(file, format="imr")
 
 
+@pytest.mark.slow
 def test_every_byte_of_the_header_may_be_wrong(file):
     # What a damaged header leads to is a recording or a clear error, never a traceback.
     whole = imr(samples=20)

@@ -106,6 +106,7 @@ def test_flipped_bytes_are_errors_or_numbers(tmp_path):
             continue
 
 
+@pytest.mark.slow
 def test_a_bomb_is_not_unpacked(tmp_path):
     packed = zlib.compress(bytes(256 << 20), 9)
     path = saved(tmp_path, "5", gyro=VALUES[:, :3])

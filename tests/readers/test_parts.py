@@ -71,6 +71,7 @@ def same(source, count):
     return divided
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "set back", "nanoseconds", "jitter", "late", "bursts"])
 def test_parts_are_what_is_read(tmp_path, suffix, kind):

@@ -29,6 +29,7 @@ def test_the_same_recording_as_parquet_and_as_text():
         np.testing.assert_array_equal(part[axis].values, whole[axis].values[:100_000])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_inspection_of_a_coarse_static_recording(number):
     found = inspect(read(DATA / f"adis16405_static_{number}.parquet", rate=100, units=UNITS))

@@ -118,6 +118,7 @@ def test_a_file_cut_anywhere_is_an_error_or_a_shorter_recording(tmp_path, suffix
         assert imu["gyro_x"].values[:-1].tolist() == values[: len(imu) - 1, 0].tolist()
 
 
+@pytest.mark.slow
 def test_import_is_light():
     code = (
         "import sys, gmwm.readers, gmwm.writers, gmwm.inspection;"

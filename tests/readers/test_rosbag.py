@@ -36,6 +36,7 @@ def content(folder):
     return next(file for file in folder.iterdir() if file.name != "metadata.yaml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_every_container_gives_the_numbers_bit_for_bit(tmp_path, container):
     data = numbers(300)

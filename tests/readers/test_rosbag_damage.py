@@ -39,6 +39,7 @@ def test_cut_anywhere(tmp_path):
                 read(cut, format="rosbag")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_bytes_overwritten(tmp_path, container):
     """Damage is an error, or in what nobody reads, or in a number: never a traceback, never another count."""

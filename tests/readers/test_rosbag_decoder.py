@@ -48,6 +48,7 @@ def same(one, other):
         assert values.tobytes() == other[name].tobytes(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("lengths", [[3], [0], [3, 8], [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]])
@@ -150,6 +151,7 @@ def test_unsigned_numbers_beyond_int64_become_float():
     assert decoder.decode([(2**63 - 1).to_bytes(8, "little")])["n"].tolist() == [2**63 - 1]
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.sampled_from(list(KINDS)), st.sampled_from(WAYS), st.data())
 def test_damaged_messages_are_numbers_or_errors_alike(kind, way, data):

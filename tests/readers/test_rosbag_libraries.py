@@ -30,6 +30,7 @@ def values(recording):
     return np.column_stack([recording[axis].values for axis in recording.axes])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "rate"), [("cra-ros-pkg_test1.bag", 30.013), ("cra-ros-pkg_test2.bag", 50)])
 def test_bags_of_robots(name, rate):
     path = device(name)

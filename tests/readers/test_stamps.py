@@ -100,6 +100,7 @@ def known_of(path, **options):
 KINDS = ("regular", "jitter", "summer time ends", "summer time begins", "repeated", "bursts")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")
 @pytest.mark.parametrize(
     ("form", "kind"),
@@ -384,6 +385,7 @@ AS_TEXT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", AS_TEXT)
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "jitter", "late", "bursts"])
 def test_in_chunks_and_parts(tmp_path, monkeypatch, form, kind):

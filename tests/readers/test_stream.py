@@ -92,6 +92,7 @@ def same(path, *, chunk=777, apart=0.0, **options):
     return imu, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "set back", "nanoseconds", "jitter", "late", "bursts"])
 def test_chunks_are_what_is_read(tmp_path, suffix, kind):
@@ -244,6 +245,7 @@ for path in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is counted in other units elsewhere")
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_memory_does_not_grow_with_a_table(tmp_path, suffix):
@@ -262,6 +264,7 @@ def test_memory_does_not_grow_with_a_table(tmp_path, suffix):
     assert long - short < 0.4 * (2 * most * 4 * 8 / 1024)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["even", "gaps", "set back"])
 @pytest.mark.parametrize(
     "cut",

@@ -183,6 +183,7 @@ def test_few_samples_and_foreign_files(file):
         read(file, format="ulog")
 
 
+@pytest.mark.slow
 def test_any_damage_is_a_clear_error_or_a_recording(file):
     whole = combined(40)
     rng = np.random.default_rng(12)
@@ -234,6 +235,7 @@ def test_sensor_combined_is_preferred_and_has_the_temperature_of_its_gyroscope(f
     assert read(file).temperature[0] == 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["", "_appended_multiple", "_log_small", "_px4_events", "_logging_tagged_and_default_params"],

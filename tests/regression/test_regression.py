@@ -78,6 +78,7 @@ def test_the_first_level_is_that_of_the_noise_alone(followed):
     assert len(wv) <= len(clean)
 
 
+@pytest.mark.slow
 def test_the_corrected_curve_has_no_bias():
     rng = np.random.default_rng(5)
     ratios = []
@@ -89,6 +90,7 @@ def test_the_corrected_curve_has_no_bias():
     assert np.all(np.abs(mean - 1) < 3 * error)
 
 
+@pytest.mark.slow
 def test_two_walks_follow_each_other_only_by_chance():
     rng = np.random.default_rng(6)
     found = 0
@@ -115,6 +117,7 @@ def test_a_warm_up_has_its_time_constant():
     assert found["warmup"].value == pytest.approx(5, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seen",
     [

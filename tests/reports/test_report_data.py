@@ -30,6 +30,7 @@ def data(calibration):
     return report_data(calibration)
 
 
+@pytest.mark.slow
 def test_it_is_plain(data):
     assert json.loads(json.dumps(data, allow_nan=False))["title"] == "Calibration of knocked.csv"
 
@@ -71,6 +72,7 @@ def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
     assert not [point for point in verdict["points"] if point["code"] == "at-rest"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("remarks", "state"),
     [

@@ -28,6 +28,7 @@ def steps_up(ranking):
     return wrong, len(pairs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weighting", ["optimal", "diagonal"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_on_simulated_recordings(seed, weighting):
@@ -51,6 +52,7 @@ def test_a_candidate_has_the_objective_of_a_fit_by_itself(weighting):
         assert candidate.fit.objective >= alone.lower_bound * (1 - 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason="the recordings of shared/data are not here")
 @pytest.mark.parametrize(("number", "weighting"), [(1, "optimal"), (1, "diagonal"), (2, "diagonal"), (3, "optimal")])
 def test_on_all_axes_of_real_recordings(number, weighting):

@@ -106,6 +106,7 @@ def test_the_remarks_say_what_the_table_marks(ranking):
     assert "recommended-rejected" in codes(gmwm.rank(["WN", "RW"], simulated(), RATE).remarks)
 
 
+@pytest.mark.slow
 def test_tables_have_the_best_candidates(ranking):
     summary = ranking.summary()
     html = ranking._repr_html_()
@@ -291,6 +292,7 @@ def test_a_higher_confidence_never_has_fewer_equivalents(wv):
     assert counts == sorted(counts, reverse=True)
 
 
+@pytest.mark.slow
 def test_bootstrap_of_the_criterion_agrees_with_theory(wv):
     models = ["GM + WN", "WN"]
     drawn = gmwm.rank(models, wv, criterion="bootstrap", draws=400, rng=1)

@@ -113,6 +113,7 @@ def test_a_first_order_filter_is_not_a_gauss_markov_process():
     assert density(found) == pytest.approx(np.sqrt(folded.mean()), rel=0.006)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wandering", [False, True])
 def test_a_line_is_a_sinusoid_of_known_frequency(wandering):
     rng, n = np.random.default_rng(3), 200_000

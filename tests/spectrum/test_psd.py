@@ -28,6 +28,7 @@ def same(found: PowerSpectrum, expected: PowerSpectrum) -> None:
     assert [round(line.frequency, 9) for line in found.lines] == [round(line.frequency, 9) for line in expected.lines]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("detrend", ["constant", "linear"])
 @pytest.mark.parametrize("length", [None, 1000, 4096, 8])
 def test_it_is_welch_of_scipy(length, detrend):

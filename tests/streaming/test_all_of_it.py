@@ -19,6 +19,7 @@ def curves():
     return signal, live.result(), live.result(robust=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weighting", ["diagonal", "optimal"])
 def test_fits_intervals_and_tests(curves, weighting):
     signal, some, robust = curves
@@ -38,6 +39,7 @@ def test_fits_intervals_and_tests(curves, weighting):
         assert "N" in found.datasheet().summary()
 
 
+@pytest.mark.slow
 def test_choice_verdict_and_calibration(curves):
     _, some, robust = curves
     assert gmwm.select("2*GM + WN + QN + RW", some).recommended.model.structure == "GM + WN + RW"

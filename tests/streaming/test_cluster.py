@@ -88,6 +88,7 @@ def same(found, expected, apart=1e-12):
         assert found[axis].slope == (None if curve.slope is None else pytest.approx(curve.slope, rel=1e-9))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".parquet", ".csv", ".npy"])
 def test_two_workers_give_what_one_pass_gives(tmp_path, client, suffix):
     source = opened(recording(tmp_path / f"a{suffix}"))
@@ -104,6 +105,7 @@ def test_two_workers_give_what_one_pass_gives(tmp_path, client, suffix):
          source.wavelet_variance(levels=6, confidence=0.9))  # fmt: skip
 
 
+@pytest.mark.slow
 def test_robust_ones_too(tmp_path, client):
     path = recording(tmp_path / "a.parquet")
     frame = pl.read_parquet(path)
@@ -220,6 +222,7 @@ def pids(client):
     return set(client.run(os.getpid).values())
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_half_way(tmp_path, client):
     source = opened(recording(tmp_path / "a.parquet"))
     before, killed = pids(client), []
@@ -233,6 +236,7 @@ def test_a_worker_that_is_killed_half_way(tmp_path, client):
     assert killed[0] in before - pids(client)
 
 
+@pytest.mark.slow
 def test_workers_that_die_of_a_part(tmp_path, client, monkeypatch):
     source = opened(recording(tmp_path / "a.npy"))
     monkeypatch.setattr(client.cluster.scheduler, "allowed_failures", 0)
@@ -279,6 +283,7 @@ def test_processes_that_do_not_begin(monkeypatch):
         pass
 
 
+@pytest.mark.slow
 def test_a_scheduler_without_workers_is_told():
     options = {"n_workers": 0, "processes": False, "dashboard_address": ":0", "silence_logs": 50}
     with (
