@@ -14,7 +14,7 @@ import numpy as np
 from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.axis_names import sensor_of
-from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, with_band
+from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.measurement import Measured, measured_axis, measured_recording
 from gmwm.calibration.misfit import line_in
@@ -408,7 +408,7 @@ class _Axis:
             if not isinstance(self.raw, Signal):
                 return None
             raw = signal_wavelet_variance(self.raw)
-        walks = any(process.name == RW.name for process in fit.model.processes)
+        walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
         model = fit.model if walks else Model((*fit.model.processes, RW()))
         try:
             left = nearly_fitted(model, raw, self.options.weighting)

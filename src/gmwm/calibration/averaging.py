@@ -11,6 +11,7 @@ from gmwm.datasheets import Datasheet, Entry, datasheet
 from gmwm.errors import GmwmError
 from gmwm.estimation.result import Fit
 from gmwm.inference.intervals import with_quick_intervals
+from gmwm.processes.base import Process
 from gmwm.selection.ranking import Candidate, Ranking
 
 LIKELY = 0.02
@@ -211,9 +212,19 @@ def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> 
 
 def _slowest(other: Mapping[str, Entry], duration: float) -> Entry | None:
     """The q_c of the slowest Gauss-Markov term, if it is a random walk over most scales of the recording."""
-    slow = {symbol: e for symbol, e in other.items() if _base(symbol) == _TIMES[0] and e.value >= SLOW * duration}
-    symbol = max(slow, key=lambda name: slow[name].value, default=None)
+    slow = _slow({symbol: e.value for symbol, e in other.items() if _base(symbol) == _TIMES[0]}, duration)
+    symbol = max(slow, key=slow.__getitem__, default=None)
     return None if symbol is None else other.get(_TIMES[1] + symbol.removeprefix(_TIMES[0]))
+
+
+def _slow(times: Mapping[str, float], duration: float) -> dict[str, float]:
+    """The correlation times (s) from which a term is a random walk over most scales of a recording."""
+    return {name: time for name, time in times.items() if time >= SLOW * duration}
+
+
+def is_walk(process: Process, rate: float) -> bool:
+    """Whether K describes a process."""
+    return any(number.symbol == WALK for number in process.physical(rate))
 
 
 def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
@@ -226,11 +237,12 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
         return None
     for candidate in ranking.distinct:
         if candidate.difference <= EQUIVALENT and not candidate.recommended:
-            processes = [process for process in candidate.fit.model.processes if process.scale > 0]
-            if any(number.symbol == WALK for process in processes for number in process.physical(sheet.rate)):
+            model = candidate.fit.model
+            terms = {t: p for t, p in zip(model.terms, model.processes, strict=True) if p.scale > 0}
+            if any(is_walk(process, sheet.rate) for process in terms.values()):
                 continue
-            times = [process.correlation_time(sheet.rate) or 0.0 for process in processes]
-            slow = [time for time in times if SLOW * duration <= time <= duration]
+            times = {term: process.correlation_time(sheet.rate) or 0.0 for term, process in terms.items()}
+            slow = [time for time in _slow(times, duration).values() if time <= duration]
             if slow:
                 return max(slow)
     return None

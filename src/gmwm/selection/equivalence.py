@@ -45,7 +45,7 @@ CLOSER = 1
 docs/validation/selection.md."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Hypothesis:
     """The hypothesis that a recording comes from a candidate, with records simulated from the candidate.
 
