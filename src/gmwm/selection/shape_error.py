@@ -101,7 +101,7 @@ def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
         slopes = np.array([number.slopes.get(name, 0.0) for name in names]) / values
         square = float(slopes @ shape.covariance @ slopes)
         square += sum(w * math.log(b[number.symbol] / number.value) ** 2 for w, b in others if number.symbol in b)
-        found[number.symbol] = math.sqrt(CHOSEN * max(square, 0.0))
+        found[number.symbol] = math.sqrt(max(square, 0.0))
     return found
 
 
