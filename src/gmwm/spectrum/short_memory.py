@@ -226,6 +226,8 @@ class _Point:
     left: Vector
     share: Vector
     slow_share: Vector
+    below: NDArray[np.complex128]
+    above: NDArray[np.complex128]
     waves: NDArray[np.complex128]
 
     @property
@@ -241,30 +243,40 @@ class _Point:
     @cached_property
     def jacobian(self) -> Matrix:
         """Derivatives (n, 2 + p + q) of the logarithm of the density by the scale, a, b and the known part."""
-        before, after = self.waves[:, : self.a.size], self.waves[:, : self.b.size]
+        p, q = self.a.size, self.b.size
+        found = np.empty((self.left.size, 2 + p + q))
         with np.errstate(all="ignore"):
-            columns = [
-                np.ones((self.left.size, 1)),
-                -2 * (before / (1 + before @ self.a)[:, None]).real,
-                2 * (after / (1 + after @ self.b)[:, None]).real,
-            ]
-            own = np.concatenate(columns, axis=1) * self.share[:, None]
-            return np.column_stack([own, self.slow_share])
+            found[:, 0] = self.share
+            found[:, 1 : 1 + p] = (self.waves[:, :p] * (-2 * self.share / self.below)[:, None]).real
+            found[:, 1 + p : -1] = (self.waves[:, :q] * (2 * self.share / self.above)[:, None]).real
+        found[:, -1] = self.slow_share
+        return found
 
 
 def _evaluated(data: _Data, a: Vector, b: Vector, scale: float, *, slow: float) -> _Point:
     below = 1 + data.waves[:, : a.size] @ a
     above = 1 + data.waves[:, : b.size] @ b
     with np.errstate(all="ignore"):
-        own = np.exp(scale) * np.abs(above) ** 2 / np.abs(below) ** 2
+        own = np.exp(scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
         beside = np.exp(slow) * data.known
         total = own + beside + data.floor
         left, share, slow_share = data.logs - np.log(total), own / total, beside / total
-    loss = float(np.sum(data.weights * left**2)) + (slow / KNOWN) ** 2
+    loss = float(data.weights @ left**2) + (slow / KNOWN) ** 2
     loss = loss if math.isfinite(loss) else math.inf
     return _Point(
-        a=a, b=b, scale=scale, slow=slow, loss=loss, left=left, share=share, slow_share=slow_share, waves=data.waves
+        a=a, b=b, scale=scale, slow=slow, loss=loss, left=left, share=share, slow_share=slow_share, below=below,
+        above=above, waves=data.waves,
     )  # fmt: skip
+
+
+def _step(normal: Matrix, damped: Vector, slope: Vector) -> Vector:
+    """The solution of the damped normal equations; that of least norm if they are singular."""
+    damped_normal = normal.copy()
+    damped_normal.flat[:: normal.shape[0] + 1] += damped
+    try:
+        return np.asarray(np.linalg.solve(damped_normal, slope))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(damped_normal, slope, rcond=None)[0])
 
 
 def _descend(
@@ -276,17 +288,18 @@ def _descend(
     """
     here, damping = _evaluated(data, a, b, scale, slow=slow), 1e-3
     for _ in range(steps):
-        jacobian = here.jacobian if free else here.jacobian * np.append(np.ones(1 + here.order), 0.0)
-        root = np.sqrt(data.weights)[:, None] * jacobian
-        if not np.all(np.isfinite(root)):
+        weighted = data.weights[:, None] * here.jacobian
+        normal, slope = weighted.T @ here.jacobian, weighted.T @ here.left
+        if not np.all(np.isfinite(normal)):
             break
-        normal, slope = root.T @ root, jacobian.T @ (data.weights * here.left)
+        if not free:
+            normal[-1] = normal[:, -1] = slope[-1] = 0.0
         normal[-1, -1] += KNOWN**-2
         slope[-1] -= here.slow * KNOWN**-2
         size = np.diag(normal) + 1e-12 * np.trace(normal)
         lower = None
         while damping < 1e8:
-            step = np.linalg.lstsq(normal + damping * np.diag(size), slope, rcond=None)[0]
+            step = _step(normal, damping * size, slope)
             there = _evaluated(
                 data, here.a + step[1 : 1 + a.size], here.b + step[1 + a.size : -1], here.scale + step[0],
                 slow=here.slow + step[-1],
