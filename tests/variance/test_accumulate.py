@@ -323,6 +323,7 @@ def brute_force(model, found, samples):
     return np.array([[2 * np.mean((a @ b.T) ** 2) for b in rows] for a in applied])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", MODELS)
 def test_the_covariance_is_that_of_the_coefficients_taken(text):
     model, samples = Model.parse(text), 1 << 10

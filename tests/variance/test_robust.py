@@ -156,18 +156,19 @@ def spoilt(n):
 
 
 SIGNALS = {
-    "white": white(20_000),
-    "walk": np.cumsum(white(20_000)),
-    "drift": white(20_000) + 1e-3 * np.arange(20_000),
-    "heavy tails": rng(3).standard_t(1.5, size=20_000),
-    "outliers": spoilt(20_000),
-    "coarse": np.round(0.7 * white(20_000)),
-    "coarse, in g": 9.81 + 0.0033 * np.round(0.7 * white(20_000) + np.cumsum(0.01 * white(20_000, 1))),
-    "sine": np.sin(0.01 * np.arange(20_000)) + 0.01 * white(20_000),
+    "white": white(10_000),
+    "walk": np.cumsum(white(10_000)),
+    "drift": white(10_000) + 1e-3 * np.arange(10_000),
+    "heavy tails": rng(3).standard_t(1.5, size=10_000),
+    "outliers": spoilt(10_000),
+    "coarse": np.round(0.7 * white(10_000)),
+    "coarse, in g": 9.81 + 0.0033 * np.round(0.7 * white(10_000) + np.cumsum(0.01 * white(10_000, 1))),
+    "sine": np.sin(0.01 * np.arange(10_000)) + 0.01 * white(10_000),
     "one sample more than 2^13": white(8193),
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize("name", SIGNALS)
 def test_twin(name, efficiency):
