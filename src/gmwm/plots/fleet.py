@@ -176,33 +176,9 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
             )
         )
         heights = value
-    ends = place + np.array([-HALF, HALF])
-    if row.predicted_low is not None and row.predicted_high is not None and row.typical is not None:
-        edges = np.array([[factor * end] * 2 for end in (row.predicted_low, row.predicted_high)])
-        label = f"Range of a further unit ({100 * found.confidence:g} %)"
-        marks.insert(
-            0,
-            Band(
-                x=ends,
-                lower=edges[0],
-                upper=edges[1],
-                colour=stroke.colour,
-                opacity=0.16,
-                label=label,
-                layer=BAND,
-                swatch=GREY,
-            ),
-        )
-        marks.append(
-            Line(
-                ends,
-                np.full(2, factor * row.typical),
-                stroke=Stroke(BLACK, 0.9, DASHED),
-                label="Typical value",
-                layer=BEHIND,
-            )
-        )
-        heights = np.concatenate([heights, edges.ravel()])
+    further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
+    marks = [*further[:1], *marks, *further[1:]]
+    heights = np.concatenate([heights, edges])
     stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
     if stars:
         spots = np.array([star[:2] for star in stars])
@@ -216,6 +192,24 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
             )
         )
     return _Strip(marks, np.concatenate([heights, limits]), stars)
+
+
+def _further(
+    place: int, row: FleetNumber, *, factor: float, colour: str, confidence: float
+) -> tuple[list[Mark], Vector]:
+    """The range of a further unit with the typical value, if they are known, and the ends of the range."""
+    if row.predicted_low is None or row.predicted_high is None or row.typical is None:
+        return [], np.array([])
+    ends = place + np.array([-HALF, HALF])
+    low, high = factor * row.predicted_low, factor * row.predicted_high
+    label = f"Range of a further unit ({100 * confidence:g} %)"
+    band = Band(
+        x=ends, lower=np.full(2, low), upper=np.full(2, high), colour=colour, opacity=0.16, label=label, layer=BAND,
+        swatch=GREY,
+    )  # fmt: skip
+    typical = np.full(2, factor * row.typical)
+    line = Line(ends, typical, stroke=Stroke(BLACK, 0.9, DASHED), label="Typical value", layer=BEHIND)
+    return [band, line], np.array([low, high])
 
 
 def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
