@@ -169,6 +169,7 @@ def test_times_of_knocks_in_the_longest_segment(tmp_path):
     assert knock.time == pytest.approx(457.0, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [0.0, 1.718e9])
 def test_streams_refuse_what_lies_outside_as_well(tmp_path, clock):
     path = written(tmp_path / "static.csv", clock)

@@ -99,6 +99,7 @@ def _without_type_checking(tree: ast.Module) -> list[ast.stmt]:
     return [node for node in tree.body if not (isinstance(node, ast.If) and ast.unparse(node.test) == guard)]
 
 
+@pytest.mark.slow
 def test_methods_have_the_parameters_of_the_functions_that_they_call() -> None:
     pairs = dict(delegating_methods())
     assert {"InferenceMethods.plot", "KalmanMethods.smooth", "Imu.between", "Stream.parts"} <= set(pairs)
@@ -138,6 +139,7 @@ def _delegate(method: ast.FunctionDef) -> tuple[str, str] | None:
     return imported.get(ast.unparse(call.func)) if is_self and passes_on else None
 
 
+@pytest.mark.slow
 def test_at_most_four_arguments_are_passed_by_position() -> None:
     count, wrong = 0, []
     for name in modules():
@@ -282,6 +284,7 @@ EDITS = {
 """Methods of str that search, split or change a text."""
 
 
+@pytest.mark.slow
 def test_no_code_searches_or_edits_the_text_of_errors_and_remarks() -> None:
     """Code decides by type, argument, code and facts.
 

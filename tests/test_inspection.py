@@ -139,6 +139,7 @@ def cut(values, segments):
     return Imu({name: Signal(column, RATE, unit, name, segments=segments) for name, column, unit in pairs})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [1, 7, 50, 400])
 def test_short_segments_do_not_inflate_wander_and_turn(length):
     values = still(20_000)
@@ -238,6 +239,7 @@ def test_a_step_is_found_with_its_time_axis_and_size(scale):
     assert json.loads(json.dumps(found.to_dict()))["steps"][0]["axis"] == "gyro_y"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["WN(sigma2=1.0)", "RW(gamma2=1.0)", "GM(beta=0.01, sigma2=1.0) + WN(sigma2=1.0)"])
 def test_noise_has_no_steps(model):
     for samples in (3400, 20_000):

@@ -22,6 +22,7 @@ def written(folder, values, stamps):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk", [997, 1_000_000])
 def test_a_stream_is_looked_at_as_the_recording(tmp_path, chunk):
     rng = np.random.default_rng(1)

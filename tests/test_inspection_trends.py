@@ -46,6 +46,7 @@ def test_a_warm_up_is_told_with_its_size_and_length(time, size, scale):
     assert found.pvalue < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [7000, 30_000])
 @pytest.mark.parametrize(
     "model",

@@ -85,6 +85,7 @@ def same(one, other):
     return one == other or (one != one and other != other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["pickle", "copy"])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_result_comes_back_as_it_went(results, name, way):

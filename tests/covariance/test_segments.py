@@ -35,6 +35,7 @@ def scores(model, how, draws=20_000):
     return (products.mean(axis=0) - covariance(as_model(model), how)) / error, mean / rows.std(axis=0) * np.sqrt(draws)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [(60, 40), (60, 40, 5, 3, 3, 1)], ids=["two", "six"])
 @pytest.mark.parametrize("name", MODELS)
 def test_against_simulation(name, lengths):
@@ -43,12 +44,14 @@ def test_against_simulation(name, lengths):
     assert np.abs(means).max() < 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("filter", "transform"), [("d4", "modwt"), ("haar", "dwt")])
 def test_other_transforms_against_simulation(filter, transform):
     covariances, _ = scores(MODELS["several"], design((60, 40), filter, transform), draws=5000)
     assert np.abs(covariances).max() < 4
 
 
+@pytest.mark.slow
 def test_robust_against_simulation():
     # Of many coefficients: the expansion is that of large samples.
     how = design((300, 200), efficiency=0.6, levels=4)

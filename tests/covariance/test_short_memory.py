@@ -60,6 +60,7 @@ def design(samples, **options):
     return Design(np.arange(1, samples.bit_length()), samples, RATE, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", BESIDE)
 @pytest.mark.parametrize("name", PROCESSES)
 def test_against_the_double_sum(name, beside):
@@ -192,6 +193,7 @@ def test_a_process_of_ones_own():
     np.testing.assert_allclose(own, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [1500, 100_000])
 @pytest.mark.parametrize("name", PROCESSES)
 def test_kept_sums_give_the_same_as_all_lags(name, samples):

@@ -162,6 +162,7 @@ def test_an_endless_walk_has_the_length_of_the_recording(units):
     assert content["corrtime"] * 3600 == pytest.approx(400_000 / RATE, rel=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["worst", "mean", "each"])
 def test_ros_covariances_are_the_variances_of_samples(unit, rule):
     name, calibration = unit

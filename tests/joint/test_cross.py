@@ -125,6 +125,7 @@ def test_intervals_and_p_values_are_missing_where_there_are_too_few_coefficients
     assert found.tests == 3 * np.count_nonzero(~few)
 
 
+@pytest.mark.slow
 def test_what_a_user_sees(tmp_path):
     imu = gmwm.simulate("WN(sigma2=4e-8)", rate=RATE, samples=3000, rng=1)
     found = gmwm.cross(imu)

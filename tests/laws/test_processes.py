@@ -266,6 +266,7 @@ def test_scaling_the_signal_scales_the_wavelet_variance_exactly(process, data, p
     assert scaled.scale == s**2 * one.scale
 
 
+@pytest.mark.slow
 @every_process
 @fixed_profile
 @given(data=st.data())

@@ -73,6 +73,7 @@ def record(model, missing, samples=120, seed=1):
     return x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
 @pytest.mark.parametrize("mean", [None, 0.3])
 @pytest.mark.parametrize("text", [*STATIONARY, *WANDERING])

@@ -31,6 +31,7 @@ def measured(x: np.ndarray, efficiency: float = 0.6) -> tuple[gmwm.WaveletVarian
     return gmwm.wavelet_variance(x, RATE), gmwm.wavelet_variance(x, RATE, robust=True, efficiency=efficiency)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", [MODEL, "WN(sigma2=1.0) + RW(gamma2=1e-4)", "QN(q2=1.0)", "WN(sigma2=1.0) + DR(omega=1e-2)"]
 )
@@ -42,6 +43,7 @@ def test_clean_recordings_are_clean(text: str, efficiency: float) -> None:
         assert verdict.tested.sum() >= 8
 
 
+@pytest.mark.slow
 def test_of_true_nulls_as_many_are_rejected_as_stated() -> None:
     # With nothing put up with the size is nearly the stated one: levels have little to do with each other.
     found = [contamination(clean(8192, seed), RATE, size=0.2, tolerance=0.0).exceeds for seed in range(400)]

@@ -23,6 +23,7 @@ def spoilt(x, share, size, seed=9):
     return x + wrong * size * rng.choice([-1.0, 1.0], x.size), wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in QUIET if kind != "spikes"])
 def test_tails_jumps_and_steps_are_no_spikes(kind):
     assert all(len(find_spikes(Signal(QUIET[kind](seed), RATE))) == 0 for seed in range(6))
@@ -47,6 +48,7 @@ def test_the_wrong_samples_are_found_and_no_others(share, size):
     assert 0.6 * size < spikes.largest < 1.6 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "size"), [(0.01, 10.0), (0.05, 40.0)])
 def test_the_curve_becomes_that_of_the_clean_signal(share, size):
     ratios = []

@@ -42,6 +42,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_numbers_are_those_of_a_fine_grid(case):
     process, grid = CASES[case], np.linspace(0.0, RATE / 2, 1_000_001)

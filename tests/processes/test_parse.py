@@ -42,6 +42,7 @@ def models(draw):
     return Model(tuple(kept))
 
 
+@pytest.mark.slow
 @profile
 @given(models())
 def test_text_and_model_are_the_same_thing_both_ways(model):
@@ -62,6 +63,7 @@ def test_values_without_names_are_the_parameters_in_their_order(process):
     assert Model.parse(text) == Model((process(**given),))
 
 
+@pytest.mark.slow
 @profile
 @given(models())
 def test_the_representation_of_a_process_is_python(model):

@@ -55,6 +55,7 @@ def opened(path):
         return gmwm.read(path, rate), gmwm.stream(path, rate)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("against", ["auto", "temperature:2,lag", "time:2", "temperature + warmup"])
 def test_regressions_are_those_in_memory(path, against):
     imu, stream = opened(path)

@@ -274,6 +274,7 @@ def test_without_dask_it_is_named(monkeypatch):
         pass
 
 
+@pytest.mark.slow
 def test_processes_that_do_not_begin(monkeypatch):
     def broken(**options):
         raise RuntimeError("Nanny failed to start.")

@@ -146,6 +146,7 @@ def test_a_file_with_gaps(tmp_path):
         same(curves[axis], gmwm.wavelet_variance(imu[axis]))
 
 
+@pytest.mark.slow
 def test_what_is_wrong_in_the_file_ends_the_pass_and_its_threads(tmp_path):
     x = np.random.default_rng(7).normal(size=300_000)
     (tmp_path / "a.csv").write_text("gyro_x [rad/s]\n" + "".join(f"{v:.3f}\n" for v in x) + "broken\n0.1\n")

@@ -45,6 +45,7 @@ def same(found, expected, rtol=1e-9):
         assert getattr(found, name) == getattr(expected, name), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"efficiency": 0.9}, {"levels": 6, "confidence": 0.5, "threads": 1}])
 def test_a_robust_curve_of_a_file_is_that_in_memory(spoilt, options):
     imu = gmwm.read(spoilt, units={"gyro": "rad/s"})

@@ -89,6 +89,7 @@ def test_cuts_and_merges_change_nothing(seed):
     same(gathered.result(), wanted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 2, 3, 64, 1000])
 def test_chunks_of_any_size_change_nothing(size):
     x = walk(1_000)

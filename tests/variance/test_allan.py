@@ -111,6 +111,7 @@ def test_octaves_decades_and_lists_are_parts_of_all(member):
     np.testing.assert_array_equal(measure(x, rate=1.0, clusters="decade").clusters[:5], [1, 2, 4, 10, 20])
 
 
+@pytest.mark.slow
 @laws
 @given(power=st.integers(-40, 40), offset=st.floats(-1e3, 1e3), seed=st.integers(0, 2**32 - 1))
 def test_scale_and_offset(power, offset, seed):

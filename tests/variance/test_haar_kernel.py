@@ -41,6 +41,7 @@ def white(n, seed=0):
 # Laws
 
 
+@pytest.mark.slow
 @deterministic
 @given(signals)
 def test_integers_give_the_exact_rational(x):
@@ -50,12 +51,14 @@ def test_integers_give_the_exact_rational(x):
         assert abs(Fraction(float(values[level - 1])) - exact) <= Fraction(1, 10**12) * exact
 
 
+@pytest.mark.slow
 @deterministic
 @given(signals, st.integers(-40, 40))
 def test_scaling_by_a_power_of_two_is_exact(x, power):
     np.testing.assert_array_equal(variance(np.ldexp(x, power)), np.ldexp(variance(x), 2 * power))
 
 
+@pytest.mark.slow
 @deterministic
 @given(signals)
 def test_sign_and_direction_of_time_do_not_matter(x):

@@ -9,6 +9,7 @@ import sys
 import time
 
 import numpy as np
+import pytest
 
 import gmwm
 
@@ -37,6 +38,7 @@ print("done", flush=True)
 """
 
 
+@pytest.mark.slow
 def test_killed_and_restored(tmp_path):
     x = np.random.default_rng(1).normal(size=SAMPLES).cumsum() * 1e-3 + np.random.default_rng(2).normal(size=SAMPLES)
     np.save(tmp_path / "x.npy", x)

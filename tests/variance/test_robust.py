@@ -313,6 +313,7 @@ def test_a_root_though_most_are_zero():
     assert twin.mean_rho(w, float(found.variance[0]), tuning.c) == pytest.approx(tuning.a, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_near_one_half_of_zeros():
     # The sample may see more zeros than all coefficients hold; the twin looks at all.
     tuning = biweight(0.9)

@@ -48,6 +48,7 @@ def test_reference_values(recording, reference, axis):
         assert max(found["zeros"]) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", AXES)
 def test_it_is_the_root_that_the_full_median_leads_to(recording, axis):
     x = recording[axis]

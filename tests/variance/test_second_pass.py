@@ -77,6 +77,7 @@ def same(found, request, levels=None):
     assert (found.robust, found.efficiency, found.samples) == (True, request.efficiency, request.samples)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize("name", SIGNALS)
 def test_it_is_that_in_memory(name, efficiency):
@@ -93,6 +94,7 @@ def test_the_signals_come_to_all_outcomes():
     assert outcomes == {"root", "mad", "mean", "zero"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["walk", "outliers", "coarse with outliers"])
 @pytest.mark.parametrize("gaps", [(30_000,), (1, 8, 9, 5_000, 5_100, 20_001), tuple(range(500, N, 500))])
 def test_gaps(name, gaps):
@@ -120,6 +122,7 @@ def test_large_scales_are_those_of_the_coefficients_taken(name, start):
         assert found.variance[k] == pytest.approx(robust_variance(w), rel=1e-9), k + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", ["outliers", "coarse with outliers"])
 def test_parts_merge_to_the_same(name, seed):
@@ -147,6 +150,7 @@ def test_parts_merge_to_the_same(name, seed):
     same(again.result(), request)
 
 
+@pytest.mark.slow
 def test_chunks_of_single_samples():
     x = far(white(700), 0.02)
     first = WaveletAccumulator(RATE, exact=7, robust=True)

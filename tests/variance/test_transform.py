@@ -31,6 +31,7 @@ def energy(transformed):
     return sum(float(part @ part) for part in parts)
 
 
+@pytest.mark.slow
 @both
 @boundaries
 @every_filter
@@ -44,6 +45,7 @@ def test_the_inverse_recovers_the_signal_and_energy_is_preserved(transform, boun
     assert energy(transformed) == pytest.approx(copies * float(x @ x), rel=1e-12)
 
 
+@pytest.mark.slow
 @both
 @every_filter
 @deterministic

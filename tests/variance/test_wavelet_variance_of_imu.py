@@ -56,6 +56,7 @@ def test_the_summary_has_every_number_of_every_axis():
     assert "robust with efficiency 0.6" in gmwm.wavelet_variance(IMU["gyro"], robust=True).summary()
 
 
+@pytest.mark.slow
 def test_the_plot_has_a_panel_for_each_axis(tmp_path):
     path = tmp_path / "unit.png"
     figure = CURVES.plot(path=path)
