@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from gmwm._arrays import Vector, freeze
+from gmwm._memory import return_memory
 from gmwm.axis_names import axis_quantity
 from gmwm.chunks import Samples
 from gmwm.remarks import Remark
@@ -185,7 +186,17 @@ class Batches:
             if stop < BATCH:
                 self._only = batch
             yield batch
+            del batch  # before the next one is gathered
         self._samples = stop
+
+    def each(self, *work: Callable[[Batch], None]) -> None:
+        """Call functions with each batch, which is released before the next one is gathered."""
+        for batch in self:
+            for one in work:
+                one(batch)
+            del batch
+            if not isinstance(self.recording, Imu):
+                return_memory()
 
     def values(self, axis: str, first: int, last: int) -> Vector:
         """Samples number `first` … `last` − 1 of an axis."""

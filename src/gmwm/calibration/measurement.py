@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import partial
+from threading import Lock
 from typing import TYPE_CHECKING, NamedTuple
 
 from gmwm._text import duration_text
@@ -94,10 +97,19 @@ class AxisSamples:
 
 
 class AxisMeasurement:
-    """All that is measured of one axis. The curves may need a second pass."""
+    """All that is measured of one axis. The curves may need a second pass.
 
-    def __init__(self, curves: AxisCurves, samples: AxisSamples) -> None:
-        self.curves, self.samples = curves, samples
+    Parameters
+    ----------
+    curves, samples
+        Empty, or of all samples.
+    turn : context manager
+        Held while the curves are computed. Several axes of a stream share a lock, so that only one of them at a time
+        needs the memory for this.
+    """
+
+    def __init__(self, curves: AxisCurves, samples: AxisSamples, turn: AbstractContextManager[object]) -> None:
+        self.curves, self.samples, self.turn = curves, samples, turn
 
     @property
     def unit(self) -> str:
@@ -110,6 +122,10 @@ class AxisMeasurement:
         clean = repaired(signal, spikes)
         feed(self.curves.first, clean, continues)
         self.samples.add(clean, continues, count=len(spikes), largest=spikes.largest)
+
+    def release(self) -> None:
+        """Forget the samples and sums, when the results are known."""
+        del self.curves, self.samples
 
     def pair(self, efficiency: float) -> Pair:
         """The curves, the screen and the spectrum."""
@@ -168,7 +184,10 @@ def measured_axis(
         axis = item.axis or "signal"
         item = _measure(Batches(Imu({axis: item})), (axis,), options)[axis]
     if isinstance(item, AxisMeasurement):
-        item = item.pair(options.efficiency)
+        with item.turn:
+            found = measured_axis(item.pair(options.efficiency), options, comparisons=comparisons)
+            item.release()
+        return found
     # With a screen, heavy tails raise no alarm, so that a smaller excess counts.
     tolerance = TOLERANCE if item.screen is None else MATERIAL
     verdict = contamination(
@@ -282,8 +301,10 @@ def _measure(
     """The first pass over a recording, and the second one if nothing else needs it."""
     recording = batches.recording
     curves = curves_of(recording, axes, efficiency=options.efficiency, change=without_spikes)
+    turn = nullcontext() if isinstance(recording, Imu) else Lock()
     made = {
-        axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis)) for axis, one in curves.items()
+        axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis), turn)
+        for axis, one in curves.items()
     }
     _first_pass(batches, made, inspector, threads, conditions=conditions)
     if inspector is None:
@@ -303,10 +324,8 @@ def _first_pass(
     *,
     conditions: Conditions = NOTHING,
 ) -> None:
-    for batch in batches:
-        if inspector is not None:
-            inspector.update(batch)
-        add_batch(conditions.batch(batch), measured, threads)
+    measure = partial(_measured, measured, conditions, threads)
+    batches.each(*([] if inspector is None else [inspector.update]), measure)
 
 
 def _second_pass(
@@ -319,11 +338,16 @@ def _second_pass(
 ) -> None:
     """Complete the curves that need a second pass, in one with the inspection."""
     again = {axis: one for axis, one in curves.items() if one.begin_again()}
-    for batch in batches if again or also else ():
-        if also is not None:
-            also(batch)
-        if again:
-            add_batch(conditions.batch(batch), again, threads)
+    work = [] if also is None else [also]
+    if again:
+        work.append(partial(_measured, again, conditions, threads))
+    if work:
+        batches.each(*work)
+
+
+def _measured(measured: Mapping[str, Measurement], conditions: Conditions, threads: int | None, batch: Batch) -> None:
+    """Add a batch without the effect of the conditions."""
+    add_batch(conditions.batch(batch), measured, threads)
 
 
 def _inspected(

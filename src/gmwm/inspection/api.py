@@ -93,11 +93,9 @@ def inspected(recording: Imu | Stream, conditions: Conditions) -> Inspection:
     """Inspect a recording whose axes are regressed on conditions."""
     batches = Batches(recording)
     first_pass = FirstPass(batches)
-    for batch in batches:
-        first_pass.update(batch)
+    batches.each(first_pass.update)
     statistics = first_pass.second_pass()
-    for batch in batches:
-        statistics.update(batch)
+    batches.each(statistics.update)
     return statistics.result(conditions)
 
 

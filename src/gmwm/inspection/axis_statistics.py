@@ -47,7 +47,8 @@ class AxisStatistics:
         while values.size:
             _, last = self._extent.segments[self._segment]
             rest = last - self._row - self._waiting.size
-            part, values = values[:rest], values[rest:]
+            size = min(rest, _SLAB)  # so that only a slab is copied to join it with the waiting samples
+            part, values = values[:size], values[size:]
             self._gather(part, part.size == rest)
 
     @property
@@ -94,7 +95,8 @@ class AxisStatistics:
         self._count(slab, index - self._row, first)
         if last - first >= 5 * self._length:
             self._level(slab, index - self._row, first)
-        self._tail = slab[-BLOCK:] if slab.size >= BLOCK else np.concatenate([self._tail, slab])[-BLOCK:]
+        # A copy, because a view would keep the whole batch in memory.
+        self._tail = slab[-BLOCK:].copy() if slab.size >= BLOCK else np.concatenate([self._tail, slab])[-BLOCK:]
         self._row += slab.size
 
     def _unusual(self, slab: Vector, first: int, last: int) -> Outliers:

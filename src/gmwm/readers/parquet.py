@@ -17,8 +17,9 @@ from gmwm.readers.text_stamps import is_stamp, is_time_of_day, times_of, what_is
 if TYPE_CHECKING:
     import polars as pl
 
-ROWS = 1 << 20
-"""Rows in a chunk."""
+ROWS = 1 << 18
+"""Rows in a chunk: a stream of six axes needs 200 MB less than with 2²⁰ rows. With fewer, a file of a single row group takes
+longer, because each chunk decodes a part of the group."""
 
 _MAGIC = b"PAR1"
 

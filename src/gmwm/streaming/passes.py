@@ -201,8 +201,7 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
 
 def add(batches: Batches, measured: Mapping[str, AxisCurves], threads: int | None = None) -> None:
     """Add all batches to the curves of some axes."""
-    for batch in batches:
-        add_batch(batch, measured, threads)
+    batches.each(lambda batch: add_batch(batch, measured, threads))
 
 
 def add_batch(batch: Batch, measured: Mapping[str, Measurement], threads: int | None = None) -> None:
@@ -237,8 +236,8 @@ def stream_psd(
         )
         for axis in stream.axes
     }
-    for batch in Batches(stream, done):
-        add_batch(batch, {axis: _Fed(one) for axis, one in measured.items()})
+    fed = {axis: _Fed(one) for axis, one in measured.items()}
+    Batches(stream, done).each(lambda batch: add_batch(batch, fed))
     return PowerSpectra(spectra=in_threads(lambda _, one: one.result(confidence), measured))
 
 
