@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import polars as pl
 
 ROWS = 1 << 18
-"""Rows in a chunk: a stream of six axes needs 200 MB less than with 2²⁰ rows. With fewer, a file of a single row group takes
-longer, because each chunk decodes a part of the group."""
+"""Rows in a chunk: a stream of six axes needs 200 MB less than with 2²⁰ rows. With fewer, a file of a single row group
+takes longer, because each chunk decodes a part of the group."""
 
 _MAGIC = b"PAR1"
 
