@@ -61,3 +61,23 @@ def test_a_long_recording_has_at_least_4096_blocks_and_long_gaps_cost_no_memory(
     assert Clock.of(100.0, ((0, 5000),), (0.0,)).length == 1
     far = Clock.of(100.0, ((0, 5000), (5000, 10_000)), (0.0, 1e7))
     assert far.blocks < 1 << 18
+
+
+def test_blocks_within_blocks_keep_the_means_and_the_size_of_a_cycle():
+    n = 1 << 12
+    fine, coarse = (Clock.of(RATE, ((0, n),), (0.0,), length=length) for length in (4, 256))
+    cycle = np.sin(2 * np.pi * np.arange(n) / (n / 2))
+    found = coarse.onto(coarse.means(cycle), fine)
+    assert np.allclose(found.reshape(16, -1).mean(axis=1), coarse.means(cycle))
+    exact = fine.means(cycle)
+    assert found @ exact / (exact @ exact) == pytest.approx(1, abs=0.003)
+
+
+def test_blocks_within_blocks_follow_a_line_across_gaps():
+    line = 3.0 + 0.25 * places()
+    own = clock(16).onto(clock(16).means(line), clock(4))
+    assert own.size == clock(4).blocks
+    assert np.all(np.isfinite(own))
+    # A block of 16 samples may have half of them: its mean is then 4 samples off its centre, or 1.0 on the line, and
+    # the spline overshoots.
+    assert np.allclose(own, 3.0 + 0.25 * (np.arange(own.size) * 4 + 1.5), atol=1.3)

@@ -178,12 +178,26 @@ class Clock:
         return out
 
     def onto(self, means: Vector, finer: Clock) -> Vector:
-        """Values at the blocks of a clock with blocks of at most this length, linear in between."""
-        return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, *self._lines(means)))
+        """Means of the blocks of a clock with blocks of at most this length, from a curve with these means.
+
+        The curve is the derivative of a cubic spline through the running sum. Lines between the centres would make a
+        day cycle of 16 blocks smaller by 2 %.
+        """
+        from scipy.interpolate import CubicSpline
+
+        at, curve = self._lines(means)
+        if self.length == finer.length or self.blocks < 4:
+            return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, at, curve))
+        first, last = self.segments[-1]
+        edges = np.append(np.arange(self.blocks) * float(self.length), self.offsets[-1] + last - first)
+        whole = np.interp((np.arange(self.blocks) + 0.5) * self.length - 0.5, at, curve)
+        sums = np.concatenate([[0.0], np.cumsum(whole * np.diff(edges))])
+        at = np.append(np.arange(finer.blocks) * float(finer.length), edges[-1])
+        return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
-        """Places on the clock and values of a piecewise linear curve through the means of the blocks with samples."""
-        known = np.flatnonzero(self.counts() > 0)
+        """Places on the clock and values of a piecewise linear curve through the means of blocks with their samples."""
+        known = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
         at = np.asarray((known + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[known]
         if known.size > 1 and self.length > 1:
