@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import FitWarning, ModelError
 from gmwm.estimation import Fit, fit
+from gmwm.likelihood.conditions import Regressed
 from gmwm.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
@@ -20,6 +22,7 @@ from gmwm.likelihood.system import LEVEL, require_state
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
+from gmwm.regression.against import Against, Asked
 from gmwm.remarks import Remark
 from gmwm.signals import Signal
 
@@ -92,6 +95,7 @@ def fit_ml(
     *,
     start: Fit | LikelihoodFit | Model | str | None = None,
     mean: float | None = None,
+    against: Against = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> LikelihoodFit:
     """Fit a sum of noise processes to a recording by maximum likelihood.
@@ -116,6 +120,10 @@ def fit_ml(
         Starting values: the same model with values. By default the model is first fitted to the wavelet variance.
     mean : float, optional
         Mean of the recording if it is known. By default it is unknown and integrated out.
+    against : str, (N,) array, Signal, or mapping of name to these, optional
+        Conditions whose effect is estimated with the noise, by generalised least squares; see `gmwm.fit`. The
+        coefficients are integrated out (restricted likelihood), and `fit.regression` has them. Likelihoods are
+        comparable only with the same columns.
     progress : callable, optional
         Called after each evaluation with the number of evaluations and the log-likelihood.
 
@@ -154,7 +162,11 @@ def fit_ml(
     wanted, record, known = as_model(model), as_record(data, rate), as_mean(mean)
     for process in wanted.processes:
         require_state(process)
-    problem = Problem(_started(wanted, record, start), record, known)
+    asked = Asked.of(against)
+    regressed = Regressed.of(data, rate, record, asked) if asked.terms else None
+    if regressed is not None:
+        record = regressed.record
+    problem = Problem(_started(wanted, record, start, regressed), record, known)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
         raise ModelError(
@@ -165,6 +177,8 @@ def fit_ml(
     if found is None:
         raise nothing_to_chance(problem.model)
     result = _as_fit(problem, found)
+    if regressed is not None:
+        result = replace(result, regression=regressed.regression(problem, found))
     for remark in result.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return result
@@ -174,8 +188,15 @@ def _all_held(model: Model) -> Model:
     return model.with_values({name: Fixed(value) for name, value in model.parameters.items() if value is not None})
 
 
-def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None) -> Model:
+def _started(
+    wanted: Model,
+    record: Record,
+    start: Fit | LikelihoodFit | Model | str | None,
+    regressed: Regressed | None = None,
+) -> Model:
     """The model with starting values."""
+    if regressed is not None:
+        record = record.without(regressed.first.estimates)
     if start is None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FitWarning)

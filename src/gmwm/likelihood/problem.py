@@ -68,8 +68,10 @@ class Problem:
 
     @cached_property
     def regressors(self) -> list[Regressor]:
-        """The regressors: unknown levels and drifts."""
-        return regressors(self.model, self.rate, self.record.values.size, self.mean)
+        """The regressors: unknown levels and drifts, and the columns of the recording."""
+        own = self.record
+        found = regressors(self.model, self.rate, own.values.size, self.mean)
+        return [*found, *(Regressor(c, name, flat=True) for c, name in zip(own.columns, own.names, strict=True))]
 
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm._arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm._text import counted
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
@@ -34,6 +35,12 @@ class Record:
         Time of the first sample (s).
     centre : float
         A number near the values, subtracted before squares are computed to avoid cancellation.
+    columns : (p, N) array
+        Columns of a regression on conditions, of unit standard deviation; none by default.
+    scales : (p,) array
+        Standard deviations of the columns before.
+    names : tuple of str
+        Names of the columns.
     """
 
     values: Vector
@@ -42,9 +49,17 @@ class Record:
     axis: str = ""
     start: float = 0.0
     centre: float = 0.0
+    columns: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    scales: Vector = field(default_factory=lambda: np.zeros(0))
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self.values)
+
+    def without(self, coefficients: Sequence[float]) -> Record:
+        """The recording without the effect of its columns."""
+        effect = (np.array(coefficients) * self.scales) @ self.columns
+        return Record(self.values - effect, self.rate, self.unit, self.axis, start=self.start, centre=self.centre)
 
     @property
     def observed(self) -> int:

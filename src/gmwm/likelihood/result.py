@@ -18,6 +18,7 @@ from gmwm.inference.asymptotic import why_no_error
 from gmwm.likelihood.record import Record
 from gmwm.processes.kalman_methods import KalmanMethods
 from gmwm.processes.model import Model
+from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
 from gmwm.variance.api import wavelet_variance as measure
 from gmwm.variance.result import WaveletVariance
@@ -93,6 +94,8 @@ class LikelihoodFit(KalmanMethods):
         Terms that act as another process or that the data do not support, and the search.
     record : Record or None
         The recording; None if the fit was read from a file.
+    regression : Regression or None
+        The effect of conditions that was estimated with the noise; None without `against`.
 
     Examples
     --------
@@ -120,6 +123,7 @@ class LikelihoodFit(KalmanMethods):
     covariance: Matrix
     diagnostics: LikelihoodDiagnostics
     record: Record | None = field(default=None, repr=False)
+    regression: Regression | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
@@ -127,7 +131,7 @@ class LikelihoodFit(KalmanMethods):
 
     @cached_property
     def wavelet_variance(self) -> WaveletVariance:
-        """Wavelet variance of the recording.
+        """Wavelet variance of the recording, without the effect of conditions.
 
         Raises
         ------
@@ -139,7 +143,9 @@ class LikelihoodFit(KalmanMethods):
                 "the fit was read from a file, which does not hold the recording for its wavelet variance",
                 advice="Fit the model to the recording again.",
             )
-        return measure(self.record.signal())
+        if self.regression is None:
+            return measure(self.record.signal())
+        return self.regression.corrected(measure(self.record.without(self.regression.estimates).signal()))
 
     @cached_property
     def implied(self) -> Vector:
@@ -309,6 +315,7 @@ class LikelihoodFit(KalmanMethods):
             "unit": self.unit,
             "axis": self.axis,
             "names": list(self.names),
+            "regression": None if self.regression is None else self.regression.to_dict(),
             "covariance": [[v if math.isfinite(v) else None for v in row] for row in self.covariance.tolist()],
             "acts_as": dict(d.acts_as),
             "not_supported": list(d.not_supported),
@@ -367,6 +374,7 @@ class LikelihoodFit(KalmanMethods):
                 names=tuple(values["names"]),
                 covariance=matrix,
                 diagnostics=diagnostics,
+                regression=None if values["regression"] is None else Regression.from_dict(values["regression"]),
             )
         except KeyError as error:
             raise ReadError(f"not a maximum-likelihood fit: {error.args[0]!r} is missing", advice=_SOURCE) from error

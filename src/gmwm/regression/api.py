@@ -217,6 +217,30 @@ def regressed_variance(
     return found.corrected(signal_wavelet_variance(rest, robust=robust, efficiency=efficiency))
 
 
+def restated(
+    found: Regression,
+    signal: Signal,
+    covariates: Covariates,
+    estimates: Vector,
+    *,
+    covariance: Matrix,
+    freedoms: tuple[float, ...],
+    freedom: float,
+) -> Regression:
+    """A regression with other estimates of its coefficients (p,), their covariance (p, p) and degrees of freedom."""
+    clock = covariates.clock
+    present = clock.present()
+    means = clock.means(signal.values, clipped=True)
+    residuals = means - covariates.having(found.terms).removed(found.tau) @ estimates
+    statistic = float(estimates @ np.linalg.pinv(covariance, hermitian=True) @ estimates) / estimates.size
+    return replace(
+        found, estimates=tuple(estimates.tolist()), covariance=covariance, freedoms=freedoms, freedom=freedom,
+        statistic=statistic, pvalue=_f_tail(statistic, estimates.size, freedom),
+        mean=float(np.average(residuals[present], weights=clock.counts()[present])),
+        points=replace(found.points, after=_thinned(residuals[present])),
+    )  # fmt: skip
+
+
 def _thinned(values: Vector) -> Vector:
     """Means of up to `POINTS` consecutive parts of nearly equal length."""
     edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
