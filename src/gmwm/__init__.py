@@ -10,8 +10,8 @@ Variances
     `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
     datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
     `psd` estimates the power spectral density, and finds lines and resonances in it.
-    `cross` tests which noise axes share, and `same` whether two recordings have the same noise. `modwt` and `dwt` are
-    the wavelet transforms. `contamination` tests for outliers, and `compare` draws curves and fits over one another.
+    `cross` tests which noise axes share, and `same` whether two recordings have the same noise.
+    `contamination` tests for outliers, and `compare` draws curves and fits over one another.
 Models
     A `Model` is a sum of processes, `2 * GM() + WN()` or `Model.parse("2*GM + WN")`. `fixed` holds a parameter at a
     value. `fit` estimates a model by the GMWM, and `fit_ml` by maximum likelihood; `select` and `rank` choose among
@@ -72,9 +72,7 @@ from gmwm.variance import (
     WaveletVariance,
     allan_variance,
     avlr,
-    dwt,
     hadamard_variance,
-    modwt,
     total_variance,
     wavelet_variance,
 )
@@ -114,14 +112,12 @@ __all__ = [
     "compare",
     "contamination",
     "cross",
-    "dwt",
     "fit",
     "fit_ml",
     "fixed",
     "fleet",
     "hadamard_variance",
     "inspect",
-    "modwt",
     "plan",
     "psd",
     "rank",

@@ -161,7 +161,6 @@ def test_warnings_are_those_of_one_pass(tmp_path, client):
         opened(path).wavelet_variance(scheduler=client, parts=4)
     assert [one.message.remark for one in told] == [Remark.of("stamps-repeated", str(path), count=2)]
     assert [warning.filename for warning in told] == [__file__]
-    assert [warning.message.remark.code for warning in told] == ["no-workers"]
 
 
 def test_a_file_that_workers_do_not_find(tmp_path, client, monkeypatch):
@@ -294,3 +293,4 @@ def test_a_scheduler_without_workers_is_told():
     ):
         pass
     assert [warning.filename for warning in told] == [__file__]
+    assert [warning.message.remark.code for warning in told] == ["no-workers"]
