@@ -5,6 +5,7 @@ import pytest
 from scipy import signal
 
 from gmwm import psd
+from gmwm.spectrum import short_memory as fits
 from gmwm.spectrum.short_memory import (
     FLAT,
     FLOOR,
@@ -101,6 +102,13 @@ def test_other_orders_are_reported_with_their_weights():
     orders = {(other.phi.size, other.theta.size) for other in found.alternatives}
     assert (found.phi.size, found.theta.size) not in orders
     assert all(other.density == pytest.approx(true_density("FIR"), rel=0.1) for other in found.alternatives)
+
+
+def test_if_no_order_near_the_best_is_sure_a_smaller_one_is_used(monkeypatch):
+    # The best orders of this filter have 4 coefficients or more.
+    monkeypatch.setattr(fits, "_error_at_zero", lambda point, data: 0.01 if point.order <= 2 else 1.0)
+    found = fitted("Butterworth 4, 20 Hz", 1, degrees=20_000)
+    assert 1 <= found.phi.size + found.theta.size <= 2
 
 
 def test_white_noise_has_no_roots():

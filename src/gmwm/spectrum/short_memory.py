@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -143,17 +143,26 @@ def short_memory(
     price = math.log(density.size)
     # The known part is held at first: it could take the place of the filter. Then its size is fitted too.
     tried = _grown(data, white, price, free=False)
-    before = min(tried, key=lambda point: _score(point, price))
+    each, before = _best_of_each_order(tried), min(tried, key=lambda point: _score(point, price))
     best = _freed(data, before)
     moved = _score(before, price) - _score(best, price) > price
-    near = math.inf if moved else _score(before, price) - 2 * math.log(LIKELY)
-    tried = [_freed(data, p) for p in _best_of_each_order(tried) if p is not before and _score(p, price) <= near]
-    tried = [point for point in (*tried, best) if abs(_bend(data, point)) <= FLAT] or [white]
+    near = _score(before, price) - 2 * math.log(LIKELY)
+    others = [p for p in each if p is not before and (moved or _score(p, price) <= near)]
+    tried = _supported(data, (best, *(_freed(data, point) for point in others)))
     if moved:
-        tried += _grown(data, min(tried, key=lambda point: _score(point, price)), price, free=True)
+        tried += _grown(data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True)
     sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
+    if not sure:
+        # The orders near the best one leave the density at 0 open; smaller ones do not.
+        tried = _supported(data, (_freed(data, point) for point in each))
+        sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
     chosen = min(sure, key=lambda point: _score(point, price), default=white)
     return _reported(data, chosen, _alternatives(data, chosen, sure, price))
+
+
+def _supported(data: _Data, points: Iterable[_Point]) -> list[_Point]:
+    """The points that have no step below the lowest frequency."""
+    return [point for point in points if abs(_bend(data, point)) <= FLAT]
 
 
 def _freed(data: _Data, point: _Point) -> _Point:
@@ -167,7 +176,7 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
     while True:
         orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
         found = [_best_start(data, best, more, free=free) for more in orders]
-        found = [point for point in found if abs(_bend(data, point)) <= FLAT]
+        found = _supported(data, found)
         tried += found
         next_best = min(found, key=lambda point: _score(point, price), default=best)
         if _score(next_best, price) >= _score(best, price):
