@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm._template import fact_text
 from gmwm.exporters.api import _options
 from gmwm.exporters.base import HORIZON, find_exporter
 from gmwm.exporters.text import plain
@@ -65,6 +66,18 @@ def remarks_in(calibration, format, **options):
     exporter = find_exporter(format)
     given = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None} | options
     return exporter.remarks(calibration, _options(exporter, given))
+
+
+def as_golden(calibration, format):
+    """A file with each remark as its code, subjects and facts, so that a golden file does not depend on the wording."""
+
+    def coded(group, dialect):
+        facts = [f"{name}={fact_text(fact)}" for remark in group for name, fact in sorted(remark.facts.items())]
+        return " ".join([f"[{group[0].code}]", *(remark.subject for remark in group), *facts])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gmwm.remarks.rendering._group_text", coded)
+        return calibration.export(format=format)
 
 
 def words(text):
