@@ -88,7 +88,7 @@ def has_fixed_shape(process: Process) -> bool:
 def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums | None:
     """The sums of a process whose shape is fixed, for the levels of a design or more; None on the first call.
 
-    Models with the same process share them. They take longer than one covariance, so that they wait for a second one.
+    Models with the same process share them. They take longer than one covariance, so the second call computes them.
     """
     place = _places(
         type(process), tuple(process.nonlinear.tolist()), design.samples, rate=design.rate, diagonal=diagonal

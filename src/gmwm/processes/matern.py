@@ -131,7 +131,7 @@ class MAT(Process):
         return np.asarray(-0.5 * self.scale * (m + 2.0 * (m * zeroth.reshape(m.shape) - first.reshape(m.shape))))
 
     def memory(self, rate: float) -> int | None:
-        """Return the lags until the autocovariance is negligible; None if these are many."""
+        """Return the lags until the autocovariance is negligible; None if there are too many."""
         known = _short_memory(self.value("beta") / rate, self.value("nu"))
         return None if known is None else known.lags
 
