@@ -227,7 +227,7 @@ def _ranked(ranking: Ranking) -> list[list[str]]:
         word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
         wic = candidate.wic
         numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
-        rows.append([candidate.structure, word, *(f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)])
+        rows.append([ranking.label(candidate), word, *(f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)])
     left = len(ranking.distinct) - len(listed)
     return [*rows, *([[f"… and {left} more", *[""] * 5]] if left else [])]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,6 +35,8 @@ SAME = 1e-6
 REJECTED = 0.01
 """p-value of the goodness-of-fit test below which the ranking has the remark `recommended-rejected`. A convention:
 the usual level of 5 %, with room for several axes."""
+LONG = 60
+"""Length of a model's text above which it is shown without fixed values: the coefficients of a filter fill a page."""
 LISTED = 10
 """Number of candidates in a table."""
 
@@ -168,6 +171,16 @@ class Ranking:
         """The candidates without those that have the same fit as a smaller one."""
         return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
 
+    def label(self, candidate: Candidate) -> str:
+        """A candidate as text; a long one without its fixed values, if no other candidate has the same terms."""
+        whole, short = candidate.structure, candidate.model.structure
+        return short if len(whole) > LONG and self._terms[short] == 1 else whole
+
+    @cached_property
+    def _terms(self) -> Counter[str]:
+        """How many candidates have the same terms, without their values."""
+        return Counter(candidate.model.structure for candidate in self.candidates)
+
     def compare(self, first: int | str | Model, second: int | str | Model) -> Comparison:
         """Compare two candidates: the difference of their criteria, and its standard error.
 
@@ -238,7 +251,7 @@ class Ranking:
             numbers = map(_short, (c.wic.value, c.wic.loss, part, c.difference))
             p = "-" if c.pvalue is None else f"{c.pvalue:.3f}" if c.pvalue >= 0.001 else "< 0.001"
             ends = ", ".join(c.boundary) if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
-            rows.append([mark, c.structure.replace(" ", ""), *numbers, p, ends])
+            rows.append([mark, self.label(c).replace(" ", ""), *numbers, p, ends])
         return head, rows
 
     @property
@@ -248,11 +261,11 @@ class Ranking:
 
     def _remarks(self) -> Iterator[Remark]:
         axis, chosen = self.best.fit.wavelet_variance.axis, self.recommended
-        yield Remark.of("recommended", axis, model=chosen.structure)
-        if others := tuple(c.structure for c in self.equivalent if not c.recommended):
+        yield Remark.of("recommended", axis, model=self.label(chosen))
+        if others := tuple(self.label(c) for c in self.equivalent if not c.recommended):
             yield Remark.of("as-good", axis, models=others)
         if chosen is not self.best and not self.best.equivalent:
-            yield Remark.of("smallest-criterion", axis, model=self.best.structure)
+            yield Remark.of("smallest-criterion", axis, model=self.label(self.best))
         if chosen.pvalue is not None and chosen.pvalue < REJECTED:
             yield Remark.of("recommended-rejected", axis, p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):
