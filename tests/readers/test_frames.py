@@ -82,6 +82,35 @@ def test_xarray(clock):
     same(Imu.from_arrays(Dataset(variables, {"time": time})))
 
 
+class ArrowTable:
+    """What `read_table` uses of a table of Arrow."""
+
+    def __init__(self, columns):
+        self._columns = columns
+
+    @property
+    def column_names(self):
+        return list(self._columns)
+
+    def column(self, name):
+        return DataColumn(self._columns[name])
+
+
+class DataColumn:
+    """A column of a table of Arrow."""
+
+    def __init__(self, values):
+        self._values = values
+
+    def to_numpy(self):
+        return self._values
+
+
+@pytest.mark.parametrize("clock", [TIME, np.datetime64("2024-05-01", "ns") + LENGTHS])
+def test_arrow(clock):
+    same(Imu.from_arrays(ArrowTable({"time": clock} | COLUMNS)))
+
+
 def test_mappings_and_records():
     same(Imu.from_arrays({"time": TIME} | COLUMNS))
     same(Imu.from_arrays({"t": TIME, "gyro": VALUES[:, :3], "accel": VALUES[:, 3:]}))

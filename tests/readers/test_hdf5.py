@@ -147,3 +147,14 @@ def test_stamps_of_another_length_are_told_with_both(path):
     with h5py.File(path, "a") as file:
         del file["imu/time"]
     assert read(path, units=UNITS).rate == 100
+
+
+def test_units_that_a_description_states(tmp_path):
+    values = np.random.default_rng(4).normal(size=(60, 3))
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["imu_gyr"] = values
+        file.attrs["sampling_rate"] = 100.0
+        file.attrs["info"] = "A device at rest: `imu_gyr` in deg/s, and opt_pos in m."
+    imu = read(tmp_path / "a.h5")
+    assert only(imu.remarks, "unit-named", "gyro").facts == {"unit": "deg/s", "source": "file"}
+    np.testing.assert_allclose(imu["gyro_y"].values, np.radians(values[:, 1]))

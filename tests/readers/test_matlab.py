@@ -9,7 +9,7 @@ import pytest
 import scipy.io
 
 from gmwm.axis_names import AXES
-from gmwm.errors import GmwmError, ReadError
+from gmwm.errors import GmwmError, ReadError, UnitError
 from gmwm.readers import find_reader, read
 from gmwm.readers.byte_sources import PackedError
 from tests.helpers import device, only, raises
@@ -53,6 +53,19 @@ def test_named_arrays(tmp_path, kind):
     assert find_reader(path).name == "matlab"
     assert table(imu).tolist() == VALUES.tolist()
     assert imu.rate == pytest.approx(200, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["5", "7"])
+@pytest.mark.parametrize("order", ["gyr first", "acc first"])
+def test_units_that_a_description_states(tmp_path, kind, order):
+    said = ["`imu_gyr` in deg/s", "imu_acc is given in g"]
+    info = f"Recorded in rad/s rooms with {' and '.join(said if order == 'gyr first' else said[::-1])}. Für Tests."
+    path = saved(tmp_path, kind, imu_gyr=VALUES[:, :3], imu_acc=VALUES[:, 3:] / 10, sampling_rate=200.0, info=info)
+    imu = read(path)
+    np.testing.assert_allclose(table(imu), VALUES * np.repeat([np.pi / 180, 0.980665], 3), rtol=1e-12)
+    assert only(imu.remarks, "unit-named", "gyro").facts == {"unit": "deg/s", "source": "file"}
+    with raises(UnitError):
+        read(saved(tmp_path, kind, imu_gyr=VALUES[:, :3], sampling_rate=200.0, info="imu_gyr in 2021, gyr in deg/s"))
 
 
 @pytest.mark.parametrize("kind", ["5", "7", "7.3"])
@@ -133,7 +146,8 @@ def test_a_recording_of_a_device_is_read_as_its_library_does(suffix):
     else:
         with h5py.File(path) as file:
             content = {name: np.asarray(file[name]) for name in ("imu_gyr", "imu_acc")}
-    imu = read(path, units=UNITS)
+    imu = read(path)
+    assert only(imu.remarks, "unit-named", "gyro").facts == {"unit": "rad/s", "source": "file"}
     assert imu.rate == pytest.approx(2000 / 7)
     for sensor, table in (("gyro", content["imu_gyr"]), ("accel", content["imu_acc"])):
         for k, axis in enumerate("xyz"):

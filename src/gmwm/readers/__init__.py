@@ -8,6 +8,7 @@ from gmwm.chunks import Chunk
 from gmwm.readers import archive as archive
 from gmwm.readers import compressed as compressed
 from gmwm.readers import dataflash as dataflash
+from gmwm.readers import dataflash_text as dataflash_text
 from gmwm.readers import epson as epson
 from gmwm.readers import hdf5 as hdf5
 from gmwm.readers import imr as imr

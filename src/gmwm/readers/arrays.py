@@ -20,6 +20,7 @@ from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Layout, Mark, Rows
 from gmwm.readers.column_names import recognise
 from gmwm.remarks import Quantity, Remark
+from gmwm.units import find_unit
 
 ROWS = 1 << 20
 """Rows of a chunk."""
@@ -38,6 +39,8 @@ _RATE_NAMES = {
     "updaterate", "imurate", "f",
 }  # fmt: skip
 _SLASH = re.compile(r"/(?![^\[({]*[\])}])")
+_STATED = re.compile(r"[`'\"]?(\w+)[`'\"]?\s+(?:(?:is|are|given|measured)\s+)*in\s+([^\s,;()]*[^\s,;().])")
+_DESCRIPTION = 1 << 14  # characters of a description that are searched
 _BRACKET = re.compile(r"\s*[\[({<].*$")
 
 
@@ -98,6 +101,16 @@ def is_rate(name: str) -> bool:
     (True, False)
     """
     return re.sub(r"[^a-z]", "", name.casefold()) in _RATE_NAMES
+
+
+def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Array]:
+    """The arrays with the units that a description in the file states, such as "`imu_gyr` in rad/s"."""
+    said: dict[str, str] = {}
+    for text in texts:
+        for name, unit in _STATED.findall(text[:_DESCRIPTION]):
+            if find_unit(unit) is not None:
+                said.setdefault(name, unit)
+    return [array if array.unit else replace(array, unit=said.get(split_path(array.name)[1], "")) for array in arrays]
 
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:

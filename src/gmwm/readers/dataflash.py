@@ -34,13 +34,14 @@ _TYPES: Mapping[str, str] = {
 }  # fmt: skip
 """NumPy types of the characters of a format. Scaled ones (c, C, e, E) do not occur in the inertial messages."""
 
-_ROLES: Mapping[str, tuple[str, str]] = {
+ROLES: Mapping[str, tuple[str, str]] = {
     **{f"Gyr{axis}": (f"gyro_{axis.lower()}", "rad/s") for axis in "XYZ"},
     **{f"Acc{axis}": (f"accel_{axis.lower()}", "m/s²") for axis in "XYZ"},
     "T": ("temperature", "°C"),
 }
-_STAMPS = ("SampleUS", "TimeUS", "TimeMS")
-_UNITS = {"SampleUS": "us", "TimeUS": "us", "TimeMS": "ms"}
+STAMPS = {"SampleUS": "us", "TimeUS": "us", "TimeMS": "ms"}
+"""Names of the time stamps, and their units."""
+ADVICE = "Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG_OPT for raw samples."
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class DataflashReader(Reader):
             raise ReadError(
                 f"{path} holds none of the messages IMU, ACC and GYR",
                 code="no-inertial-data",
-                advice="Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG_OPT for raw samples.",
+                advice=ADVICE,
             )
         return tuple(layouts)
 
@@ -114,10 +115,10 @@ class DataflashReader(Reader):
 def _layout(found: _Summary, key: tuple[int, int], remarks: tuple[Remark, ...]) -> Layout:
     message, instance = found.types[key[0]], key[1]
     names = message.fields.names or ()
-    stamp = next(name for name in _STAMPS if name in names)
-    channels = [Channel(stamp, _UNITS[stamp], "time")]
+    stamp = next(name for name in STAMPS if name in names)
+    channels = [Channel(stamp, STAMPS[stamp], "time")]
     for name in names:
-        axis, unit = _ROLES.get(name, ("", ""))
+        axis, unit = ROLES.get(name, ("", ""))
         if axis and (axis != "temperature" or key in found.warm):
             channels.append(Channel(name, unit, axis))
     first, last = found.edges[key]
@@ -138,7 +139,7 @@ def _numbers(column: NDArray[Any]) -> NDArray[Any]:
 
 def _count(found: _Summary, message: _Message, table: NDArray[Any]) -> None:
     """Add the messages of a block to the summary."""
-    stamp = next(name for name in _STAMPS if name in (message.fields.names or ()))
+    stamp = next(name for name in STAMPS if name in (message.fields.names or ()))
     instances = np.unique(table["I"]).tolist() if "I" in (message.fields.names or ()) else [-1]
     for instance in instances:
         own = table if instance < 0 else table[table["I"] == instance]
@@ -195,15 +196,20 @@ def _walk(block: bytes, lengths: list[int], found: _Summary, only: str) -> tuple
     return {number: starts for number, starts in places.items() if starts}, position
 
 
+def is_inertial(name: str, names: Sequence[str]) -> bool:
+    """Whether a message is one of an inertial sensor, by its name and the names of its values."""
+    if name.rstrip("0123456789") not in ("IMU", "ACC", "GYR") or not set(STAMPS) & set(names):
+        return False
+    axes = {ROLES[one][0] for one in names if one in ROLES} - {"temperature"}
+    return len(set(names)) == len(names) and len(axes) in (3, 6)
+
+
 def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: bytes) -> _Message | None:
     """The type that a FMT message defines, if it is one of an inertial sensor."""
     title = name.rstrip(b"\0").decode("latin-1")
     names = labels.rstrip(b"\0").decode("latin-1").split(",")
     kinds = [_TYPES.get(character) for character in fields.rstrip(b"\0").decode("latin-1")]
-    known = title.rstrip("0123456789") in ("IMU", "ACC", "GYR") and len(names) == len(kinds) and all(kinds)
-    if not known or not set(_STAMPS) & set(names) or len(set(names)) != len(names):
-        return None
-    if len({_ROLES[one][0] for one in names if one in _ROLES} - {"temperature"}) not in (3, 6):
+    if not is_inertial(title, names) or len(names) != len(kinds) or not all(kinds):
         return None
     dtype = np.dtype([(one, f"<{kind}") for one, kind in zip(names, kinds, strict=True)])
     return _Message(number, size, title, dtype) if dtype.itemsize == size - 3 else None

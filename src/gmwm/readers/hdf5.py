@@ -1,7 +1,7 @@
 """HDF5 files: data sets, tables of records and groups, also those of newer MATLAB files.
 
 Only data in the file itself are read. Links to other files, virtual and external data sets are not followed. Attributes
-named unit or units state a unit, and attributes such as rate state the rate.
+named unit or units state a unit, attributes such as rate state the rate. A description of the file may state units too.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ from gmwm.readers.arrays import (
     marks_of,
     part_of,
     split_path,
+    with_stated_units,
 )
 from gmwm.readers.base import Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import require_ratio
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _DEPTH = 8
-_SHORT = 256  # bytes
+_SHORT, _DESCRIPTION = 256, 1 << 14  # bytes of an attribute
 _NO_NUMBERS = (b"char", b"logical", b"cell", b"function_handle")
 
 
@@ -76,14 +77,16 @@ def arrays_in(path: Path) -> list[Array]:
     """
     library = _library(path)
     found: list[Array] = []
+    texts: list[str] = []
     try:
         with library.File(path, "r") as file:
             _collect(library, file, where="", path=path, found=found, depth=0)
+            texts = [text for key in file.attrs if isinstance(text := _attribute(file, key, _DESCRIPTION), str)]
     except GmwmError:
         raise
     except Exception as error:  # the library raises any type of error for a damaged file
         raise _damaged(path, error) from error
-    return found
+    return with_stated_units(found, texts)
 
 
 def _library(path: Path) -> Any:
@@ -176,12 +179,12 @@ def _stated_rates(node: Any, where: str) -> list[Array]:
     return rates
 
 
-def _attribute(node: Any, key: str) -> Any:
-    """The value of a short attribute; None for a long one, which may take minutes to read from a damaged file."""
+def _attribute(node: Any, key: str, most: int = _SHORT) -> Any:
+    """The value of an attribute; None for one of more bytes, which may take minutes to read from a damaged file."""
     if key not in node.attrs:
         return None
     known = node.attrs.get_id(key)
-    return node.attrs[key] if known.shape in ((), (1,)) and known.get_storage_size() <= _SHORT else None
+    return node.attrs[key] if known.shape in ((), (1,)) and known.get_storage_size() <= most else None
 
 
 def _damaged(path: Path, error: Exception) -> ReadError:

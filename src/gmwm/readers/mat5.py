@@ -24,7 +24,7 @@ from gmwm.readers.byte_sources import require_ratio
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
-_STRUCT = 2
+_STRUCT, _CHAR = 2, 4
 _LOGICAL_OR_COMPLEX = 0x0A
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
@@ -34,7 +34,7 @@ _MAX_FIELDS = 1000
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The numeric matrices in a file; matrices in structures are named "structure/field".
+    """The numeric matrices and the texts in a file; those in structures are named "structure/field".
 
     Parameters
     ----------
@@ -122,6 +122,11 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
             name,
             _numbers(_element(data, at, order, path), _CLASSES[kind], shape=shape, order=order, path=path, name=name),
         )
+    elif kind == _CHAR:
+        element = _element(data, at, order, path)
+        wide = len(element.data) == 2 * int(np.prod(shape, dtype=object))
+        encoding = ("utf-16-le" if order == "<" else "utf-16-be") if wide else "utf-8"
+        yield name, np.array(bytes(element.data).decode(encoding, errors="replace"))
     elif kind == _STRUCT and shape and int(np.prod(shape, dtype=object)) == 1 and depth < _DEPTH:
         length = _integers(_element(data, at, order, path), order, path)
         names = _element(data, _element(data, at, order, path).end, order, path)

@@ -14,7 +14,16 @@ from typing import ClassVar
 
 from gmwm.axis_names import AXES
 from gmwm.errors import ReadError
-from gmwm.readers.arrays import MAX_ARRAYS, Array, chunks_of, layouts_of, part_of, split_path, upright
+from gmwm.readers.arrays import (
+    MAX_ARRAYS,
+    Array,
+    chunks_of,
+    layouts_of,
+    part_of,
+    split_path,
+    upright,
+    with_stated_units,
+)
 from gmwm.readers.base import Layout, Reader, Rows, register
 from gmwm.readers.hdf5 import MAGIC, arrays_in
 from gmwm.readers.mat5 import variables
@@ -39,10 +48,12 @@ class MatlabReader(Reader):
         """The columns of the arrays of the same length."""
         with path.open("rb") as file:
             head = file.read(512 + len(MAGIC))
+        texts: list[str] = []
         newer = head[512:] == MAGIC or head.startswith(b"MATLAB 7.3")
-        found = arrays_in(path) if newer else _older(path)
+        found = arrays_in(path) if newer else _older(path, texts)
         remarks: tuple[Remark, ...] = ()
         arrays = [_known(array, found) for array in found if not array.name.startswith("#")]
+        arrays = with_stated_units(arrays, texts)
         if any(array.axes for array in arrays):
             navego = any(array.axes in {axes for axes, _ in _NAVEGO.values()} for array in arrays)
             remarks = (Remark.of("layout-known", format="NaveGo" if navego else "kalibr_allan"),)
@@ -65,10 +76,13 @@ def _known(array: Array, others: Sequence[Array]) -> Array:
     return array
 
 
-def _older(path: Path) -> list[Array]:
-    """The arrays of a file of versions 5 to 7."""
+def _older(path: Path, texts: list[str]) -> list[Array]:
+    """The arrays of a file of versions 5 to 7; its texts are appended to `texts`."""
     found: list[Array] = []
     for name, value in variables(path):
+        if value.dtype.kind == "U":
+            texts.append(str(value))
+            continue
         if len(found) == MAX_ARRAYS:
             raise ReadError(
                 f"{path} holds more than {MAX_ARRAYS} arrays",
