@@ -9,7 +9,7 @@ import pytest
 import gmwm
 from gmwm.errors import ReadError
 from gmwm.readers import interpretation, parquet, temperature, text
-from tests.helpers import only
+from tests.helpers import only, raises
 
 ROWS = 9000
 
@@ -141,7 +141,7 @@ def test_a_part_of_a_file_with_two_rates(tmp_path):
     columns["time [s]"] = np.where(np.arange(ROWS) < 4000, np.arange(ROWS) / 100, 40 + (np.arange(ROWS) - 4000) / 50)
     path = written(tmp_path, columns)
     for open_it in (gmwm.read, gmwm.stream):
-        with pytest.raises(ReadError, match="40"):
+        with raises(ReadError, code="rate-changes"):
             open_it(path)
     assert both(path, stop=35.0).rate == pytest.approx(100.0)
     second = both(path, start=45.0, skip=[(60.0, 61.0)])

@@ -14,6 +14,7 @@ from gmwm.readers import interpretation, parquet
 from gmwm.regression import blocks
 from gmwm.regression.against import Asked
 from gmwm.regression.conditions import Conditions
+from tests.helpers import raises
 
 ROWS = 60_000
 
@@ -86,6 +87,5 @@ def test_a_calibration_and_an_inspection_are_those_in_memory(path):
 
 def test_exact_covariates_need_the_recording_in_memory(path):
     _, stream = opened(path)
-    with pytest.raises(OptionError) as raised:
+    with raises(OptionError, argument="against"):
         inspect(stream, against="temperature:exact")
-    assert raised.value.argument == "against"
