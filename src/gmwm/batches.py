@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol
 
@@ -92,16 +92,14 @@ class Batch:
         """Number of the sample after the last one."""
         return self.first + len(self)
 
-    def until(self, stop: int) -> Batch:
-        """The samples before sample number `stop`."""
-        if self.stop <= stop:
+    def between(self, first: int, last: int) -> Batch:
+        """The samples `first` … `last` − 1 of the batch."""
+        if first == 0 and last >= len(self):
             return self
-        return Batch(
-            {axis: cut(x, 0, stop - self.first) for axis, x in self.signals.items()},
-            self.first,
-            self.continues,
-            None if self.temperature is None else self.temperature[: stop - self.first],
-        )
+        begins = {begin for begin, _ in next(iter(self.signals.values())).segments}
+        signals = {axis: cut(x, first, last) for axis, x in self.signals.items()}
+        heat = None if self.temperature is None else self.temperature[first:last]
+        return Batch(signals, self.first + first, first not in begins if first else self.continues, heat)
 
 
 class Segments:
@@ -113,11 +111,14 @@ class Segments:
         Index ranges without a gap.
     starts : list of float
         Time of the first sample of each (s).
+    gaps_known : bool
+        Whether the lengths of the gaps are known.
     """
 
     def __init__(self) -> None:
         self.ranges: list[tuple[int, int]] = []
         self.starts: list[float] = []
+        self.gaps_known = True
 
     def update(self, batch: Batch) -> None:
         """Add the next batch."""
@@ -127,6 +128,7 @@ class Segments:
             self.ranges[-1] = (self.ranges[-1][0], ranges.pop(0)[1])
         self.ranges += ranges
         self.starts += one.starts[batch.continues :]
+        self.gaps_known &= one.gaps_known or len(one.segments) == 1
 
 
 class Accumulator(Protocol):
@@ -180,7 +182,7 @@ class Batches:
         stop = 0
         for batch in batches(self.recording, self._done):
             if self._samples is not None and batch.stop >= self._samples:
-                yield batch.until(self._samples)
+                yield batch.between(0, self._samples - batch.first)
                 return
             stop = batch.stop
             if stop < BATCH:
@@ -218,11 +220,9 @@ def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None
     if len(recording) <= BATCH:
         yield Batch(recording.signals, temperature=heat)
     else:
-        begins = {first for first, _ in recording.segments}
+        whole = Batch(recording.signals, temperature=heat)
         for first in range(0, len(recording), BATCH):
-            part = {axis: cut(x, first, first + BATCH) for axis, x in recording.signals.items()}
-            own = None if heat is None else heat[first : first + BATCH]
-            yield Batch(part, first, first not in begins, own)
+            yield whole.between(first, first + BATCH)
     if done is not None:
         done(len(recording))
 
@@ -293,6 +293,32 @@ class _Gathered:
         yield Batch(signals, self._first, self._continues, temperature)
 
 
+def joined(parts: Sequence[Batch]) -> Batch:
+    """Consecutive batches as one."""
+    if len(parts) == 1:
+        return parts[0]
+    segments, starts, size = list[tuple[int, int]](), list[float](), 0
+    for k, part in enumerate(parts):
+        one = next(iter(part.signals.values()))
+        moved = [(first + size, last + size) for first, last in one.segments]
+        if k and part.continues:
+            segments[-1] = segments[-1][0], moved.pop(0)[1]
+        segments += moved
+        starts += one.starts[k > 0 and part.continues :]
+        size += len(part)
+    signals = {
+        axis: replace(
+            signal,
+            values=freeze(np.concatenate([part.signals[axis].values for part in parts])),
+            segments=tuple(segments),
+            starts=tuple(starts),
+            filled=sum(part.signals[axis].filled for part in parts),
+        )
+        for axis, signal in parts[0].signals.items()
+    }
+    return Batch(signals, parts[0].first, parts[0].continues)
+
+
 def cut(signal: Signal, first: int, last: int) -> Signal:
     """The samples number `first` … `last` − 1 of a signal."""
     last = min(last, len(signal))
@@ -301,6 +327,4 @@ def cut(signal: Signal, first: int, last: int) -> Signal:
         if begin < last and end > first:
             segments.append((max(begin, first) - first, min(end, last) - first))
             starts.append(start + max(first - begin, 0) / signal.rate)
-    return Signal(
-        signal.values[first:last], signal.rate, unit=signal.unit, axis=signal.axis, segments=segments, starts=starts
-    )
+    return replace(signal, values=signal.values[first:last], segments=tuple(segments), starts=tuple(starts), filled=0)

@@ -53,6 +53,10 @@ class Signal:
         Index ranges that are uniformly sampled. Samples are missing between one range and the next.
     starts : tuple of float
         Time of the first sample of each segment (s). By default one sample is missing in each gap.
+    filled : int
+        Number of values that stand for lost samples, see `fill_gaps`.
+    gaps_known : bool
+        Whether the lengths of the gaps are known; by default if `starts` are given. Other gaps are not filled.
 
     Raises
     ------
@@ -69,6 +73,8 @@ class Signal:
     start: float = 0.0
     segments: tuple[tuple[int, int], ...] = ()
     starts: tuple[float, ...] = ()
+    filled: int = 0
+    gaps_known: bool = True
 
     def __init__(
         self,
@@ -79,6 +85,8 @@ class Signal:
         start: float = 0.0,
         segments: Sequence[tuple[int, int]] = (),
         starts: Sequence[float] = (),
+        filled: int = 0,
+        gaps_known: bool | None = None,
     ) -> None:
         vector = as_vector(values, axis or "the signal", at_least=1)
         if vector.flags.writeable:
@@ -96,7 +104,8 @@ class Signal:
             raise DataError(argument="starts", expected=expected, got=tuple(starts))
         for name, value in (
             ("values", vector), ("rate", rate), ("unit", unit), ("axis", axis),
-            ("start", times[0]), ("segments", ranges), ("starts", times),
+            ("start", times[0]), ("segments", ranges), ("starts", times), ("filled", int(filled)),
+            ("gaps_known", len(starts) > 0 if gaps_known is None else gaps_known),
         ):  # fmt: skip
             object.__setattr__(self, name, value)
 
@@ -160,7 +169,7 @@ class Signal:
     def __reduce__(self) -> tuple[Any, ...]:
         # The constructor makes the array of a copy read-only as well.
         fields = (self.values, self.rate, self.unit, self.axis, self.start, self.segments, self.starts)
-        return Signal, fields
+        return Signal, (*fields, self.filled, self.gaps_known)
 
     def __len__(self) -> int:
         return int(self.values.size)
@@ -246,34 +255,33 @@ class Signal:
         return plot_signal(self, units=units, ax=ax, path=path)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-        """Write the signal to a file as a recording of one axis: see `Imu.write`.
-
-        Parameters
-        ----------
-        path : path
-            File to write, ending in .csv, .parquet or .imu.
-        format : str, optional
-            Record type of an .imu file.
-
-        Raises
-        ------
-        OptionError
-            If the suffix or the format is unknown, or the axis is none of an IMU.
-        """
+        """Write the signal to a file as a recording of one axis, which is one of an IMU: see `Imu.write`."""
         from gmwm.writers import write
 
         write(self, path, format=format)
+
+    def fill_gaps(self) -> Signal:
+        """Fill gaps with draws from the distribution of lost samples given the others, which follows from the data.
+
+        The wavelet variance of the result is unbiased at every level. The seeds are fixed. A gap of g ≤ 8192 samples is
+        filled if 3/4 of the max(32 g, 1024) samples on each side are known, as far as the recording goes: at least
+        2 g, and 16 g for a gap of more than 64 samples. Other gaps stay, and all gaps whose lengths are not known.
+
+        >>> x = np.random.default_rng(1).normal(size=4000)
+        >>> x[100:110] = x[2500] = np.nan
+        >>> signal = Signal.from_missing(x, rate=100.0)
+        >>> len(signal.segments), len(signal.fill_gaps().segments), signal.fill_gaps().filled
+        (3, 1, 11)
+        """
+        from gmwm.filling import fill_gaps
+
+        return fill_gaps(self)
 
     def longest(self) -> Signal:
         """The longest segment as a signal without gaps."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
-        return replace_values(self, self.values[first:last], start=self.starts[k])
-
-
-def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
-    """A copy of a signal with other values in one segment."""
-    return Signal(values, signal.rate, unit=signal.unit, axis=signal.axis, start=start)
+        return Signal(self.values[first:last], self.rate, unit=self.unit, axis=self.axis, start=self.starts[k])
 
 
 @dataclass(frozen=True, eq=False)

@@ -164,8 +164,8 @@ def test_it_is_short_as_a_repr_and_complete_in_a_notebook(calibration):
 def test_scales_that_gaps_hide_get_a_remark(imu):
     x = imu["gyro_x"]
     pieces = tuple((start, min(start + 2000, 100_000)) for start in range(0, 100_000, 2000))
-    # A sample is lost every 20 s.
-    starts = tuple((start + k) / 100.0 for k, (start, _) in enumerate(pieces))
+    # An hour is lost every 20 s, which is too long to be filled.
+    starts = tuple((start + 360_000 * k) / 100.0 for k, (start, _) in enumerate(pieces))
     gappy = gmwm.Signal(x.values, 100.0, "rad/s", "gyro_x", segments=pieces, starts=starts)
     whole, apart = (
         only(gmwm.calibrate({"gyro_x": signal}, "GM + WN").remarks, "longest-scale").facts for signal in (x, gappy)

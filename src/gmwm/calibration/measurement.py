@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -34,7 +34,7 @@ from gmwm.regression.conditions import NOTHING, Conditions
 from gmwm.signals import Imu, Signal
 from gmwm.spectrum import PowerSpectrum, SpectrumAccumulator
 from gmwm.streaming.cluster import part_levels, spread
-from gmwm.streaming.passes import AxisCurves, Measurement, add_batch, curves_of, unit_of
+from gmwm.streaming.passes import AxisCurves, Measurement, curves_of, measure, unit_of
 from gmwm.streaming.scheduling import connected
 from gmwm.variance.result import WaveletVariance
 
@@ -73,16 +73,16 @@ class AxisSamples:
         self._spectrum = SpectrumAccumulator(rate, unit=unit, axis=axis)
         self._repaired, self._largest = 0, 0.0
 
-    def update(self, signal: Signal, continues: bool) -> None:
-        """Add the samples of a batch."""
+    def clean(self, signal: Signal) -> Signal:
+        """Replace the isolated wrong samples of a batch, and count them."""
         spikes = find_spikes(signal)
-        self.add(repaired(signal, spikes), continues, count=len(spikes), largest=spikes.largest)
+        self._repaired, self._largest = self._repaired + len(spikes), max(self._largest, spikes.largest)
+        return repaired(signal, spikes)
 
-    def add(self, clean: Signal, continues: bool, *, count: int, largest: float) -> None:
-        """Add the samples of a batch, `count` of which were replaced."""
-        self._repaired, self._largest = self._repaired + count, max(self._largest, largest)
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add samples."""
         for one in (self._screening, self._spectrum):
-            feed(one, clean, continues)
+            feed(one, signal, continues)
 
     def screen(self) -> Screen:
         """Bursts, wrong samples and tails."""
@@ -116,12 +116,14 @@ class AxisMeasurement:
         """Unit of the axis."""
         return self.curves.first.unit
 
+    def clean(self, signal: Signal) -> Signal:
+        """Replace the isolated wrong samples of a batch, and count them."""
+        return self.samples.clean(signal)
+
     def update(self, signal: Signal, continues: bool) -> None:
-        """Add the samples of a batch in the first pass."""
-        spikes = find_spikes(signal)
-        clean = repaired(signal, spikes)
-        feed(self.curves.first, clean, continues)
-        self.samples.add(clean, continues, count=len(spikes), largest=spikes.largest)
+        """Add samples in the first pass."""
+        self.curves.update(signal, continues)
+        self.samples.update(signal, continues)
 
     def release(self) -> None:
         """Forget the samples and sums, when the results are known."""
@@ -324,8 +326,8 @@ def _first_pass(
     *,
     conditions: Conditions = NOTHING,
 ) -> None:
-    measure = partial(_measured, measured, conditions, threads)
-    batches.each(*([] if inspector is None else [inspector.update]), measure)
+    also = None if inspector is None else inspector.update
+    measure(map(conditions.batch, _shown(batches, also)), measured, threads)
 
 
 def _second_pass(
@@ -338,16 +340,19 @@ def _second_pass(
 ) -> None:
     """Complete the curves that need a second pass, in one with the inspection."""
     again = {axis: one for axis, one in curves.items() if one.begin_again()}
-    work = [] if also is None else [also]
     if again:
-        work.append(partial(_measured, again, conditions, threads))
-    if work:
-        batches.each(*work)
+        measure(map(conditions.batch, _shown(batches, also)), again, threads)
+    elif also is not None:
+        for batch in batches:
+            also(batch)
 
 
-def _measured(measured: Mapping[str, Measurement], conditions: Conditions, threads: int | None, batch: Batch) -> None:
-    """Add a batch without the effect of the conditions."""
-    add_batch(conditions.batch(batch), measured, threads)
+def _shown(batches: Batches, also: Callable[[Batch], None] | None) -> Iterator[Batch]:
+    """The batches, each of which is passed to a function before."""
+    for batch in batches:
+        if also is not None:
+            also(batch)
+        yield batch
 
 
 def _inspected(

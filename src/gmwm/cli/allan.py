@@ -15,7 +15,7 @@ import typer
 from gmwm.cli.command import command
 from gmwm.cli.options import RESULT, Datasheet
 from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
-from gmwm.cli.read_options import Axes, File, chosen_axes, load, require_whole
+from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 
@@ -88,7 +88,7 @@ def allan(
             advice="Use {--kind=overlapping}.",
         )
     imu = load(file, reading)
-    require_whole(imu)
+
     results = _measured(chosen_axes(imu, axis), kind, clusters)
     regressions = _regressions(results) if slopes else {}
     system: UnitSystem = "datasheet" if datasheet else "si"

@@ -26,6 +26,8 @@ def covariance(model: Model, design: Design) -> Matrix:
     if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         return covariance(model, replace(design, excess=None, model_error=0.0)) + added * np.outer(curve, curve)
+    if design.filled:
+        return np.asarray(design.loss_factor * covariance(model, replace(design, filled=0)))
     if design.segments:
         return pooled(design, lambda segment: covariance(model, segment))
     noise, waves = lines.apart(model, design)
@@ -43,6 +45,8 @@ def variances(model: Model, design: Design) -> Vector:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         bare = replace(design, excess=None, model_error=0.0)
         return np.asarray(variances(model, bare) + np.diag(added) * curve**2)
+    if design.filled:
+        return np.asarray(design.loss_factor * variances(model, replace(design, filled=0)))
     if design.segments:
         return pooled(design, lambda segment: variances(model, segment))
     noise, waves = lines.apart(model, design)
@@ -60,6 +64,8 @@ def ratio_variances(model: Model, design: Design) -> Vector:
     The classical estimate is the first term of the Hermite expansion of the robust one, so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
     ν̂_k²). The variance of the ratio is the rest of the expansion: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
     """
+    if design.filled:
+        return np.asarray(design.loss_factor * ratio_variances(model, replace(design, filled=0)))
     if design.segments:
         return pooled(design, lambda segment: ratio_variances(model, segment))
     lines.apart(model, design)

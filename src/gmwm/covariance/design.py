@@ -11,7 +11,7 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import FEW
-from gmwm.variance.transform import Transform, coefficient_counts, pooled_counts
+from gmwm.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
 
 MOST = 0.01
 """Largest relative error of a level that an excess adds in weights (tests/covariance/test_excess.py)."""
@@ -35,6 +35,8 @@ class Design:
         Efficiency of a robust estimate; None for a classical one.
     segments : tuple of int
         Lengths of the segments; () for a recording without a gap.
+    filled : int
+        Number of samples that stand for lost ones; see `gmwm.variance.transform.loss_factor`.
     strides : tuple of int
         For each level, the distance (samples) between the coefficients that were used; () if all were used.
     pooled : (J,) int array or None
@@ -57,6 +59,7 @@ class Design:
     transform: Transform = "modwt"
     efficiency: float | None = None
     segments: tuple[int, ...] = ()
+    filled: int = 0
     strides: tuple[int, ...] = ()
     pooled: NDArray[np.int64] | None = None
     excess: Matrix | None = None
@@ -77,6 +80,7 @@ class Design:
             transform=wv.transform,
             efficiency=wv.efficiency,
             segments=wv.segments,
+            filled=wv.filled,
             strides=wv.strides,
             excess=wv.excess,
             model_error=wv.model_error,
@@ -100,7 +104,13 @@ class Design:
     @property
     def degrees_of_freedom(self) -> Vector:
         """Degrees of freedom η_j (J,) of a classical estimate, without a model."""
-        return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[1]
+        eta = pooled_counts(self.lengths, self.levels, self.filter, self.transform)[1]
+        return np.asarray(eta / self.loss_factor)
+
+    @property
+    def loss_factor(self) -> float:
+        """Factor of the covariance due to filled samples."""
+        return loss_factor(self.filled, self.samples)
 
     @property
     def few(self) -> NDArray[np.bool_]:

@@ -98,6 +98,7 @@ def empirical_covariance(
     >>> bool(ratio[0] > 1.4), bool(ratio[5] < 1.2)
     (True, True)
     """
+    x = x.fill_gaps() if isinstance(x, Signal) else x
     wv = signal_wavelet_variance(x, rate, filter=filter, transform=transform, levels=levels)
     if not np.all(wv.variance > 0):
         zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])

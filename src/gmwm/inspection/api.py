@@ -146,7 +146,9 @@ class FirstPass:
             source=recording.source,
             remarks=recording.remarks,
             base=base,
-            extent=Extent.of(recording.rate, self._segments.ranges, self._segments.starts, base.left),
+            extent=Extent.of(
+                recording.rate, self._segments.ranges, self._segments.starts, base.left, self._segments.gaps_known
+            ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
             values=self._batches.values,
             temperature=self._temperature,
@@ -211,7 +213,7 @@ class RecordingStatistics:
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
         moved = tilt is not None and turned and tilt > MOVED
         remarks = (
-            *of_time(len(extent.segments), self._base),
+            *of_time(extent, self._base),
             *of_motion(restless, tilt if turned else None, knocks),
             *of_steps(tuple(steps)),
             *of_trends(trends, self._units, extent, self._base.left > 0),

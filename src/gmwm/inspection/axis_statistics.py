@@ -35,17 +35,17 @@ class AxisStatistics:
         self._length = level_length(extent.samples)
         self._levels: list[tuple[int, list[Vector]]] = []
         self._runs: list[list[Vector]] = [[] for _ in self._ranges]
-        self._segment = self._row = 0  # segment and index of the next sample
+        self._segment = self._row = 0  # joined range and index of the next sample
         self._waiting = np.empty(0)  # samples that are not yet processed
-        self._tail = np.empty(0)  # the last processed samples of this segment
+        self._tail = np.empty(0)  # the last processed samples of this range
         self._unlevelled = np.empty(0)
         self._means: list[tuple[int, list[Vector]]] = []
         self._unaveraged = np.empty(0)  # as `_unlevelled`, with NaN for outliers
 
     def update(self, values: Vector) -> None:
-        """Add the next samples, which may span several segments."""
+        """Add the next samples, which may span several ranges."""
         while values.size:
-            _, last = self._extent.segments[self._segment]
+            _, last = self._extent.joined[self._segment]
             rest = last - self._row - self._waiting.size
             size = min(rest, _SLAB)  # so that only a slab is copied to join it with the waiting samples
             part, values = values[:size], values[size:]
@@ -62,11 +62,11 @@ class AxisStatistics:
         return np.concatenate(index), np.concatenate(size)
 
     def levels(self) -> list[tuple[int, Vector]]:
-        """First sample and block medians of each segment that has at least five blocks."""
+        """First sample and block medians of each range that has at least five blocks."""
         return [(first, np.concatenate(medians)) for first, medians in self._levels]
 
     def means(self) -> list[tuple[int, Vector]]:
-        """First sample and block means without outliers of each segment that has at least five blocks."""
+        """First sample and block means without outliers of each range that has at least five blocks."""
         return [(first, np.concatenate(means)) for first, means in self._means]
 
     def runs(self) -> list[Vector]:
@@ -78,7 +78,7 @@ class AxisStatistics:
             self._waiting = np.concatenate([self._waiting, part])
             return
         values = np.concatenate([self._waiting, part]) if self._waiting.size else part
-        first, last = self._extent.segments[self._segment]
+        first, last = self._extent.joined[self._segment]
         whole = values.size if ends else values.size - values.size % BLOCK
         for k in range(0, whole, _SLAB):
             slab = values[k : min(k + _SLAB, whole)]
@@ -89,7 +89,7 @@ class AxisStatistics:
             self._unlevelled = self._unaveraged = np.empty(0)
 
     def _work(self, slab: Vector, first: int, last: int) -> None:
-        """Process a number of whole blocks, or the end of a segment."""
+        """Process a number of whole blocks, or the end of a range."""
         index, size = self._unusual(slab, first, last)
         self._outliers.append((index, size))
         self._count(slab, index - self._row, first)
@@ -108,7 +108,7 @@ class AxisStatistics:
                 at, size = outliers_of(slab[:whole].reshape(-1, length), self._resolution)
                 found.append((self._row + at, size))
             if whole < slab.size:
-                # The remainder of a segment is tested in a block that ends with the segment.
+                # The remainder of a range is tested in a block that ends with the range.
                 block = np.concatenate([self._tail, slab])[-length:]
                 at, size = outliers_of(block.reshape(1, -1), self._resolution)
                 begin = self._row + slab.size - length

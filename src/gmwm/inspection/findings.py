@@ -44,11 +44,14 @@ _ROUNDED = 0.7
 """Quantization steps in standard deviations of the noise from which on rounding adds 2 % to N: step²/24σ²."""
 
 
-def of_time(segments: int, base: TimeBase) -> Iterator[Remark]:
+def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
     """Remarks on gaps and time stamps."""
-    if segments > 1:
-        missing = sum(duration - 1 / base.rate for _, duration in base.gaps)
-        yield Remark.of("gaps", segments=segments, missing=Quantity(float(missing), "s"))
+    filled, count = extent.filled
+    if len(extent.joined) > 1:
+        missing = sum(duration - 1 / base.rate for _, duration in base.gaps) - filled / base.rate
+        yield Remark.of("gaps", segments=len(extent.joined), missing=Quantity(max(float(missing), 0.0), "s"))
+    if count:
+        yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)
     if base.lost:
         yield Remark.of("samples-lost", count=base.lost)
     if base.duplicates:

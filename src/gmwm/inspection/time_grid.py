@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
+from gmwm.filling import joined_ranges
 from gmwm.time_base import begins_of, times_of
 
 _WINDOWS = 64
@@ -29,17 +32,36 @@ class Extent:
         Half-open index ranges without a gap.
     starts : tuple of float
         Time of the first sample of each segment (s).
+    gaps_known : bool
+        Whether the lengths of the gaps are known.
     """
 
     rate: float
     segments: tuple[Range, ...]
     starts: tuple[float, ...]
+    gaps_known: bool = True
 
     @classmethod
-    def of(cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float) -> Extent:
+    def of(
+        cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, gaps_known: bool = True
+    ) -> Extent:
         """Extent of segments whose start times are known on any clock; the first sample is at the time `left` (s)."""
         begins = begins_of(rate, segments, clock)
-        return cls(rate, tuple(segments), tuple(left + begin for begin in begins))
+        return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
+
+    @cached_property
+    def joined(self) -> tuple[Range, ...]:
+        """Index ranges without a gap that cannot be filled. Mean values and outliers do not depend on shorter gaps."""
+        return joined_ranges(self.rate, self.segments, self.starts) if self.gaps_known else self.segments
+
+    @property
+    def filled(self) -> tuple[int, int]:
+        """Number of lost samples in gaps that are filled, and number of these gaps."""
+        count = len(self.segments) - len(self.joined)
+        lasts = np.array([last - 1 for _, last in self.joined])
+        firsts = np.array([first for first, _ in self.joined])
+        spans = np.rint((self.times(lasts) - self.times(firsts)) * self.rate).astype(np.int64) + 1
+        return int(np.sum(spans - (lasts - firsts + 1))) if count else 0, count
 
     @property
     def samples(self) -> int:
@@ -53,13 +75,13 @@ class Extent:
     def windows(self) -> list[Range]:
         """About 64 half-open index ranges of similar length, so that their means can be compared.
 
-        A window does not cross a gap, except between segments shorter than half a window. These are joined with short
-        neighbours, and left out if the result is still too short.
+        A window does not cross a gap that cannot be filled, except between ranges shorter than half a window. These
+        are joined with short neighbours, and left out if the result is still too short.
         """
         length = max(self.samples // _WINDOWS, 1)
         ranges: list[Range] = []
         joined = False  # whether the last range consists of short segments and may still grow
-        for first, last in self.segments:
+        for first, last in self.joined:
             short = 2 * (last - first) < length
             if short and joined and ranges[-1][1] - ranges[-1][0] < length:
                 ranges[-1] = (ranges[-1][0], last)

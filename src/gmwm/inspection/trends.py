@@ -136,13 +136,13 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
     """Start (s) and means of the longest part of the recording whose gaps are shorter than a block."""
     parts: list[tuple[float, list[Vector]]] = []
     ends = -math.inf
-    by_first = {first: (last, start) for (first, last), start in zip(extent.segments, extent.starts, strict=True)}
+    last_of = dict(extent.joined)
     for first, own in means:
-        last, start = by_first[first]
+        start, end = extent.times([first, last_of[first] - 1])
         if start - ends > length / extent.rate:
             parts.append((start - extent.starts[0], []))
         parts[-1][1].append(own)
-        ends = start + (last - first) / extent.rate
+        ends = end + 1 / extent.rate
     if not parts:
         return 0.0, np.empty(0)
     start, most = max(parts, key=lambda part: sum(own.size for own in part[1]))

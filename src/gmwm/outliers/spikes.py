@@ -5,10 +5,7 @@ beyond a threshold θ are spikes if three things hold. They are far more than th
 of a t distribution with the spread of the bulk. They are apart from the rest: beyond θ / 1.5 there are hardly more than
 beyond θ, as in no distribution with a finite variance. And they are isolated: the signal returns at once.
 
-A replaced sample is drawn from its distribution given the others: a linear prediction from its neighbours and from mean
-values of rings around it, plus a residual of this prediction. The drawn samples have the covariance with all others
-that the right samples had, so the wavelet variance is unbiased at every level. Interpolation would make the first
-levels too small.
+A replaced sample is drawn from its distribution given the others, as a lost one: see `gmwm.filling.drawing`.
 """
 
 from __future__ import annotations
@@ -20,6 +17,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, freeze
 from gmwm.errors import DataError, OptionError
+from gmwm.filling import drawn
 from gmwm.outliers.bursts import NEIGHBOURHOOD
 from gmwm.resolution import lsb
 from gmwm.signals import Signal
@@ -57,12 +55,6 @@ _LOWEST = 3.0
 _BIN, _NONE = 0.25, 0.005
 _SIDE = np.array([-3, -2, -1, 1, 2, 3])
 _QUARTILE = 0.6744897501960817
-_LAGS = 8
-"""Neighbours on each side whose values predict a sample one by one."""
-_TRAINING = 100_000
-"""Samples from which the prediction is learned."""
-_SWEEPS = 3
-"""Draws of each sample; those with a replaced sample beside them need more than one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,7 +181,9 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
         return x
     if spikes.indices.max() >= len(x):
         raise DataError(argument="spikes", expected="spikes of this signal", got=int(spikes.indices.max()))
-    return replace(x, values=_drawn(x.values, spikes.indices))
+    right = np.ones(len(x), dtype=np.bool_)
+    right[spikes.indices] = False
+    return replace(x, values=drawn(x.values, right))
 
 
 # --- detection --------------------------------------------------------------------------------------------
@@ -337,51 +331,3 @@ def _filled(values: Vector, at: NDArray[np.int64]) -> Vector:
     filled = values.copy()
     filled[at] = np.interp(at, np.flatnonzero(good), values[good])
     return filled
-
-
-# --- replacement ------------------------------------------------------------------------------------------
-
-
-def _drawn(values: Vector, at: NDArray[np.int64]) -> Vector:
-    """The values with those at some places drawn given all others."""
-    rng = np.random.default_rng(0)
-    wrong = np.zeros(values.size, dtype=np.bool_)
-    wrong[at] = True
-    good = np.flatnonzero(~wrong)
-    middle = float(np.mean(values[good]))
-    x = _filled(values, at) - middle
-    training = good[:: max(1, good.size // _TRAINING)]
-    # A sample beside a wrong one is of no use: its neighbour is an interpolation.
-    touched = np.convolve(wrong, np.ones(2 * _LAGS + 1), mode="same") > 0.5
-    kept = training[~touched[training]]
-    training = kept if kept.size > 50 * _LAGS else training
-    group = np.arange(at.size) % 4
-    for _ in range(_SWEEPS):
-        features = _features(x, training)
-        # The rings contain replaced samples, so that the prediction is learned again after each sweep.
-        weights = np.linalg.lstsq(features.T @ features, features.T @ x[training], rcond=None)[0]
-        residuals = x[training] - features @ weights
-        for part in range(4):
-            # Neighbours are drawn one after the other, given each other.
-            mine = at[group == part]
-            if mine.size:
-                x[mine] = _features(x, mine) @ weights + rng.choice(residuals, mine.size)
-    x += middle
-    x[good] = values[good]
-    return x
-
-
-def _features(x: Vector, at: NDArray[np.int64]) -> NDArray[np.float64]:
-    """What predicts samples: sums of the two values at lags 1 … 8, and means over lags 9 … 16, 17 … 32, and so on."""
-    last = x.size - 1
-    columns = [x[np.maximum(at - lag, 0)] + x[np.minimum(at + lag, last)] for lag in range(1, _LAGS + 1)]
-    path = np.concatenate([[0.0], np.cumsum(x)])
-    inner = _LAGS
-    while 2 * inner <= x.size // 64:
-        outer = 2 * inner
-        left, right = np.maximum(at - inner, 0), np.minimum(at + inner + 1, x.size)
-        far_left, far_right = np.maximum(at - outer, 0), np.minimum(at + outer + 1, x.size)
-        count = (left - far_left) + (far_right - right)
-        columns.append((path[left] - path[far_left] + path[far_right] - path[right]) / np.maximum(count, 1))
-        inner = outer
-    return np.stack(columns, axis=1)

@@ -261,6 +261,4 @@ def effect_of(found: Regression, covariates: Covariates, first: int, last: int) 
 def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
     """A part of the recording from sample `first` on without the effect of the covariates; its mean stays."""
     values = signal.values - effect_of(found, covariates, first, first + len(signal))
-    return Signal(
-        values, signal.rate, unit=signal.unit, axis=signal.axis, segments=signal.segments, starts=signal.starts
-    )
+    return replace(signal, values=values)

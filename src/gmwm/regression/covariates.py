@@ -282,7 +282,7 @@ def _dithered(values: Vector) -> bool:
 
 def _beside(signal: Signal, values: Vector) -> Signal:
     """Another series on the clock of a signal."""
-    return Signal(values, signal.rate, segments=signal.segments, starts=signal.starts)
+    return replace(signal, values=values, unit="", axis="")
 
 
 def _usual_run(values: Vector) -> float:

@@ -26,6 +26,7 @@ def psd(
     length: int | None = None,
     detrend: Detrend = "constant",
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> PowerSpectrum: ...
 @overload
 def psd(
@@ -35,6 +36,7 @@ def psd(
     length: int | None = None,
     detrend: Detrend = "constant",
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> PowerSpectra: ...
 def psd(
     x: Imu | Signal | ArrayLike,
@@ -43,6 +45,7 @@ def psd(
     length: int | None = None,
     detrend: Detrend = "constant",
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> PowerSpectrum | PowerSpectra:
     """Estimate the power spectral density of a signal, or of each axis of a recording, and find lines and bumps in it.
 
@@ -64,7 +67,7 @@ def psd(
     Parameters
     ----------
     x : Imu, Signal, or (N,) array in any unit
-        Finite samples, at least 64 without a gap. No block extends across a gap of a Signal.
+        Finite samples, at least 64 without a gap. No block extends across a gap of a Signal that is not filled.
     rate : float
         Sampling rate (Hz); leave it out for an Imu or a Signal.
     length : int, optional
@@ -74,6 +77,9 @@ def psd(
         What is removed from each block: its mean, or a straight line.
     confidence : float
         Confidence level of the limits, from 0.5 to below 1.
+    fill_gaps : bool
+        Whether to fill the gaps of a Signal that are short compared with the samples around them, see
+        `Signal.fill_gaps`.
 
     Returns
     -------
@@ -106,7 +112,7 @@ def psd(
     True
     """
     as_confidence(confidence)
-    measure = partial(signal_psd, length=length, detrend=detrend, confidence=confidence)
+    measure = partial(signal_psd, length=length, detrend=detrend, confidence=confidence, fill_gaps=fill_gaps)
     if isinstance(x, Imu):
         return PowerSpectra(spectra=in_threads(lambda _, signal: measure(signal, rate), x.signals))
     return measure(x, rate)
@@ -119,6 +125,7 @@ def signal_psd(
     length: int | None = None,
     detrend: Detrend = "constant",
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> PowerSpectrum:
     """Estimate the power spectral density of one signal; a recording of several axes is an error. See `psd`."""
     segments: list[Vector]
@@ -130,7 +137,8 @@ def signal_psd(
                 got=rate,
                 advice="Leave {--rate} out.",
             )
-        segments, rate, unit, axis = x.segment_values(), x.rate, x.unit, x.axis
+        signal = x.fill_gaps() if fill_gaps else x
+        segments, rate, unit, axis = signal.segment_values(), x.rate, x.unit, x.axis
     else:
         segments, unit, axis = [as_vector(x, "x")], "", ""
     accumulator = SpectrumAccumulator(as_rate(rate), length=length, detrend=detrend, unit=unit, axis=axis)

@@ -14,16 +14,20 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+import numpy as np
+
 from gmwm._threads import INTERRUPT_CHECK
-from gmwm.batches import Batch, feed, gathered
+from gmwm.batches import Batch, gathered
 from gmwm.errors import GmwmError
+from gmwm.filling import is_short
 from gmwm.readers.builder import RowSummary
 from gmwm.readers.parts import Part, PartReader
 from gmwm.readers.streams import FileRows, Stream
-from gmwm.streaming.passes import AxisCurves, Change
+from gmwm.signals import Signal
+from gmwm.streaming.passes import AxisCurves, Change, feed_filled, measure
 from gmwm.streaming.scheduling import connected, library
 from gmwm.variance.accumulate import WaveletAccumulator
-from gmwm.variance.open_segments import exact_levels
+from gmwm.variance.open_segments import SegmentedAccumulator, exact_levels
 from gmwm.variance.second_pass import SecondPass
 
 if TYPE_CHECKING:
@@ -117,6 +121,11 @@ class _Measured(Generic[G]):
     axes: Mapping[str, G]
     summary: RowSummary
 
+    def has_short_gaps(self, rate: float) -> bool:
+        """Whether it has gaps that may be filled, or one before it. Samples then have other numbers than rows."""
+        lost = np.array([seconds * rate - 1 for _, seconds in self.summary.gaps])
+        return bool(np.any(is_short(np.rint(lost))))
+
     def followed_by(self, later: _Measured[G]) -> _Measured[G]:
         """Merge the results of this part and the next one, with a gap between them if the recording has one there."""
         axes: dict[str, G] = {}
@@ -151,16 +160,30 @@ def _unpacked(packed: bytes) -> Any:
     return pickle.loads(zlib.decompress(packed))
 
 
+@dataclass(frozen=True, eq=False)
+class _PartMeasurement:
+    """The measurement of one axis of a part, in one of the two passes."""
+
+    one: SegmentedAccumulator
+    change: Change | None
+
+    def clean(self, signal: Signal) -> Signal:
+        """The samples of a batch, changed."""
+        return signal if self.change is None else self.change(signal)
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add samples."""
+        feed_filled(self.one, signal, continues)
+
+
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     """Measure a part in a worker. An error in the file is returned and not raised, because Dask would try again."""
     reader = PartReader(part)
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
-        for batch in gathered(reader.samples(), tuple(axes), part.found.rate):
-            batch = batch if begin.prepare is None else begin.prepare(batch)
-            for axis, one in axes.items():
-                signal, change = batch.signals[axis], begin.changes[axis]
-                feed(one, signal if change is None else change(signal), batch.continues)
+        measured = {axis: _PartMeasurement(one, begin.changes[axis]) for axis, one in axes.items()}
+        batches = gathered(reader.samples(), tuple(axes), part.found.rate)
+        measure(batches if begin.prepare is None else map(begin.prepare, batches), measured, threads=1)
     except GmwmError as error:
         return error
     return _Measured(axes, reader.summary)
@@ -187,7 +210,8 @@ class _Crew:
         """Measure all parts and merge them in order; raise the first error in the file.
 
         `axes` has, for each axis, a function that creates an accumulator from the number of the first sample. Parts
-        number their samples by the rows of the file. If rows are lost, the recording is measured again as one part.
+        number their samples by the rows of the file. If rows are lost, or gaps may be filled, the recording is
+        measured again as one part.
         """
         if not axes:
             return {}
@@ -200,12 +224,13 @@ class _Crew:
         return found.axes
 
     def _measured(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
-        """Measure all parts and merge them in order; None if a part does not begin where the one before ends."""
+        """Measure all parts and merge them in order; None if they cannot be measured one by one."""
         arrived: queue.SimpleQueue[int] = queue.SimpleQueue()
         running: dict[int, Any] = {}
         found: dict[int, _Measured[G] | GmwmError] = {}
         joined: _Measured[G] | None = None
         asked = merged = 0
+        rate = self._whole[0].found.rate
         begin = self._held(_Begin(axes, self._changes, self._prepare))
         try:
             while joined is None or merged < len(self._parts):
@@ -218,7 +243,8 @@ class _Crew:
                     part = found.pop(merged)
                     if isinstance(part, GmwmError):
                         raise part
-                    if joined is not None and joined.summary.stop != self._parts[merged].first:
+                    ends = joined.summary.stop if joined is not None else 0
+                    if len(self._parts) > 1 and (part.has_short_gaps(rate) or ends != self._parts[merged].first):
                         return None
                     joined = part if joined is None else joined.followed_by(part)
                     merged += 1

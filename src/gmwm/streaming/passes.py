@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from gmwm._threads import in_threads
@@ -10,6 +11,7 @@ from gmwm.axis_names import axis_quantity
 from gmwm.batches import Accumulator, Batch, Batches, Streamed, feed
 from gmwm.chunks import Chunk
 from gmwm.errors import DataError, OptionError
+from gmwm.filling import filled
 from gmwm.options import as_confidence
 from gmwm.readers.streams import Stream
 from gmwm.signals import Imu, Signal
@@ -19,7 +21,7 @@ from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import exact_levels, held_samples
+from gmwm.variance.open_segments import SegmentedAccumulator, exact_levels, held_samples
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.second_pass import SecondPass
 
@@ -27,14 +29,31 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Change = Callable[[Signal], Signal]
-"""What is done to the samples of an axis before they are measured."""
+"""What is done to the samples of an axis before their gaps are filled."""
 
 
 class Measurement(Protocol):
-    """What is measured of one axis, batch by batch."""
+    """What is measured of one axis, batch by batch: see `measure`."""
+
+    def clean(self, signal: Signal, /) -> Signal:
+        """The samples of a batch as they are measured, before their gaps are filled."""
 
     def update(self, signal: Signal, continues: bool, /) -> None:
-        """Add the samples of a batch, which may continue the last segment of the batch before."""
+        """Add samples, some of which may stand for lost ones, and which may continue the last segment so far."""
+
+
+def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:
+    """Add all batches to the measurements of some axes, one thread for each axis, with short gaps filled."""
+
+    def cleaned(batch: Batch) -> Batch:
+        signals = in_threads(lambda axis, one: one.clean(batch.signals[axis]), measured, threads=threads)
+        return replace(batch, signals=signals)
+
+    def add(batch: Batch) -> None:
+        in_threads(lambda axis, one: one.update(batch.signals[axis], batch.continues), measured, threads=threads)
+
+    for batch in filled(map(cleaned, batches), threads):
+        add(batch)
 
 
 class AxisCurves:
@@ -51,7 +70,7 @@ class AxisCurves:
     passes : 2 or 1
         Whether a second pass may be used.
     change : callable, optional
-        Applied to the samples of each batch, in both passes.
+        Applied to the samples of each batch, in both passes, before gaps are filled.
     """
 
     def __init__(
@@ -65,10 +84,13 @@ class AxisCurves:
     second: SecondPass | None
     change: Change | None
 
+    def clean(self, signal: Signal) -> Signal:
+        """The samples of a batch, changed."""
+        return signal if self.change is None else self.change(signal)
+
     def update(self, signal: Signal, continues: bool) -> None:
-        """Add the samples of a batch in the current pass."""
-        clean = signal if self.change is None else self.change(signal)
-        feed(self.first if self.second is None else self.second, clean, continues)
+        """Add samples in the current pass."""
+        feed_filled(self.first if self.second is None else self.second, signal, continues)
 
     def begin_again(self) -> bool:
         """After the first pass: whether a second one is needed. `update` then belongs to it."""
@@ -155,10 +177,10 @@ def measured_curves(
         return curves
     before = 0
     batches = Batches(stream, None if done is None else lambda samples: done(before + samples))
-    add(batches, curves, threads)
+    measure(batches, curves, threads)
     before = batches.samples
     if again := {axis: one for axis, one in curves.items() if one.begin_again()}:
-        add(batches, again, threads)
+        measure(batches, again, threads)
     return curves
 
 
@@ -199,16 +221,6 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
     return recording[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
 
 
-def add(batches: Batches, measured: Mapping[str, AxisCurves], threads: int | None = None) -> None:
-    """Add all batches to the curves of some axes."""
-    batches.each(lambda batch: add_batch(batch, measured, threads))
-
-
-def add_batch(batch: Batch, measured: Mapping[str, Measurement], threads: int | None = None) -> None:
-    """Add a batch to the measurements of some axes, one thread for each axis."""
-    in_threads(lambda axis, one: one.update(batch.signals[axis], batch.continues), measured, threads=threads)
-
-
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, Accumulator]) -> None:
     """Add chunks to the accumulators of some axes as they arrive."""
     segment = 0
@@ -236,16 +248,25 @@ def stream_psd(
         )
         for axis in stream.axes
     }
-    fed = {axis: _Fed(one) for axis, one in measured.items()}
-    Batches(stream, done).each(lambda batch: add_batch(batch, fed))
+    measure(Batches(stream, done), {axis: _Spectrum(one) for axis, one in measured.items()})
     return PowerSpectra(spectra=in_threads(lambda _, one: one.result(confidence), measured))
 
 
-class _Fed(NamedTuple):
-    """The measurement of an accumulator."""
+def feed_filled(one: SegmentedAccumulator, signal: Signal, continues: bool) -> None:
+    """Add samples, some of which may stand for lost ones, to the sums of a wavelet variance."""
+    feed(one, signal, continues)
+    one.count_filled(signal.filled)
 
-    one: Accumulator
+
+class _Spectrum(NamedTuple):
+    """The spectrum of one axis."""
+
+    one: SpectrumAccumulator
+
+    def clean(self, signal: Signal) -> Signal:
+        """The samples as they are."""
+        return signal
 
     def update(self, signal: Signal, continues: bool) -> None:
-        """Add the samples of a batch."""
+        """Add samples."""
         feed(self.one, signal, continues)

@@ -141,7 +141,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         if self.holds_all:
             return signal_wavelet_variance(
                 self._signal(), levels=min(self.levels, max(self.lengths).bit_length() - 1), robust=robust,
-                efficiency=efficiency, confidence=confidence,
+                efficiency=efficiency, confidence=confidence, fill_gaps=False,
             )  # fmt: skip
         if not robust:
             return self._curve(confidence)
@@ -230,6 +230,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             confidence=confidence,
             slope=self._slope() if found is None else slope,
             segments=lengths if len(lengths) > 1 else (),
+            filled=self.filled,
             strides=_strides(self.exact, counts.size),
             robust=found is not None,
             efficiency=efficiency,
@@ -247,8 +248,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         return {
             "rate": self.rate, "levels": self.levels, "exact": self.exact, "start": self.start, "unit": self.unit,
             "axis": self.axis, "squares": self._squares, "counts": self._counts,
-            "lengths": np.array(self._lengths, dtype=np.int64), "rises": self._rises, "robust": self.robust,
-            "every": self._thinned.every, "some": self._thinned.values, "some_first": self._thinned.first,
+            "lengths": np.array(self._lengths, dtype=np.int64), "rises": self._rises, "filled": self.filled,
+            "robust": self.robust, "every": self._thinned.every, "some": self._thinned.values,
+            "some_first": self._thinned.first,
             **dict(zip(("bins", "resolutions"), kept.to_arrays(), strict=True)),
             **({} if self._first is None else self._first.arrays("first_")),
             **({} if self._last is None else self._last.arrays("last_")),
@@ -273,6 +275,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             made._counts = np.array(values["counts"], dtype=np.int64).reshape(made.levels)
             made._lengths = [int(length) for length in values["lengths"]]
             made._rises = float(values["rises"])
+            made.filled = int(values["filled"])
             if made.robust:
                 made._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
             some = np.array(values["some"], dtype=np.float64)
@@ -339,7 +342,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         values = self._held.joined()
         ends = np.cumsum([0, *map(len, values)]).tolist()
         x = values[0] if len(values) == 1 else np.concatenate(values)
-        return Signal(x, self.rate, unit=self.unit, axis=self.axis, segments=list(pairwise(ends)))
+        return Signal(x, self.rate, unit=self.unit, axis=self.axis, segments=list(pairwise(ends)), filled=self.filled)
 
     def _require_samples(self) -> None:
         """Raise an error if there are fewer than 8 samples without a gap."""

@@ -29,6 +29,7 @@ from gmwm.variance.transform import (
     coefficient_counts,
     deepest_level,
     inner_coefficients,
+    loss_factor,
     pooled_counts,
     variances,
 )
@@ -45,6 +46,7 @@ def wavelet_variance(
     robust: bool = False,
     efficiency: float = 0.6,
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> WaveletVariance: ...
 @overload
 def wavelet_variance(
@@ -57,6 +59,7 @@ def wavelet_variance(
     robust: bool = False,
     efficiency: float = 0.6,
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> WaveletVariances: ...
 def wavelet_variance(
     x: Imu | Signal | ArrayLike,
@@ -68,6 +71,7 @@ def wavelet_variance(
     robust: bool = False,
     efficiency: float = 0.6,
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> WaveletVariance | WaveletVariances:
     """Estimate the wavelet variance of a signal, or of each axis of a recording, with chi-square confidence limits.
 
@@ -88,8 +92,8 @@ def wavelet_variance(
     Parameters
     ----------
     x : Imu, Signal, or (N,) array in any unit
-        Finite samples, at least 8 without a gap. For a Signal with gaps the coefficients of all segments are pooled,
-        and no coefficient extends across a gap: ν̂_j² = Σ_s M_sj ν̂_sj² / Σ_s M_sj.
+        Finite samples, at least 8 without a gap. For a Signal with gaps that are not filled, the coefficients of all
+        segments are pooled, and no coefficient extends across a gap: ν̂_j² = Σ_s M_sj ν̂_sj² / Σ_s M_sj.
     rate : float
         Sampling rate (Hz); leave it out for an Imu or a Signal.
     filter : str
@@ -106,6 +110,9 @@ def wavelet_variance(
         classical estimate and less robust. A value other than 0.6 requires `robust=True`.
     confidence : float
         Confidence level of the limits, from 0.5 to below 1.
+    fill_gaps : bool
+        Whether to fill the gaps of a Signal that are short compared with the samples around them, see
+        `Signal.fill_gaps`. The limits take account of the loss.
 
     Returns
     -------
@@ -149,7 +156,7 @@ def wavelet_variance(
     """
     measure = partial(
         signal_wavelet_variance, filter=filter, transform=transform, levels=levels, robust=robust,
-        efficiency=efficiency, confidence=confidence,
+        efficiency=efficiency, confidence=confidence, fill_gaps=fill_gaps,
     )  # fmt: skip
     if isinstance(x, Imu):
         return WaveletVariances(curves={axis: measure(signal, rate) for axis, signal in x.signals.items()})
@@ -166,6 +173,7 @@ def signal_wavelet_variance(
     robust: bool = False,
     efficiency: float = 0.6,
     confidence: float = 0.95,
+    fill_gaps: bool = True,
 ) -> WaveletVariance:
     """Estimate the wavelet variance of one signal; a recording of several axes is an error. See `wavelet_variance`."""
     as_confidence(confidence)
@@ -177,9 +185,10 @@ def signal_wavelet_variance(
         segments = [as_vector(x, "x", finite=False)]
         rate = as_rate(rate)
     else:
-        segments = signal.segment_values()
         if rate is not None and as_rate(rate) != signal.rate:
             raise contradicting_rate(rate, signal.rate, "signal")
+        signal = signal.fill_gaps() if fill_gaps else signal
+        segments = signal.segment_values()
         rate = signal.rate
     lengths = tuple(segment.size for segment in segments)
     n = max(lengths)
@@ -210,7 +219,8 @@ def signal_wavelet_variance(
         variance = _classical(segments, wavelet, transform, levels)
     if not np.all(np.isfinite(variance)):
         raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
-    lower, upper = chi_square_limits(variance, eta, confidence)
+    filled = 0 if signal is None else signal.filled
+    lower, upper = chi_square_limits(variance, eta / loss_factor(filled, sum(lengths)), confidence)
     return WaveletVariance(
         levels=numbers,
         variance=variance,
@@ -229,6 +239,7 @@ def signal_wavelet_variance(
         slope=slope,
         diagnostics=diagnostics,
         segments=lengths if len(lengths) > 1 else (),
+        filled=filled,
     )
 
 

@@ -55,7 +55,7 @@ def hadamard_variance(
     Raises
     ------
     DataError
-        If the signal has gaps, NaN or infinities, or fewer than 8 samples.
+        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
     OptionError
         If an option has an invalid value, or `rate` contradicts the rate of the Signal.
 

@@ -70,6 +70,7 @@ class SegmentedAccumulator:
         self._statistics: Statistics | None = None if collector is None else collector.empty()
         self._lengths: list[int] = []
         self._rises = 0.0
+        self.filled = 0
         self._last: SegmentState | None = None
         self._held = HeldSamples()
         self._count = 0  # samples in the sums
@@ -114,6 +115,10 @@ class SegmentedAccumulator:
         elif x.size:
             self._held.add(x)
 
+    def count_filled(self, number: int) -> None:
+        """Record that a number of the samples so far stand for lost ones, see `Signal.fill_gaps`."""
+        self.filled += number
+
     def gap(self) -> None:
         """Mark a gap: samples are missing here, and the next sample begins a new segment."""
         if len(self._held):
@@ -148,12 +153,14 @@ class SegmentedAccumulator:
         """Copy the state of another accumulator; segments are immutable, so both can share them."""
         other._fold()
         self._first, self._last, self._rises = other._first, other._last, other._rises
+        self.filled = other.filled
         self._count = other._count
         self._squares, self._counts = other._squares.copy(), other._counts.copy()
         self._lengths, self._statistics = list(other._lengths), other._statistics
 
     def _append(self, following: Self) -> None:
         """Append a part that directly follows."""
+        self.filled += following.filled
         following._fold()
         self._count += following._count
         for part, ended in ((following._first, True), (following._last, False)):

@@ -69,7 +69,7 @@ def phase_of(
     Parameters
     ----------
     x : Signal, or (N,) array
-        At least 8 finite samples without a gap.
+        At least 8 finite samples, without a gap that cannot be filled.
     rate : float
         Samples per second (Hz); taken from a Signal.
     data : "rate" or "phase"
@@ -82,7 +82,7 @@ def phase_of(
     Raises
     ------
     DataError
-        If the signal has gaps, NaN or infinities, or fewer than 8 samples.
+        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
     OptionError
         If `data` is unknown, or `rate` contradicts the Signal's.
     """
@@ -90,7 +90,7 @@ def phase_of(
     if isinstance(x, Signal):
         if rate is not None and rate != x.rate:
             raise contradicting_rate(rate, x.rate, "signal")
-        values, rate, unit, axis = x.whole(), x.rate, x.unit, x.axis
+        values, rate, unit, axis = x.fill_gaps().whole(), x.rate, x.unit, x.axis
     else:
         values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), as_rate(rate), "", ""
     if values.size < MINIMUM_SAMPLES:

@@ -17,7 +17,7 @@ from gmwm.errors import DataError
 from gmwm.filters import find_filter
 from gmwm.options import one_of
 from gmwm.remarks import Quantity, Remark, texts
-from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, pooled_counts
+from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, loss_factor, pooled_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,6 +59,8 @@ class WaveletVariance(Summarised):
         Whether the estimates are robust, and their efficiency under Gaussian noise; None for classical estimates.
     diagnostics : mapping
         Details of each level; for robust estimates see `wavelet_variance`.
+    filled : int
+        Number of samples that stand for lost ones, see `Signal.fill_gaps`; they are included in `samples`.
     strides : tuple of int
         Distance (samples) between the coefficients of each level; () if all were used, see `WaveletAccumulator`.
     slope : float or None
@@ -98,6 +100,7 @@ class WaveletVariance(Summarised):
     slope: float | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     segments: tuple[int, ...] = ()
+    filled: int = 0
     strides: tuple[int, ...] = ()
     excess: Matrix | None = None
     model_error: float = 0.0
@@ -132,7 +135,7 @@ class WaveletVariance(Summarised):
         """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1), for a DWT M_j (Percival 1995).
 
         For several segments M_j² / Σ_s (M_sj² / η_sj), with η_sj ≥ 1. For a robust estimate this is multiplied by the
-        efficiency, which is conservative, because correlated coefficients lose less.
+        efficiency, which is conservative, because correlated coefficients lose less, and divided by `loss_factor`.
         """
         if self.segments:
             _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
@@ -140,7 +143,12 @@ class WaveletVariance(Summarised):
             # Coefficients at a distance of τ/64 have nearly the information of all coefficients.
             counts = self.counts * np.array(self.strides, dtype=np.int64) if self.strides else self.counts
             eta = degrees_of_freedom(counts, self.levels, self.transform)
-        return eta * (1.0 if self.efficiency is None else self.efficiency)
+        return eta * (1.0 if self.efficiency is None else self.efficiency) / self.loss_factor
+
+    @property
+    def loss_factor(self) -> float:
+        """Factor of the covariance of the estimates due to filled samples, see `loss_factor`."""
+        return loss_factor(self.filled, self.samples)
 
     @property
     def longest(self) -> int:
@@ -151,7 +159,8 @@ class WaveletVariance(Summarised):
     def extent(self) -> str:
         """Number of samples and segments, and the rate, as text."""
         apart = f" in {len(self.segments)} segments" if self.segments else ""
-        return f"{self.samples} samples{apart} at {self.rate:g} Hz"
+        filled = f", {self.filled} of them filled," if self.filled else ""
+        return f"{self.samples} samples{filled}{apart} at {self.rate:g} Hz"
 
     @classmethod
     def from_values(
@@ -260,6 +269,7 @@ class WaveletVariance(Summarised):
             "rate": self.rate,
             "samples": self.samples,
             "segments": list(self.segments),
+            "filled": self.filled,
             "strides": list(self.strides),
             "unit": self.unit,
             "axis": self.axis,

@@ -252,7 +252,7 @@ def dwt(
 def _checked(
     x: Signal | ArrayLike, filter: str | WaveletFilter, levels: int | None, boundary: Boundary
 ) -> tuple[Vector, WaveletFilter, int]:
-    values = x.whole() if isinstance(x, Signal) else as_vector(x, "x", at_least=2)
+    values = x.fill_gaps().whole() if isinstance(x, Signal) else as_vector(x, "x", at_least=2)
     one_of(boundary, "boundary", ("periodic", "reflection"))
     deepest = values.size.bit_length() - 1
     return values, find_filter(filter), as_level_count(levels, deepest, values.size)
@@ -308,6 +308,8 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
 
 # --- which coefficients make an estimate --------------------------------------------------------------
 
+LOSS = 2.5
+"""Increase of the covariance of wavelet variances per share of filled samples (tests/filling)."""
 Transform = Literal["modwt", "dwt"]
 """Maximal overlap, or decimated."""
 
@@ -361,6 +363,14 @@ def degrees_of_freedom(
 ) -> NDArray[np.float64]:
     """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1), and M_j of the decimated transform (Percival 1995)."""
     return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, levels)), 1.0)
+
+
+def loss_factor(filled: int, samples: int) -> float:
+    """Factor by which filled samples increase the covariance of wavelet variances: 1 + 2.5 p for a share p of them.
+
+    A filled sample brings no information, and the scatter of its own. Measured in tests/filling.
+    """
+    return 1.0 + LOSS * filled / samples
 
 
 def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
