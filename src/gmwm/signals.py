@@ -156,15 +156,7 @@ class Signal:
         edges = np.flatnonzero(np.diff(np.concatenate(([False], present, [False])).astype(np.int8))).reshape(-1, 2)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()
-        return cls(
-            values=vector[present],
-            rate=rate,
-            unit=unit,
-            axis=axis,
-            start=starts[0],
-            segments=list(pairwise(ends)),
-            starts=starts,
-        )
+        return cls(vector[present], rate, unit, axis, segments=list(pairwise(ends)), starts=starts)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The constructor makes the array of a copy read-only as well.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -34,7 +34,7 @@ from gmwm.regression.conditions import NOTHING, Conditions
 from gmwm.signals import Imu, Signal
 from gmwm.spectrum import PowerSpectrum, SpectrumAccumulator
 from gmwm.streaming.cluster import part_levels, spread
-from gmwm.streaming.passes import AxisCurves, Measurement, curves_of, measure, unit_of
+from gmwm.streaming.passes import AxisCurves, Measurement, curves_of, measure, shown, unit_of
 from gmwm.streaming.scheduling import connected
 from gmwm.variance.result import WaveletVariance
 
@@ -327,7 +327,7 @@ def _first_pass(
     conditions: Conditions = NOTHING,
 ) -> None:
     also = None if inspector is None else inspector.update
-    measure(map(conditions.batch, _shown(batches, also)), measured, threads)
+    measure(map(conditions.batch, shown(batches, also)), measured, threads)
 
 
 def _second_pass(
@@ -340,19 +340,8 @@ def _second_pass(
 ) -> None:
     """Complete the curves that need a second pass, in one with the inspection."""
     again = {axis: one for axis, one in curves.items() if one.begin_again()}
-    if again:
-        measure(map(conditions.batch, _shown(batches, also)), again, threads)
-    elif also is not None:
-        for batch in batches:
-            also(batch)
-
-
-def _shown(batches: Batches, also: Callable[[Batch], None] | None) -> Iterator[Batch]:
-    """The batches, each of which is passed to a function before."""
-    for batch in batches:
-        if also is not None:
-            also(batch)
-        yield batch
+    if again or also:
+        measure(map(conditions.batch, shown(batches, also)), again, threads)
 
 
 def _inspected(

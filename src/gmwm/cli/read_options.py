@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from gmwm.cli.durations import parse_length
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.units import SI_UNIT
 
@@ -278,17 +278,6 @@ def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] |
             raise OptionError(argument="columns", expected=expected, got=part)
         columns[axis] = int(column) if column.isdecimal() else column or None
     return columns
-
-
-def require_whole(imu: Imu) -> None:
-    """Raise a DataError if a recording has gaps, for quantities that need one segment."""
-    if len(imu.segments) > 1:
-        sizes = ", ".join(str(stop - start) for start, stop in imu.segments[:5])
-        raise DataError(
-            f"the recording has gaps: {len(imu.segments)} segments of {sizes}{', …' if len(imu.segments) > 5 else ''} "
-            "samples",
-            advice="To use only the longest segment, pass {--gaps=longest}.",
-        )
 
 
 def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:

@@ -191,7 +191,9 @@ def _widths(least: int, most: int, ratio: int) -> list[int]:
     return out
 
 
-def _autocovariance(known: _Known, width: int, size: int, ranges: Sequence[Range], rng: np.random.Generator) -> Matrix:
+def _autocovariance(
+    known: _Known, width: int, size: int, *, ranges: Sequence[Range], rng: np.random.Generator
+) -> Matrix:
     """Covariance (size, size) of consecutive samples about the level that both sides of them give.
 
     It is the variance less half of the mean square of differences at each lag. In a wandering signal these are far
@@ -236,7 +238,7 @@ class _Prediction:
         longest = max(int(known.before[last] - known.before[first]) for first, last in ranges)
         near = _neighbours(longest)
         width = known.best_width(4 * near, _widths(4 * near, longest // 8, 2), rng, ranges)
-        return cls(near, width, _autocovariance(known, width, 4 * near, ranges, rng))
+        return cls(near, width, _autocovariance(known, width, 4 * near, ranges=ranges, rng=rng))
 
     def within(self, known: _Known) -> _Prediction:
         """The prediction for a range with fewer samples."""

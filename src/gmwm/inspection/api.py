@@ -147,7 +147,11 @@ class FirstPass:
             remarks=recording.remarks,
             base=base,
             extent=Extent.of(
-                recording.rate, self._segments.ranges, self._segments.starts, base.left, self._segments.gaps_known
+                recording.rate,
+                self._segments.ranges,
+                self._segments.starts,
+                base.left,
+                gaps_known=self._segments.gaps_known,
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
             values=self._batches.values,

@@ -43,7 +43,7 @@ class Extent:
 
     @classmethod
     def of(
-        cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, gaps_known: bool = True
+        cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, *, gaps_known: bool = True
     ) -> Extent:
         """Extent of segments whose start times are known on any clock; the first sample is at the time `left` (s)."""
         begins = begins_of(rate, segments, clock)

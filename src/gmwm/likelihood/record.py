@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,28 +71,17 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """The recording as a signal with segments, for its wavelet variance. Segments that are too short are left out.
+        """The recording as a signal with its short gaps filled, for its wavelet variance.
 
-        If most samples lie in such segments, missing samples are interpolated linearly instead.
+        If most samples lie in segments that are too short, missing samples are interpolated linearly instead.
         """
-        there = np.isfinite(self.values)
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
-        runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= MINIMUM_SAMPLES]
-        kept = sum(b - a for a, b in runs)
-        if 2 * kept < np.count_nonzero(there):
-            index = np.flatnonzero(there)
-            whole = np.interp(np.arange(index[0], index[-1] + 1), index, self.values[index])
-            return Signal(whole, self.rate, self.unit, self.axis)
-        ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
-        return Signal(
-            values=np.concatenate([self.values[a:b] for a, b in runs]),
-            rate=self.rate,
-            unit=self.unit,
-            axis=self.axis,
-            start=0.0,
-            segments=list(pairwise(ends)),
-            starts=[a / self.rate for a, _ in runs],
-        )
+        signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
+        kept = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
+        if 2 * kept >= len(signal):
+            return signal
+        index = np.flatnonzero(np.isfinite(self.values))
+        whole = np.interp(np.arange(index[0], index[-1] + 1), index, self.values[index])
+        return Signal(whole, self.rate, self.unit, self.axis)
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:

@@ -9,10 +9,10 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
-from gmwm.batches import Segments, Streamed, batches
+from gmwm.batches import Batch, Segments, Streamed, batches
 from gmwm.regression.blocks import Clock
 from gmwm.signals import Signal
-from gmwm.streaming.passes import add_batch, curves_of
+from gmwm.streaming.passes import curves_of, measure, shown
 from gmwm.variance.result import WaveletVariance
 
 
@@ -54,9 +54,9 @@ class Seen:
         segments, parts = Segments(), list[Vector]()
         sums = {axis: np.zeros(0) for axis in recording.axes}
         measured = curves_of(recording, recording.axes, robust=False) if curves else {}
-        for batch in batches(recording):
+
+        def see(batch: Batch) -> None:
             segments.update(batch)
-            add_batch(batch, measured, threads)
             if batch.temperature is not None:
                 parts.append(batch.temperature)
             clock = Clock.of(recording.rate, tuple(segments.ranges), tuple(segments.starts), length=length)
@@ -65,6 +65,8 @@ class Seen:
                 added = own.sums(signal.values, clipped=True)
                 added[: sums[axis].size] += sums[axis]
                 sums[axis] = added
+
+        measure(shown(batches(recording), see), measured, threads)
         temperature = np.concatenate(parts) if parts else None
         count = segments.ranges[-1][1]
         values = np.zeros(count) if temperature is None else temperature

@@ -27,7 +27,15 @@ from gmwm.selection.comparison import difference_error
 from gmwm.selection.equivalence import SURELY, as_good
 from gmwm.selection.options import DRAWS, RankingOptions, Weights
 from gmwm.selection.ranking import SAME, Candidate, Ranking
-from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
+from gmwm.selection.structure import (
+    freedom,
+    nested,
+    shown_by,
+    structure_of,
+    within,
+    without_drift,
+    without_values,
+)
 from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
 
@@ -142,8 +150,8 @@ def select_within(
     progress: Progress | None = None,
 ) -> Ranking:
     """The ranking of every model within a general one, by checked options; all contain the `required` terms."""
-    optional = without_values(as_model(general))
     recordings = _recordings(data, rate, robust, efficiency, against=against)
+    optional = without_drift(without_values(as_model(general)), recordings)
     models = nested(optional)
     if required:
         models = [*(Model((*model.processes, *required)) for model in models), Model(tuple(required))]

@@ -30,7 +30,7 @@ from gmwm.selection.api import select_within
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.ranking import Candidate, Ranking
 from gmwm.selection.shape_error import band_errors, process_of, with_sampling_error, with_shape_error
-from gmwm.selection.structure import freedom, nested, without_values
+from gmwm.selection.structure import freedom, nested, without_drift, without_values
 from gmwm.spectrum.result import PowerSpectrum
 from gmwm.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.variance.result import WaveletVariance
@@ -212,7 +212,7 @@ def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
     """The largest sum of a family, with the required terms, that has at most as many parameters as levels."""
-    optional = without_values(as_model(family))
+    optional = without_drift(without_values(as_model(family)), [wv])
     whole = Model((*optional.processes, *required))
     if freedom(whole) <= len(wv):
         return whole

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import product
 
 from gmwm.errors import ModelError
 from gmwm.estimation.result import Fit
 from gmwm.processes.base import Process
+from gmwm.processes.drift import DR
 from gmwm.processes.model import Model
 from gmwm.processes.ordered import find_class
+from gmwm.variance.result import WaveletVariance
 
+FELT = 0.1
+"""Share of a drift in the wavelet variance of the longest scale, below which the segments of a recording cannot show
+it (tests/selection/test_gaps.py)."""
 MOST_CANDIDATES = 5000
 """Number of candidates above which `select` refuses a general model (tests/selection/test_ranking.py)."""
 
@@ -23,6 +28,24 @@ def without_values(model: Model) -> Model:
     return Model(
         tuple(p.with_values(**{q.name: None for q in p.parameters if not p.is_fixed(q.name)}) for p in model.processes)
     )
+
+
+def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
+    """The sum without drifts, if the recordings as a whole do not rise by as much as a drift in their segments would.
+
+    Inside short segments a slow random process looks like a drift. Over the whole recording, with its gaps, a drift
+    would rise far more.
+    """
+    if any(wv.rise is None or _is_felt(wv.rise, wv) for wv in recordings):
+        return general
+    others = tuple(p for p in general.processes if not isinstance(p, DR))
+    return Model(others) if others else general
+
+
+def _is_felt(rise: float, wv: WaveletVariance) -> bool:
+    """Whether a drift of this rise per sample is part of the curve at its longest scale."""
+    felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
+    return bool(felt[0] >= FELT * wv.variance[-1])
 
 
 def nested(general: Model) -> list[Model]:

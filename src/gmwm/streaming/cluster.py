@@ -24,7 +24,7 @@ from gmwm.readers.builder import RowSummary
 from gmwm.readers.parts import Part, PartReader
 from gmwm.readers.streams import FileRows, Stream
 from gmwm.signals import Signal
-from gmwm.streaming.passes import AxisCurves, Change, feed_filled, measure
+from gmwm.streaming.passes import AxisCurves, Change, measure
 from gmwm.streaming.scheduling import connected, library
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.open_segments import SegmentedAccumulator, exact_levels
@@ -173,7 +173,7 @@ class _PartMeasurement:
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add samples."""
-        feed_filled(self.one, signal, continues)
+        self.one.feed(signal, continues)
 
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -21,7 +21,7 @@ from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import SegmentedAccumulator, exact_levels, held_samples
+from gmwm.variance.open_segments import exact_levels, held_samples
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.second_pass import SecondPass
 
@@ -43,7 +43,14 @@ class Measurement(Protocol):
 
 
 def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:
-    """Add all batches to the measurements of some axes, one thread for each axis, with short gaps filled."""
+    """Add all batches to the measurements of some axes, one thread for each axis, with short gaps filled.
+
+    All batches are read even if no axis is measured.
+    """
+    if not measured:
+        for _ in batches:
+            pass
+        return
 
     def cleaned(batch: Batch) -> Batch:
         signals = in_threads(lambda axis, one: one.clean(batch.signals[axis]), measured, threads=threads)
@@ -54,6 +61,14 @@ def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threa
 
     for batch in filled(map(cleaned, batches), threads):
         add(batch)
+
+
+def shown(batches: Iterable[Batch], to: Callable[[Batch], None] | None) -> Iterator[Batch]:
+    """Pass each batch to a function before it is measured."""
+    for batch in batches:
+        if to is not None:
+            to(batch)
+        yield batch
 
 
 class AxisCurves:
@@ -90,7 +105,7 @@ class AxisCurves:
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add samples in the current pass."""
-        feed_filled(self.first if self.second is None else self.second, signal, continues)
+        (self.first if self.second is None else self.second).feed(signal, continues)
 
     def begin_again(self) -> bool:
         """After the first pass: whether a second one is needed. `update` then belongs to it."""
@@ -250,12 +265,6 @@ def stream_psd(
     }
     measure(Batches(stream, done), {axis: _Spectrum(one) for axis, one in measured.items()})
     return PowerSpectra(spectra=in_threads(lambda _, one: one.result(confidence), measured))
-
-
-def feed_filled(one: SegmentedAccumulator, signal: Signal, continues: bool) -> None:
-    """Add samples, some of which may stand for lost ones, to the sums of a wavelet variance."""
-    feed(one, signal, continues)
-    one.count_filled(signal.filled)
 
 
 class _Spectrum(NamedTuple):

@@ -17,6 +17,7 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
+from gmwm.variance.rise import RiseSums
 from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.second_pass import SecondPass, sum_request
 from gmwm.variance.segment_state import SegmentState
@@ -139,10 +140,11 @@ class WaveletAccumulator(SegmentedAccumulator):
             self._require_counts()
         self._require_samples()
         if self.holds_all:
-            return signal_wavelet_variance(
+            wv = signal_wavelet_variance(
                 self._signal(), levels=min(self.levels, max(self.lengths).bit_length() - 1), robust=robust,
                 efficiency=efficiency, confidence=confidence, fill_gaps=False,
             )  # fmt: skip
+            return replace(wv, rise=self.rise)
         if not robust:
             return self._curve(confidence)
         return self._curve(confidence, robust_variances(self._sketched(), efficiency), efficiency)
@@ -231,6 +233,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             slope=self._slope() if found is None else slope,
             segments=lengths if len(lengths) > 1 else (),
             filled=self.filled,
+            rise=self.rise,
             strides=_strides(self.exact, counts.size),
             robust=found is not None,
             efficiency=efficiency,
@@ -249,6 +252,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             "rate": self.rate, "levels": self.levels, "exact": self.exact, "start": self.start, "unit": self.unit,
             "axis": self.axis, "squares": self._squares, "counts": self._counts,
             "lengths": np.array(self._lengths, dtype=np.int64), "rises": self._rises, "filled": self.filled,
+            "line": np.array(self._line),
             "robust": self.robust, "every": self._thinned.every, "some": self._thinned.values,
             "some_first": self._thinned.first,
             **dict(zip(("bins", "resolutions"), kept.to_arrays(), strict=True)),
@@ -275,7 +279,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             made._counts = np.array(values["counts"], dtype=np.int64).reshape(made.levels)
             made._lengths = [int(length) for length in values["lengths"]]
             made._rises = float(values["rises"])
-            made.filled = int(values["filled"])
+            made.filled, made._line = int(values["filled"]), RiseSums(*map(float, values["line"]))
             if made.robust:
                 made._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
             some = np.array(values["some"], dtype=np.float64)

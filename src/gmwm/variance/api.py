@@ -22,6 +22,7 @@ from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.variance.result import WaveletVariance
+from gmwm.variance.rise import RiseSums
 from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.transform import (
     Transform,
@@ -240,6 +241,7 @@ def signal_wavelet_variance(
         diagnostics=diagnostics,
         segments=lengths if len(lengths) > 1 else (),
         filled=filled,
+        rise=None if signal is None or len(lengths) == 1 else RiseSums.of(signal).slope(),
     )
 
 

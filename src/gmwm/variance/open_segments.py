@@ -9,8 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_vector
 from gmwm._text import with_article
+from gmwm.batches import feed
 from gmwm.errors import OptionError
+from gmwm.signals import Signal
 from gmwm.variance.held_samples import HeldSamples
+from gmwm.variance.rise import RiseSums
 from gmwm.variance.segment_state import SegmentState
 from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
@@ -70,7 +73,7 @@ class SegmentedAccumulator:
         self._statistics: Statistics | None = None if collector is None else collector.empty()
         self._lengths: list[int] = []
         self._rises = 0.0
-        self.filled = 0
+        self.filled, self._line = 0, RiseSums()
         self._last: SegmentState | None = None
         self._held = HeldSamples()
         self._count = 0  # samples in the sums
@@ -115,9 +118,16 @@ class SegmentedAccumulator:
         elif x.size:
             self._held.add(x)
 
-    def count_filled(self, number: int) -> None:
-        """Record that a number of the samples so far stand for lost ones, see `Signal.fill_gaps`."""
-        self.filled += number
+    def feed(self, signal: Signal, continues: bool = False) -> None:
+        """Add a signal, some of whose samples may stand for lost ones, and which may continue the last segment."""
+        feed(self, signal, continues)
+        self.filled += signal.filled
+        self._line = self._line.followed_by(RiseSums.of(signal))
+
+    @property
+    def rise(self) -> float | None:
+        """Mean rise per sample over all segments; None for one, and if the lengths of the gaps are not known."""
+        return self._line.slope() if len(self.lengths) > 1 and self._line.number == len(self) else None
 
     def gap(self) -> None:
         """Mark a gap: samples are missing here, and the next sample begins a new segment."""
@@ -153,7 +163,7 @@ class SegmentedAccumulator:
         """Copy the state of another accumulator; segments are immutable, so both can share them."""
         other._fold()
         self._first, self._last, self._rises = other._first, other._last, other._rises
-        self.filled = other.filled
+        self.filled, self._line = other.filled, other._line
         self._count = other._count
         self._squares, self._counts = other._squares.copy(), other._counts.copy()
         self._lengths, self._statistics = list(other._lengths), other._statistics
@@ -161,6 +171,7 @@ class SegmentedAccumulator:
     def _append(self, following: Self) -> None:
         """Append a part that directly follows."""
         self.filled += following.filled
+        self._line = self._line.followed_by(following._line)
         following._fold()
         self._count += following._count
         for part, ended in ((following._first, True), (following._last, False)):

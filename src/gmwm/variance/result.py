@@ -61,6 +61,9 @@ class WaveletVariance(Summarised):
         Details of each level; for robust estimates see `wavelet_variance`.
     filled : int
         Number of samples that stand for lost ones, see `Signal.fill_gaps`; they are included in `samples`.
+    rise : float or None
+        Mean rise per sample over the whole recording with its gaps, by least squares; None without gaps that are not
+        filled, and if their lengths are not known.
     strides : tuple of int
         Distance (samples) between the coefficients of each level; () if all were used, see `WaveletAccumulator`.
     slope : float or None
@@ -101,6 +104,7 @@ class WaveletVariance(Summarised):
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     segments: tuple[int, ...] = ()
     filled: int = 0
+    rise: float | None = None
     strides: tuple[int, ...] = ()
     excess: Matrix | None = None
     model_error: float = 0.0
@@ -270,6 +274,7 @@ class WaveletVariance(Summarised):
             "samples": self.samples,
             "segments": list(self.segments),
             "filled": self.filled,
+            "rise": self.rise,
             "strides": list(self.strides),
             "unit": self.unit,
             "axis": self.axis,
