@@ -8,8 +8,10 @@ import pytest
 import gmwm
 from gmwm import Imu, Signal, batches
 from gmwm.batches import Batch, Batches, joined
+from gmwm.chunks import Chunk
 from gmwm.filling import filled, gaps
 from gmwm.filling.gaps import joined_ranges
+from gmwm.streaming.passes import feed_chunks
 
 RATE = 100.0
 
@@ -134,3 +136,17 @@ def test_a_recording_that_is_iterated_twice_is_filled_in_the_same_way():
     source = Batches(Imu({"gyro_x": x}))
     one, two = (as_one(filled(source), "gyro_x").values.tolist() for _ in range(2))
     assert one == two
+
+
+def test_a_recording_that_is_watched_shows_long_scales_across_gaps():
+    x = recording(8)[0]
+    chunks = [
+        Chunk({"gyro_x": x.values[k : min(k + 100, last)]}, k, number, start + (k - first) / RATE)
+        for number, ((first, last), start) in enumerate(zip(x.segments, x.starts, strict=True))
+        for k in range(first, last, 100)
+    ]
+    live = gmwm.WaveletAccumulator(RATE)
+    feed_chunks(chunks, {"gyro_x": live})
+    found, expected = live.result(), gmwm.wavelet_variance(x)
+    assert (found.filled, found.segments, len(found)) == (expected.filled, expected.segments, len(expected))
+    assert found.variance[:10] == pytest.approx(expected.variance[:10], rel=0.1)

@@ -6,7 +6,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +25,7 @@ from gmwm.signals import MINIMUM_SAMPLES
 if TYPE_CHECKING:
     from rich.text import Text
 
+    from gmwm.chunks import Chunk
     from gmwm.processes.model import Model
     from gmwm.readers.growing_files import GrowingFile, GrowingPipe
     from gmwm.readers.streams import Stream
@@ -120,16 +121,21 @@ def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View
     """Feed the accumulators until the source ends. Returns the error that ended it, if there is a result."""
     from gmwm.streaming.passes import feed_chunks
 
-    with view.shown(measured):
+    failures: list[GmwmError] = []
+
+    def chunks() -> Iterator[Chunk]:
         try:
-            feed_chunks(source, measured)
+            yield from source
         except KeyboardInterrupt:
             pass  # While Polars reads, its own handler of Ctrl-C raises this: a normal end.
         except GmwmError as error:
-            if not all(len(made) >= MINIMUM_SAMPLES for made in measured.values()):
-                raise
-            return error
-    return None
+            failures.append(error)
+
+    with view.shown(measured), suppress(KeyboardInterrupt):
+        feed_chunks(chunks(), measured)
+    if failures and not all(len(made) >= MINIMUM_SAMPLES for made in measured.values()):
+        raise failures[0]
+    return failures[0] if failures else None
 
 
 class _View:

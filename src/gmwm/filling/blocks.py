@@ -26,13 +26,16 @@ def fill_gaps(signal: Signal) -> Signal:
     return joined(list(filled([Batch({signal.axis: signal})]))).signals[signal.axis]
 
 
-def filled(batches: Iterable[Batch], threads: int | None = None) -> Iterator[Batch]:
+def filled(
+    batches: Iterable[Batch], threads: int | None = None, *, block: int = 0, context: int = 0
+) -> Iterator[Batch]:
     """Fill the short gaps of a recording: see `Signal.fill_gaps`. The axes of a batch are filled in threads.
 
     Samples without short gaps are passed on as they come. Others wait until their block is complete, with the context
-    after it.
+    after it. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.
     """
-    window = _Window()
+    block, context = block or gaps.BLOCK, context or gaps.CONTEXT
+    window = _Window(block, context)
     passed = 0  # number of samples that were passed on
     for batch in batches:
         waited = passed < window.stop
@@ -40,12 +43,12 @@ def filled(batches: Iterable[Batch], threads: int | None = None) -> Iterator[Bat
         if not waited and not window.ends_in_short_gaps(batch):
             yield batch
             passed = window.stop
-        while (last := (passed // gaps.BLOCK + 1) * gaps.BLOCK) + gaps.CONTEXT <= window.stop:
+        while (last := (passed // block + 1) * block) + context <= window.stop:
             yield window.filled(passed, last, threads)
             passed = last
-        window.forget(passed // gaps.BLOCK * gaps.BLOCK - gaps.CONTEXT)
+        window.forget(passed // block * block - context)
     while passed < window.stop:
-        last = min((passed // gaps.BLOCK + 1) * gaps.BLOCK, window.stop)
+        last = min((passed // block + 1) * block, window.stop)
         yield window.filled(passed, last, threads)
         passed = last
 
@@ -53,7 +56,8 @@ def filled(batches: Iterable[Batch], threads: int | None = None) -> Iterator[Bat
 class _Window:
     """The batches that a block may need. Samples are counted from the first one of the first batch."""
 
-    def __init__(self) -> None:
+    def __init__(self, block: int, context: int) -> None:
+        self._block, self._context = block, context
         self._parts: list[Batch] = []
         self._first = self.stop = 0
 
@@ -76,13 +80,13 @@ class _Window:
 
     def filled(self, first: int, last: int, threads: int | None) -> Batch:
         """Samples number `first` … `last` − 1 of a block with their gaps, and the one before them, filled."""
-        block = first // gaps.BLOCK
-        begin = max(block * gaps.BLOCK - gaps.CONTEXT, self._first)
-        end = (block + 1) * gaps.BLOCK + gaps.CONTEXT
+        number = first // self._block
+        begin = max(number * self._block - self._context, self._first)
+        end = (number + 1) * self._block + self._context
         self._parts = [joined(self._parts)]
         part = self._parts[0].between(begin - self._first, end - self._first)
         one = next(iter(part.signals.values()))
-        filling = Filling(one.rate, one.segments, one.starts, first=first - begin, last=last - begin, seed=block)
+        filling = Filling(one.rate, one.segments, one.starts, first=first - begin, last=last - begin, seed=number)
 
         def fill(_: str, signal: Signal) -> Signal:
             values = freeze(filling.of(signal.values))

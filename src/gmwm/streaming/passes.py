@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from gmwm._threads import in_threads
 from gmwm.axis_names import axis_quantity
-from gmwm.batches import Accumulator, Batch, Batches, Streamed, feed
+from gmwm.batches import Batch, Batches, Streamed, feed
 from gmwm.chunks import Chunk
 from gmwm.errors import DataError, OptionError
 from gmwm.filling import filled
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 
 Change = Callable[[Signal], Signal]
 """What is done to the samples of an axis before their gaps are filled."""
+
+
+LIVE_BLOCK = 1 << 13
+"""Samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. A choice."""
 
 
 class Measurement(Protocol):
@@ -236,15 +240,22 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
     return recording[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
 
 
-def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, Accumulator]) -> None:
-    """Add chunks to the accumulators of some axes as they arrive."""
-    segment = 0
-    for chunk in chunks:
+def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
+    """Add chunks to the accumulators of some axes as they arrive; gaps are filled in small blocks, without delay."""
+
+    def batches() -> Iterator[Batch]:
+        segment = -1
+        for chunk in chunks:
+            signals = {
+                axis: Signal(chunk.values[axis], one.rate, one.unit, axis, starts=(chunk.start,))
+                for axis, one in measured.items()
+            }
+            yield Batch(signals, chunk.first, chunk.segment == segment)
+            segment = chunk.segment
+
+    for batch in filled(batches(), 1, block=LIVE_BLOCK, context=LIVE_BLOCK // 2):
         for axis, one in measured.items():
-            if chunk.segment != segment:
-                one.gap()
-            one.update(chunk.values[axis])
-        segment = chunk.segment
+            one.feed(batch.signals[axis], batch.continues)
 
 
 def stream_psd(
