@@ -189,6 +189,8 @@ class Batches:
                 self._only = batch
             yield batch
             del batch  # before the next one is gathered
+            if not isinstance(self.recording, Imu):
+                return_memory()
         self._samples = stop
 
     def each(self, *work: Callable[[Batch], None]) -> None:
@@ -197,8 +199,6 @@ class Batches:
             for one in work:
                 one(batch)
             del batch
-            if not isinstance(self.recording, Imu):
-                return_memory()
 
     def values(self, axis: str, first: int, last: int) -> Vector:
         """Samples number `first` … `last` − 1 of an axis."""

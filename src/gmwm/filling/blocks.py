@@ -46,6 +46,7 @@ def filled(
         while (last := (passed // block + 1) * block) + context <= window.stop:
             yield window.filled(passed, last, threads)
             passed = last
+        del batch
         window.forget(passed // block * block - context)
     while passed < window.stop:
         last = min((passed // block + 1) * block, window.stop)

@@ -65,6 +65,7 @@ def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threa
 
     for batch in filled(map(cleaned, batches), threads):
         add(batch)
+        del batch  # before the next one is gathered
 
 
 def shown(batches: Iterable[Batch], to: Callable[[Batch], None] | None) -> Iterator[Batch]:
@@ -73,6 +74,7 @@ def shown(batches: Iterable[Batch], to: Callable[[Batch], None] | None) -> Itera
         if to is not None:
             to(batch)
         yield batch
+        del batch
 
 
 class AxisCurves:
