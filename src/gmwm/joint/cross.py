@@ -162,7 +162,7 @@ def _signals(x: Any, rate: float | None) -> dict[str, Signal]:
             item = Signal(as_vector(item, name), as_rate(rate), "", name)
         elif rate is not None and as_rate(rate) != item.rate:
             raise DataError(f"rate={rate:g} contradicts the rate of {name}, {item.rate:g} Hz", argument="rate")
-        found[name] = item
+        found[name] = item.fill_gaps()
     if len(found) < 2:
         raise DataError(argument="x", expected="at least two signals", got=list(found))
     first, *others = found
