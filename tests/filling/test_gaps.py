@@ -10,6 +10,7 @@ from gmwm import Signal
 from gmwm.covariance import Design, covariance
 from gmwm.errors import DataError
 from gmwm.processes.model import as_model
+from gmwm.variance.transform import dwt, modwt
 from tests.helpers import raises
 
 RATE = 100.0
@@ -105,7 +106,7 @@ def test_scatter_of_estimates_is_that_of_the_covariance():
 
 @pytest.mark.parametrize(
     "measure",
-    [gmwm.allan_variance, gmwm.hadamard_variance, gmwm.total_variance, gmwm.modwt, gmwm.dwt, gmwm.psd],
+    [gmwm.allan_variance, gmwm.hadamard_variance, gmwm.total_variance, modwt, dwt, gmwm.psd],
     ids=lambda f: f.__name__,
 )
 def test_every_measure_takes_gaps(measure):
