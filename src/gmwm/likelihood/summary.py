@@ -88,7 +88,7 @@ def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
     if fit.level is not None:
         lines.append(f"mean {fit.level:.6g} ± {fit.level_error:.2g} {fit.unit}".rstrip())
     if fit.regression is not None:
-        lines += fit.regression.summary().splitlines()
+        lines.append(fit.regression.summary())
     if residuals is not None:
         lines.append(f"residuals: {checks_in_words(residuals)}")
     return lines
