@@ -22,7 +22,9 @@ from gmwm.regression.covariates import Covariates
 NAME = "regression"
 SEED = 20261123
 SAMPLES = 1 << 15
-REPEATS = 100
+REPEATS = 24
+MORE = 40
+"""Series of each row of the later parts, which take less time."""
 BLOCK = 32
 """Block whose means give the covariance matrix of generalised least squares."""
 
@@ -62,7 +64,7 @@ SLOPE = 0.1
 def run(reduced: bool = False) -> dict[str, Any]:
     """Coverage and size for each noise and course, and the slope under each departure."""
     rows: list[dict[str, Any]] = []
-    count = 4 if reduced else REPEATS
+    count, more = (4, 4) if reduced else (REPEATS, MORE)
     names, courses = (list(NOISES)[1:2], COURSES[:1]) if reduced else (list(NOISES), COURSES)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -76,14 +78,14 @@ def run(reduced: bool = False) -> dict[str, Any]:
         for place, reading in enumerate(READINGS[:1] if reduced else READINGS):
             for turn, course in enumerate(COURSES[:1] if reduced else ("warm-up", "day cycle")):
                 rng = np.random.default_rng([SEED, 2, place, turn])
-                rows.append({"reading": reading, "course": course, **_read(reading, course, count, rng)})
+                rows.append({"reading": reading, "course": course, **_read(reading, course, more, rng)})
         for place, (name, course) in enumerate(CHANGES[:1] if reduced else CHANGES):
             for change in (0.0, 0.02):
                 rng = np.random.default_rng([SEED, 3, place, int(change > 0)])
                 rows.append({"changing": name, "course": course, "change": change,
-                             **_changed(name, course, change, count=count, rng=rng)})  # fmt: skip
+                             **_changed(name, course, change, count=more, rng=rng)})  # fmt: skip
         rng = np.random.default_rng([SEED, 4])
-        rows.append({"conditions": "WN + RW", **_known(count, rng)})
+        rows.append({"conditions": "WN + RW", **_known(more, rng)})
     return {"samples": SAMPLES, "rows": rows}
 
 
