@@ -247,7 +247,7 @@ class Signal:
         return plot_signal(self, units=units, ax=ax, path=path)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-        """Write the signal to a file as a recording of one axis, which is one of an IMU: see `Imu.write`."""
+        """Write the signal as a recording of one axis to the file `path` in a `format`: see `Imu.write`."""
         from gmwm.writers import write
 
         write(self, path, format=format)

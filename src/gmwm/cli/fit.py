@@ -52,7 +52,7 @@ EXAMPLES = (
     "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
     "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
     "gmwm fit static.csv --axis gyro_x --model 'GM + WN + RW' --likelihood",
-    "gmwm fit turn.csv --axis gyro_z --model 'WN + RW' --conditions rates.csv --varies 'WN: 1 + rate**2'",
+    "gmwm fit turn.csv --model WN --conditions rates.csv --varies 'WN: 1 + rate**2'",
     "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
 )
 _PROCESSES = ", ".join(
