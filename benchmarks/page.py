@@ -61,9 +61,9 @@ if the measured value is at most {margin:g} times as large.
 
 ## Memory and processes
 
-Each row is a separate process: wall time including the start of Python, the largest resident set, and its part beyond
-`import gmwm`. Samples are those of all axes. The samples of a stream are drawn while it runs, which takes most of
-its time.
+Each row is a separate process: wall time including the start of Python, peak resident memory, and the increase over
+`import gmwm` alone. The number of samples is the sum over all axes. The samples of a stream are drawn while it runs,
+which takes most of its time.
 
 {children}
 """

@@ -42,8 +42,8 @@ def slopes(x: Vector, rate: float, model: gmwm.Model, *, told: bool = False) -> 
     model : Model
         Which terms to look for.
     told : bool
-        Whether the values of `model` are the truth and tell where to read each term: at the octaves where it has nine
-        tenths of the Allan variance, or at the one where it has most. A reader of the plot does not know that.
+        Whether to select the averaging times with the values of `model`, which are then the truth: the octaves where a
+        term has nine tenths of the Allan variance, or the one where it has most. A user does not know these times.
     """
     factors = {"WN": ("WN.sigma2", "N", rate), "RW": ("RW.gamma2", "K", 1 / rate), "QN": ("QN.q2", "Q", rate**2)}
     wanted = {term: factors[term] for term in model.terms if term in factors}

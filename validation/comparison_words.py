@@ -45,9 +45,9 @@ def _introduction(result: Result) -> str:
     return (
         f"# Comparison of estimation methods\n\nAll methods use the same simulated recordings at {result['rate']:g} "
         f"Hz: {lengths}.\n\n- Slopes: `gmwm.avlr`, which reads white noise, random walk and quantization noise from "
-        "the Allan deviation (AVLR). Slopes (told): the same, but it uses only averaging times at which the true term "
-        "has nearly all of the variance. A user does not know these times.\n- Vaccaro-Zaki: the best linear unbiased "
-        "estimate of WN + RW from "
+        "the Allan deviation (AVLR). Slopes (oracle): the same, but it uses only averaging times at which the true "
+        "term has nearly all of the variance. A user does not know these times.\n- Vaccaro-Zaki: the best linear "
+        "unbiased estimate of WN + RW from "
         "Allan variances, defined for this model only.\n- GMWM: `gmwm.fit`, including the certificate of the "
         f"optimum.\n- ML log-sampled: the exact likelihood of block means, {result['blocks']} of each length 1, 2, 4 "
         "… through the recording. This is the idea of Nikolic and others in our own scheme "

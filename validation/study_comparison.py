@@ -60,14 +60,14 @@ def _both(x: Array) -> Estimate:
 
 METHODS: dict[str, Callable[[gmwm.Model, Array, gmwm.Fit], Estimate]] = {
     "slopes": lambda truth, x, _: slopes(x, RATE, truth),
-    "slopes (told)": lambda truth, x, _: slopes(x, RATE, truth, told=True),
+    "slopes (oracle)": lambda truth, x, _: slopes(x, RATE, truth, told=True),
     "Vaccaro-Zaki": lambda truth, x, _: _both(x),
     "GMWM diagonal": lambda truth, x, _: gmwm.fit(truth.structure, x, RATE, weighting="diagonal").parameters,
     "GMWM optimal": lambda truth, x, first: first.parameters,
     "ML log-sampled": lambda truth, x, first: most_likely_blocks(first.model, x, RATE).parameters,
     "ML": lambda truth, x, first: gmwm.fit_ml(truth.structure, x, RATE, start=first).parameters,
 }
-"""From samples to values. Only slopes that are told where look at those of the model."""
+"""From samples to values. Only "slopes (oracle)" uses the true values of the parameters."""
 
 STARTED = ("GMWM optimal", "ML log-sampled", "ML")
 """Methods that begin with the optimal fit of the moments, whose time is in theirs."""

@@ -164,7 +164,7 @@ def table(result: dict[str, Any]) -> str:
         "Each is fitted with the true sum and optimal weights, without losses and with its gaps filled "
         "(`Signal.fill_gaps`). Covered: share of 95 % intervals that contain the true value. Rejected: share of "
         f"goodness-of-fit tests at the 5 % level. The standard error of a share near 95 % is {noise:.1f} %. N: median "
-        "over the true value.",
+        "of N divided by the true value.",
         "",
         "| model | lost | covered | rejected | N |",
         "|---|---|---|---|---|",

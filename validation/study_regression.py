@@ -340,8 +340,8 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         f"WN + RW with a warm-up and a slope of {SLOPE:g} per °C. Accepted: series whose temperature is known at "
-        "enough scales. Slope, K: medians over truth. Covered: 95 % intervals of the slope. Wrong samples: ten, 30 "
-        "standard deviations away.",
+        "enough scales. Slope, K: medians divided by the true values. Covered: 95 % intervals of the slope. Wrong "
+        "samples: ten, 30 standard deviations away.",
         "",
         "| departure | series | accepted | slope | covered | K |",
         "|---|---|---|---|---|---|",

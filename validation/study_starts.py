@@ -77,7 +77,8 @@ def table(result: dict[str, Any]) -> str:
     lines = [
         f"{result['recordings']} recordings of {result['model']} at {result['rate']:g} Hz for each length, fitted "
         "with the paper's diagonal weights. The table has the objective divided by that of the convex method, which "
-        f"needs no starting values. Reached: equal to 1e-6. The smallest ratio is 1 {least - 1:+.1e}.",
+        "needs no starting values. Reached: share of recordings with a ratio of at most 1 + 1e-6. The smallest ratio "
+        f"minus 1 is {least - 1:+.1e}.",
         "",
         "| variance | samples | start | reached | median | worst |",
         "|---|---|---|---|---|---|",

@@ -192,9 +192,9 @@ def table(result: dict[str, Any]) -> str:
         f"one axis of {result['axes']} with the rule of `calibrate`, and fitted with {result['structure']} and optimal "
         "weights. Wanted: the classical curve for tails, the robust one for knocks and motion, and the classical one "
         "after replacement for isolated wrong samples. Robust: share of recordings with the robust curve. Replaced: "
-        "share of samples. Excess: median of N E_11, which is the excess kurtosis for white noise. N: median over the "
-        "true value. Covered: share of 95 % intervals that cover the variance of the white noise. Rejected: share of "
-        "goodness-of-fit tests at the 5 % level. No entry: the sum is not the truth.",
+        "share of samples. Excess: median of N E_11, which is the excess kurtosis for white noise. N: median of N "
+        "divided by the true value. Covered: share of 95 % intervals that cover the variance of the white noise. "
+        "Rejected: share of goodness-of-fit tests at the 5 % level. No entry: the sum is not the truth.",
         "",
         "| recording | wanted | robust | replaced | excess | N | covered | rejected |",
         "|---|---|---|---|---|---|---|---|",

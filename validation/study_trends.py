@@ -146,8 +146,8 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         "With a warm-up a·e^(−t/τ). The medians and the coverage are those of recordings with the remark `warm-up`. K "
-        "with: K of noise alone, fitted to the means. Limit: 95 % upper limit of K beside the warm-up. Holds: share of "
-        "these limits that are not below the true K.",
+        "with: K fitted to the means without a term for the warm-up. Limit: 95 % upper limit of K with a term for the "
+        "warm-up. Holds: share of these limits that are not below the true K.",
         "",
         "| noise | a (deg/h) | τ (s) | found | `warm-up` | median a | median τ | K true | K with | limit | holds |",
         "|---|---|---|---|---|---|---|---|---|---|---|",

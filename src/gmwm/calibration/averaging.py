@@ -251,7 +251,7 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
 def averaged_intervals(
     fit: Fit, intervals: Mapping[str, tuple[float, float]], sheet: Datasheet
 ) -> dict[str, tuple[float, float]]:
-    """Intervals of the parameters, widened as much as those of the numbers that are computed from one parameter."""
+    """Widen the interval of each parameter to contain the interval of the datasheet number computed from it."""
     rate, found = fit.wavelet_variance.rate, dict(intervals)
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for number in process.physical(rate) if process.scale > 0 else ():

@@ -137,7 +137,7 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Parameters without meaning: the shape parameters of terms that are estimated as zero."""
+        """Shape parameters of terms that are estimated as zero. The data do not determine their values."""
         return tuple(
             f"{term}.{parameter.name}"
             for term, process in zip(self.model.terms, self.model.processes, strict=True)

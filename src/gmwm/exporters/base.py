@@ -99,7 +99,7 @@ class Exporter(ABC):
         """
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """The remarks in the file: doubts about the numbers of the calibration, and what this format leaves out."""
+        """The remarks in the file: warnings of the calibration, and what this format leaves out."""
         return tuple(cautions(calibration))
 
 
@@ -211,7 +211,7 @@ class TwoNumbers(Exporter):
         return "\n".join([*head, "", *self.body(noise)]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """The doubts about the calibration, upper limits, and the terms that two numbers do not describe."""
+        """Warnings of the calibration, and remarks on upper limits and on terms that two numbers do not describe."""
         return self._remarks(calibration, self._noise(calibration, options))
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:

@@ -36,7 +36,7 @@ class _Gtsam(TwoNumbers):
 
 @register
 class GtsamCpp(_Gtsam):
-    """For a `std::shared_ptr<gtsam::PreintegrationCombinedParams> params`."""
+    """Write C++ for a `std::shared_ptr<gtsam::PreintegrationCombinedParams> params`."""
 
     name = "gtsam"
     title = "GTSAM, PreintegrationCombinedParams in C++"
@@ -53,7 +53,7 @@ class GtsamCpp(_Gtsam):
 
 @register
 class GtsamPython(_Gtsam):
-    """For `params` of `gtsam.PreintegrationCombinedParams`."""
+    """Write Python for `params` of the class `gtsam.PreintegrationCombinedParams`."""
 
     name = "gtsam-python"
     title = "GTSAM, PreintegrationCombinedParams in Python"

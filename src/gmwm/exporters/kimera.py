@@ -10,7 +10,7 @@ from gmwm.exporters.kalibr import CONTINUOUS, four_numbers
 
 @register
 class Kimera(TwoNumbers):
-    """Kalibr's four numbers and the rate.
+    """Write the four continuous-time noise densities of Kalibr and the sampling rate.
 
     Source: `params/Euroc/ImuParams.yaml` of Kimera-VIO.
     """

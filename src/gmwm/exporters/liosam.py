@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class LioSam(TwoNumbers):
-    """Four continuous-time numbers, which LIO-SAM squares for GTSAM.
+    """Write four continuous-time noise densities, which LIO-SAM squares for GTSAM.
 
     Source: `config/params.yaml` and `imuPreintegration.cpp` of LIO-SAM.
     """

@@ -14,7 +14,7 @@ _ZERO = ("[0.0, 0.0, 0.0]",) * 3
 
 @register
 class OpenVins(TwoNumbers):
-    """Kalibr's four numbers in the chain file of its visual-inertial calibration.
+    """Write the four continuous-time noise densities of Kalibr, with the keys of its camera-IMU chain file.
 
     Source: `config/euroc_mav/kalibr_imu_chain.yaml` of OpenVINS.
     """

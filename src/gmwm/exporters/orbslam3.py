@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class OrbSlam3(TwoNumbers):
-    """Four continuous-time numbers and the rate, with which ORB-SLAM3 computes the discrete ones.
+    """Write four continuous-time noise densities and the rate with which ORB-SLAM3 computes the discrete ones.
 
     Source: `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3.
     """

@@ -69,7 +69,7 @@ class Ros(Exporter):
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """The doubts about the calibration, terms without a variance, and lines."""
+        """Warnings of the calibration, and remarks on terms without a variance and on sinusoids."""
         found = cautions(calibration)
         for axis, fit in calibration.items():
             if terms := terms_without_variance(fit):

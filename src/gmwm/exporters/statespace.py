@@ -94,7 +94,7 @@ class StateSpaceFile(Exporter):
         return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """The doubts about the calibration, and its rate ramps."""
+        """Warnings of the calibration, and remarks on its rate ramps."""
         return (*cautions(calibration), *of_ramps(calibration))
 
 

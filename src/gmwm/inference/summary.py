@@ -29,7 +29,7 @@ it runs out of nodes."""
 
 @dataclass(frozen=True)
 class IntervalMethod:
-    """Method of intervals and tests: confidence level, and theory or `draws` recordings simulated with `seed`."""
+    """How to compute intervals and tests: confidence level, and theory or a bootstrap of `draws` recordings."""
 
     level: float = 0.95
     method: Method = "asymptotic"

@@ -251,6 +251,6 @@ def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Fi
 
 
 def drawable(values: Vector) -> Vector:
-    """`values` with NaN where a logarithmic axis has no place for them: zero, negative, not finite."""
+    """`values` with NaN where a logarithmic axis cannot show them: zero, negative, not finite."""
     kept = np.isfinite(values) & (values > 0)
     return np.where(kept, values, np.nan)

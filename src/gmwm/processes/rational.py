@@ -31,7 +31,7 @@ def coordinates(rows: Matrix) -> Matrix:
 
 
 def at_coordinates(z: NDArray[Any]) -> NDArray[Any]:
-    """Return the rows a with these coordinates; the function is analytic, so z can be complex."""
+    """Invert `coordinates`: return the coefficients a (rows, n). The function is analytic, so z can be complex."""
     partial = np.tanh(z)
     rows = np.empty_like(partial)
     for n in range(partial.shape[1]):

@@ -36,7 +36,7 @@ Take = Callable[[], bytes | None]
 
 
 class GrowingFile:
-    """The content of a growing file, from its beginning. `trouble` is the reason if it ended."""
+    """The content of a growing file, from its beginning. If reading ended, `trouble` is the reason."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.trouble = path, ""

@@ -44,7 +44,7 @@ class Steps:
 
     @classmethod
     def joined(cls, several: Iterable[Steps]) -> Steps:
-        """The steps of consecutive rows; the numbers of the rows are those of each part."""
+        """Join the steps of consecutive parts. Row numbers still count from the beginning of each part."""
         several = tuple(several)
         return cls(tuple(w for one in several for w in one.wraps), tuple(h for one in several for h in one.hours))
 

@@ -181,7 +181,7 @@ def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
 
 
 def is_given(asked: Asked) -> bool:
-    """Whether a regression was asked for, or is tested automatically."""
+    """Whether a regression was requested, or gmwm tests for one automatically."""
     return asked.automatic or bool(asked.terms)
 
 

@@ -91,7 +91,7 @@ class Weighted:
 
     @cached_property
     def information(self) -> Matrix:
-        """P (p, p)."""
+        """Information matrix P (p, p): the sum of the Gram matrices of all levels, weighted with w_j."""
         return np.asarray(np.einsum("j,jab->ab", self.weights, self.design.grams))
 
     @property

@@ -47,7 +47,7 @@ docs/validation/selection.md."""
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hypothesis:
-    """The hypothesis that a recording comes from a candidate, with records simulated from the candidate.
+    """The hypothesis that a recording comes from a candidate, with recordings simulated from the candidate.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Hypothesis:
         return self._fitted(self.fit)
 
     def closer(self) -> Hypothesis | None:
-        """The hypothesis with Ω and V of that fit."""
+        """The hypothesis with Ω and V from the fit `again`; None if it has no noise at some level."""
         return Hypothesis.of(self.explored, self.again, self.draws, self.seed)
 
     def _fitted(self, fit: Fit) -> Fit:
@@ -120,7 +120,7 @@ class Hypothesis:
 
     @cached_property
     def errors(self) -> Matrix:
-        """Weighted errors (B, J) of the records of the candidate."""
+        """Weighted errors (B, J) of ν̂² in B recordings simulated from the candidate."""
         return drawn_errors(self.fit.implied, self.wavelet, self.draws, self.seed) @ self.root.T
 
     @cached_property
@@ -132,7 +132,7 @@ class Hypothesis:
 
     @cached_property
     def losses(self) -> Vector:
-        """Losses (B,) of the candidate for its own records."""
+        """Losses (B,) of the candidate for the recordings simulated from it."""
         taken = self.errors @ self.axes
         return np.asarray(np.sum(self.errors**2, axis=1) - np.sum(taken**2, axis=1))
 
@@ -162,7 +162,7 @@ class Hypothesis:
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
     def several(self, records: NDArray[np.int64]) -> Vector:
-        """Upper bound of the reduction of the criterion by two or more parameters, for some of the records."""
+        """Upper bound of the reduction of the criterion by two or more parameters, for some simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
@@ -188,7 +188,7 @@ def as_good(
 
 
 def by_chance(hypotheses: Sequence[Hypothesis], rivals: Sequence[Fit], size: float) -> bool:
-    """Whether a share of more than `size` of the candidate's own records show a difference as large as the data.
+    """Whether a share of more than `size` of the simulated recordings show a difference as large as the data.
 
     There is one hypothesis and one fit of the rival for each recording; their criteria are added.
     """

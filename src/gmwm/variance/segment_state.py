@@ -143,7 +143,7 @@ class SegmentState:
 
     @property
     def rise(self) -> float:
-        """Estimate the mean rise per sample by least squares over blocks, or between both halves without blocks."""
+        """Estimate the mean rise per sample by least squares over blocks. Without blocks, use both halves."""
         rise = self.blocks[0].rise
         if rise is not None:
             return rise

@@ -8,14 +8,14 @@ from gmwm._arrays import Vector
 
 
 class LevelStatistic(Protocol):
-    """A statistic of some coefficients of one level; merges in any order and grouping."""
+    """A statistic of some coefficients of one level. Statistics can be merged in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
         """The statistic of the coefficients of both."""
 
 
 class Statistics(Protocol):
-    """The statistics of all levels; merge in any order and grouping."""
+    """The statistics of all levels. They can be merged in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
         """The statistic of the coefficients of both."""
