@@ -46,7 +46,7 @@ def same(
     the covariance from heavy tails or a varying variance is added to it. The p-values of all levels, axes and
     recordings are adjusted by Holm's method.
 
-    With millions of samples, differences of a thousandth are found. `tolerance` asks whether they matter.
+    With millions of samples, the test finds differences of 0.1 %. Set `tolerance` to test only for larger ones.
 
     Parameters
     ----------
