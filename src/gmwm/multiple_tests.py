@@ -12,13 +12,15 @@ def holm(pvalues: ArrayLike) -> Vector:
     """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70).
 
     Each is multiplied by the number of p-values that are not smaller, monotonically. The probability that any true
-    hypothesis has an adjusted p-value of at most s is at most s, whatever the dependence of the tests.
+    hypothesis has an adjusted p-value of at most s is at most s, whatever the dependence of the tests. NaN stands for
+    a test that was not made: it does not count, and stays NaN.
 
-    >>> holm([0.01, 0.5, 0.02])
-    array([0.03, 0.5 , 0.04])
+    >>> holm([0.01, 0.5, np.nan, 0.02])
+    array([0.03, 0.5 ,  nan, 0.04])
     """
     p = np.asarray(pvalues, dtype=np.float64)
-    order = np.argsort(p, kind="stable")
-    adjusted = np.empty_like(p)
-    adjusted[order] = np.maximum.accumulate(np.minimum((p.size - np.arange(p.size)) * p[order], 1.0))
+    count = np.count_nonzero(~np.isnan(p))
+    order = np.argsort(p, kind="stable")[:count]  # NaN is last
+    adjusted = np.full_like(p, np.nan)
+    adjusted[order] = np.maximum.accumulate(np.minimum((count - np.arange(count)) * p[order], 1.0))
     return adjusted

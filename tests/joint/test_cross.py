@@ -10,7 +10,7 @@ import pytest
 import gmwm
 from gmwm.covariance.design import Design
 from gmwm.errors import DataError, OptionError
-from gmwm.joint.cross import _freedom, cross
+from gmwm.joint.cross import _freedom, _Noise, cross
 from gmwm.joint.pairs import Pairs
 from gmwm.multiple_tests import holm
 from gmwm.processes.model import Model
@@ -66,7 +66,7 @@ def test_the_variance_of_independent_signals_is_exact(text):
     n, levels = 200, 6
     models = [Model.parse(one) for one in text]
     design = Design(np.arange(1, levels + 1), n, RATE)
-    found = _freedom(*models, design)
+    found = _freedom(*(_Noise.of(model, design) for model in models), design)
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     for level in range(1, levels + 1):
         half = 1 << (level - 1)
@@ -180,6 +180,9 @@ def test_holm():
     expected = np.maximum.accumulate([min(1.0, (20 - k) * p[place]) for k, place in enumerate(order)])
     assert np.allclose(adjusted[order], expected)
     assert holm([]).size == 0
+    # A test that was not made does not count.
+    some = np.insert(p, [3, 20], np.nan)
+    assert np.array_equal(holm(some), np.insert(adjusted, [3, 20], np.nan), equal_nan=True)
 
 
 def test_the_curves_are_those_of_the_wavelet_variance():

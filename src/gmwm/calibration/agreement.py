@@ -281,11 +281,11 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
 
 def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
     """Adjust the p-values of the tests that were made by Holm's method."""
-    tested = [k for k, row in enumerate(rows) if row.pvalue is not None]
-    made = list(rows)
-    for k, p in zip(tested, holm([rows[k].pvalue or 0.0 for k in tested]).tolist(), strict=True):
-        made[k] = replace(rows[k], adjusted=p, agrees=p > size)
-    return made
+    adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
+    return [
+        row if row.pvalue is None else replace(row, adjusted=p, agrees=p > size)
+        for row, p in zip(rows, adjusted, strict=True)
+    ]
 
 
 # --- the reference values ----------------------------------------------------------------------------

@@ -70,7 +70,7 @@ class Estimate:
 
 
 class AtCondition(NamedTuple):
-    """The curve at one condition, and that of the model."""
+    """The measured curve at one condition, and the curve of the model."""
 
     wavelet_variance: WaveletVariance
     implied: Vector

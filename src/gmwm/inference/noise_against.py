@@ -190,7 +190,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     rest = without(signal, regress(signal, covariates), covariates)
     length = max(covariates.clock.length, SHORTEST)
     blocks = Clock.of(signal.rate, signal.segments, signal.starts, length=length)
-    rest = _with_values(rest, blocks.clipped(rest.values))
+    rest = replace(rest, values=blocks.clipped(rest.values))
     wv = signal_wavelet_variance(rest)
     design = Design.of(wv)
     used = _slow(rest, values, design)
@@ -202,8 +202,8 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         )
     levels = wv.levels[used]
     slopes, spread = np.array([_slope(*_parts(rest, values, level)) for level in levels.tolist()]).T
-    # The covariance is that of the noise without its dependence on the condition.
-    even = _with_values(rest, rest.values * np.exp(-slopes[0] * (values - np.mean(values))))
+    # The covariance is measured after the dependence on the condition is removed.
+    even = replace(rest, values=rest.values * np.exp(-slopes[0] * (values - np.mean(values))))
     _, noise = mixture(wv.variance, wv.degrees_of_freedom, design)
     design = replace(design, excess=excess_covariance(even, signal_wavelet_variance(even)))
     curve = noise.wavelet_variance(wv.levels, wv.rate)[used]
@@ -296,12 +296,6 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
         sums.append(np.add.reduceat(squares, edges))
         means.append(np.add.reduceat(condition, edges) / counts[-1])
     return np.concatenate(counts), np.concatenate(sums), np.concatenate(means)
-
-
-def _with_values(signal: Signal, values: Vector) -> Signal:
-    return Signal(
-        values, signal.rate, unit=signal.unit, axis=signal.axis, segments=signal.segments, starts=signal.starts
-    )
 
 
 def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[float, float]:

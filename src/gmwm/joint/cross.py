@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -113,23 +113,20 @@ def cross(
         )  # fmt: skip
     unit = {name: math.exp(-0.5 * float(np.mean(np.log(wv.variance)))) for name, wv in own.items()}
     design = Design.of(next(iter(own.values())))
-    models = {name: _model(wv, design) for name, wv in own.items()}
+    models = {name: _Noise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
+              for name, wv in own.items()}  # fmt: skip
     moments = {pair: _moment(signals, own, unit, pair=pair) for pair in pairs_of(names)}
-    freedom = {pair: _freedom(models[pair[0]], models[pair[1]], design) for pair in moments}
+    freedom = {(a, b): _freedom(models[a], models[b], design) for a, b in moments}
     correlation = {
         (a, b): np.clip(gamma / np.sqrt(own[a].variance * own[b].variance), -1.0, 1.0)
         for (a, b), gamma in moments.items()
     }
     least = LEAST_ROBUST if robust else LEAST
-    tested = {pair: eta > least for pair, eta in freedom.items()}
-    raw = np.concatenate([_pvalues(correlation[pair], freedom[pair])[tested[pair]] for pair in moments])
-    adjusted = iter(holm(raw).tolist())
-    pvalues, limits = {}, {}
-    for pair in moments:
-        p = np.full(design.levels.size, np.nan)
-        p[tested[pair]] = [next(adjusted) for _ in range(int(np.count_nonzero(tested[pair])))]
-        pvalues[pair] = p
-        limits[pair] = _limits(correlation[pair], np.where(tested[pair], freedom[pair], np.nan), confidence)
+    # NaN for levels that are not tested.
+    enough = {pair: np.where(eta > least, eta, np.nan) for pair, eta in freedom.items()}
+    adjusted = np.split(holm(np.concatenate([_pvalues(correlation[p], enough[p]) for p in moments])), len(moments))
+    pvalues = dict(zip(moments, adjusted, strict=True))
+    limits = {pair: _limits(correlation[pair], enough[pair], confidence) for pair in moments}
     first = own[names[0]]
     return CrossCovariance(
         axes=tuple(names),
@@ -186,9 +183,21 @@ def _measured(signal: Signal, robust: bool, efficiency: float) -> WaveletVarianc
     return signal_wavelet_variance(signal, robust=robust, efficiency=efficiency)
 
 
-def _model(wv: WaveletVariance, design: Design) -> Model:
-    """The most likely mixture under a curve. A drift or a sinusoid has no chance in it, and V would be too small."""
-    return mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1]
+class _Noise(NamedTuple):
+    """A model scaled to a wavelet variance with geometric mean 1, this curve, and Var ν̂² (J,).
+
+    The degrees of freedom do not depend on the units; without them, the differences of variances are accurate.
+    """
+
+    model: Model
+    curve: Vector
+    variances: Vector
+
+    @classmethod
+    def of(cls, model: Model, design: Design) -> _Noise:
+        unit = math.exp(float(np.mean(np.log(model.wavelet_variance(design.levels, design.rate)))))
+        model = Model(tuple(_with_scale(process, process.scale / unit) for process in model.processes))
+        return cls(model, model.wavelet_variance(design.levels, design.rate), variances(model, _gaussian(design)))
 
 
 def _moment(
@@ -214,25 +223,21 @@ def _moment(
     return np.asarray(gamma / (unit[a] * unit[b]))
 
 
-def _freedom(one: Model, other: Model, design: Design) -> Vector:
+def _gaussian(design: Design) -> Design:
+    """The design of classical estimates of Gaussian signals."""
+    return replace(design, efficiency=None, excess=None, model_error=0.0)
+
+
+def _freedom(one: _Noise, other: _Noise, design: Design) -> Vector:
     """Degrees of freedom η_j (J,) of the correlation of two signals that share no noise."""
-    plain = replace(design, efficiency=None, excess=None, model_error=0.0)
-    # The degrees of freedom do not depend on the units; without them, the differences below are accurate.
-    one, other = (_scaled(model, design) for model in (one, other))
-    curves = [model.wavelet_variance(design.levels, design.rate) for model in (one, other)]
-    both = _sum(one, other)
+    plain = _gaussian(design)
+    both = _sum(one.model, other.model)
     # Var ν̂² of the sum of independent signals has the term 4 Σ n C_a C_b / M², the mixed one of the square.
     total = variances(both, plain)
-    null = (total - variances(one, plain) - variances(other, plain)) / 4
+    null = (total - one.variances - other.variances) / 4
     if design.efficiency is not None:
         null *= variances(both, replace(plain, efficiency=design.efficiency)) / total
-    return np.asarray(curves[0] * curves[1] / null)
-
-
-def _scaled(model: Model, design: Design) -> Model:
-    """The model whose wavelet variance has the geometric mean 1."""
-    unit = math.exp(float(np.mean(np.log(model.wavelet_variance(design.levels, design.rate)))))
-    return Model(tuple(_with_scale(process, process.scale / unit) for process in model.processes))
+    return np.asarray(one.curve * other.curve / null)
 
 
 def _with_scale(process: Process, scale: float) -> Process:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.joint.pairs import Pairs, pairs_of
+from gmwm.regression.levelwise import haar
 from gmwm.signals import Signal
 
 LARGEST = 3
@@ -36,11 +37,11 @@ def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
     first, last = longest[0], min(longest[1], longest[0] + MOST)
     found: dict[tuple[str, str], int] = {}
     for level in range(1, LEVELS + 1):
-        half = 1 << (level - 1)
-        count = last - first - 2 * half
+        count = last - first - (1 << level)
         if count < 64 * WINGS:
             break
-        w = {name: _coefficients(signal.values[first:last], half) for name, signal in signals.items()}
+        values = {name: signal.values[first:last] for name, signal in signals.items()}
+        w = {name: haar(x - x.mean(), level) for name, x in values.items()}
         for pair in pairs_of(list(signals)):
             delay = _delay(
                 np.array([_correlation(w[pair[0]], w[pair[1]], lag) for lag in range(-WINGS, WINGS + 1)]), count
@@ -48,12 +49,6 @@ def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
             if delay:
                 found.setdefault(pair, delay)
     return Pairs(found)
-
-
-def _coefficients(values: Vector, half: int) -> Vector:
-    """Haar coefficients of half-scale h, up to a factor."""
-    path = np.cumsum(values - values.mean())
-    return np.asarray(path[2 * half :] - 2 * path[half:-half] + path[: -2 * half])
 
 
 def _delay(correlation: Vector, count: int) -> int:

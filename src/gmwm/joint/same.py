@@ -42,7 +42,7 @@ def same(
 
     The wavelet variances of two recordings are compared at each level, and of more than two, that of each recording
     with the mean of the others. If the noise is the same, the ratio has an F distribution with η_1j and η_2j degrees of
-    freedom, η_j = 2 ν_j⁴ / V_jj. V is that of the most likely mixture of processes under the mean of all curves, and
+    freedom, η_j = 2 ν_j⁴ / V_jj. V follows from the most likely mixture of processes under the mean of all curves, and
     the covariance from heavy tails or a varying variance is added to it. The p-values of all levels, axes and
     recordings are adjusted by Holm's method.
 
@@ -106,10 +106,11 @@ def same(
         for axis, signals in axes.items()
         for row in _rows(axis, dict(zip(names, signals, strict=True)), confidence=confidence, tolerance=tolerance)
     ]
-    tested = [k for k, row in enumerate(rows) if row.pvalue is not None]
-    adjusted = holm([rows[k].pvalue or 0.0 for k in tested]).tolist()
-    for k, p in zip(tested, adjusted, strict=True):
-        rows[k] = replace(rows[k], pvalue=p, differs=p <= size)
+    adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
+    rows = [
+        row if row.pvalue is None else replace(row, pvalue=p, differs=p <= size)
+        for row, p in zip(rows, adjusted, strict=True)
+    ]
     return SameNoise(
         recordings=tuple(names), axes=tuple(axes), levels=tuple(rows),
         tolerance=float(tolerance), size=size, confidence=confidence,
@@ -205,7 +206,8 @@ def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: fl
 def _tails(signals: Sequence[Signal], curves: Sequence[WaveletVariance], levels: int) -> list[Matrix | None]:
     """The relative covariance (J, J) of each curve beyond a Gaussian signal.
 
-    A recording that is too short to show it has that of the longest one that does, for its own length.
+    A recording that is too short to show heavy tails gets the covariance of the longest recording that shows them,
+    scaled to its own length.
     """
     found = [excess_covariance(signal, wv) for signal, wv in zip(signals, curves, strict=True)]
     known = [(wv.samples, excess) for wv, excess in zip(curves, found, strict=True) if excess is not None]
