@@ -22,7 +22,12 @@ from docs.pictures import front, processes, valleys
 
 FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent
-PAGES = (DOCS / "gallery.md", DOCS / "howto" / "conditions.md", *sorted((DOCS / "concepts").glob("*.md")))
+PAGES = (
+    DOCS / "gallery.md",
+    DOCS / "howto" / "array.md",
+    DOCS / "howto" / "conditions.md",
+    *sorted((DOCS / "concepts").glob("*.md")),
+)
 BLOCK = re.compile(r"^```python\n(?P<code>.*?)^```\n(?:\n```text\n(?P<printed>.*?)^```\n)?", re.MULTILINE | re.DOTALL)
 WIDEST = 1400
 """Dots of a picture on a page at twice its width there; what is drawn for print has more."""

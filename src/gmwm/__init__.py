@@ -10,7 +10,8 @@ Variances
     `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
     datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
     `psd` estimates the power spectral density, and finds lines and resonances in it.
-    `cross` tests which noise axes share, and `same` whether two recordings have the same noise.
+    `cross` tests which noise axes share, and `same` whether two recordings have the same noise. `fuse` makes one
+    virtual sensor of an array.
     `contamination` tests for outliers, and `compare` draws curves and fits over one another.
 Models
     A `Model` is a sum of processes, `2 * GM() + WN()` or `Model.parse("2*GM + WN")`. `fixed` holds a parameter at a
@@ -38,7 +39,7 @@ from gmwm.estimation import Fit, fit
 from gmwm.fleets import fleet
 from gmwm.inference import plan
 from gmwm.inspection import inspect
-from gmwm.joint import cross, same
+from gmwm.joint import cross, fuse, same
 from gmwm.likelihood import fit_ml
 from gmwm.outliers import contamination
 from gmwm.plots import compare
@@ -59,7 +60,6 @@ from gmwm.processes import (
     SIN,
     WN,
     Model,
-    Process,
     fixed,
 )  # fmt: skip
 from gmwm.readers import read, stream
@@ -101,7 +101,6 @@ __all__ = [
     "GmwmWarning",
     "Imu",
     "Model",
-    "Process",
     "Signal",
     "WaveletAccumulator",
     "WaveletVariance",
@@ -116,6 +115,7 @@ __all__ = [
     "fit_ml",
     "fixed",
     "fleet",
+    "fuse",
     "hadamard_variance",
     "inspect",
     "plan",

@@ -41,6 +41,7 @@ ReadCode = Literal[
     "line-too-long",
     "message-damaged",
     "message-encoding",
+    "no-array",
     "no-index",
     "no-inertial-data",
     "no-numbers",

@@ -49,3 +49,39 @@ def test_same(gmwm, recordings):
     assert text.code == 0
     assert "gyro_y" in text.out
     assert gmwm("same", files[0]).code == 2
+
+
+def test_fuse(gmwm, tmp_path):
+    rng = np.random.default_rng(1)
+    for name in ("static", "drive"):
+        units = {f"gyro_x[{k}] [rad/s]": (1 + k) * rng.normal(size=4000) for k in range(3)}
+        rows = np.column_stack([np.arange(4000) / 100, *units.values()])
+        header = ",".join(["time", *units])
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g")
+    files = [tmp_path / name for name in ("static.csv", "virtual.csv", "deviations.csv", "virtual.png")]
+    outcome = gmwm(
+        "fuse", files[0], "--horizon", "100ms", "--json", "--output", files[1], "--csv", files[2], "--plot", files[3]
+    )
+    units = library.readers.read_array(files[0])
+    virtual = library.fuse(units, horizon=0.1)
+    assert outcome.json["axes"] == virtual.to_dict()["axes"]
+    assert np.array_equal(read(files[1])["gyro_x"].values, virtual.apply(units)["gyro_x"].values)
+    assert polars.read_csv(files[2]).shape == virtual.to_frame().shape
+    assert files[3].stat().st_size > 10_000
+    text = gmwm("fuse", files[0], "--horizon", "1s", "--apply", tmp_path / "drive.csv", "--output", files[1])
+    assert text.code == 0
+    assert "gain over the average" in text.out
+    drive = library.readers.read_array(tmp_path / "drive.csv")
+    expected = library.fuse(units, horizon=1.0).apply(drive)["gyro_x"].values
+    assert np.array_equal(read(files[1])["gyro_x"].values, expected)
+
+
+def test_fuse_says_what_it_needs(gmwm, recordings, tmp_path):
+    files = [recordings / f"{name}.csv" for name in ("monday", "tuesday")]
+    assert gmwm("fuse", files[0], "--horizon", "1s").code == 2
+    assert gmwm("fuse", *files, "--horizon", "1s", "--apply", files[0]).code == 2
+    both = gmwm(
+        "fuse", *files, "--horizon", "1s", "--apply", files[1], "--apply", files[0], "--output", tmp_path / "v.csv"
+    )
+    assert both.code == 0
+    assert "[monday]" in both.out

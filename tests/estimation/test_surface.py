@@ -29,7 +29,7 @@ class Disguised(GM, register=False):
 
 
 @dataclass(frozen=True, repr=False)
-class Fractional(gmwm.Process, register=False):
+class Fractional(gmwm.processes.Process, register=False):
     """A newcomer's process: one piece of theory, and a parameter that nobody has said where to look for."""
 
     name = "Fractional"

@@ -5,27 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm._arrays import Vector, as_rate, as_vector
+from gmwm._arrays import Vector
 from gmwm.covariance.api import variances
 from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import mixture
-from gmwm.errors import DataError
 from gmwm.joint.delays import delays_of
+from gmwm.joint.matrices import measured, product_moment, units_of
 from gmwm.joint.pairs import Pairs, pairs_of
 from gmwm.joint.result import CrossCovariance
+from gmwm.joint.synchronous import synchronous_signals
 from gmwm.multiple_tests import holm
 from gmwm.options import as_confidence, as_size
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.signals import Imu, Signal
-from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import require_robust
-from gmwm.variance.result import WaveletVariance
 
 LEAST = 3.0
 """Degrees of freedom that a level needs for a test: with fewer, the Student distribution of the score does not hold."""
@@ -102,20 +101,14 @@ def cross(
     require_robust(robust, efficiency)
     size = as_size(size)
     as_confidence(confidence)
-    signals = _signals(x, rate)
+    signals = synchronous_signals(x, rate)
     names = list(signals)
-    own = {name: _measured(signal, robust, efficiency) for name, signal in signals.items()}
-    short = next((name for name, wv in own.items() if not np.all(wv.variance > 0)), None)
-    if short is not None:
-        raise DataError(
-            f"{short} has no noise at some scales: its wavelet variance is 0", argument="x",
-            advice=f"Leave {short} out.",
-        )  # fmt: skip
-    unit = {name: math.exp(-0.5 * float(np.mean(np.log(wv.variance)))) for name, wv in own.items()}
+    own = {name: measured(signal, robust, efficiency) for name, signal in signals.items()}
+    unit = units_of(own)
     design = Design.of(next(iter(own.values())))
     models = {name: _Noise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
               for name, wv in own.items()}  # fmt: skip
-    moments = {pair: _moment(signals, own, unit, pair=pair) for pair in pairs_of(names)}
+    moments = {pair: product_moment(signals, own, unit, pair=pair) for pair in pairs_of(names)}
     freedom = {(a, b): _freedom(models[a], models[b], design) for a, b in moments}
     correlation = {
         (a, b): np.clip(gamma / np.sqrt(own[a].variance * own[b].variance), -1.0, 1.0)
@@ -148,41 +141,6 @@ def cross(
     )
 
 
-def _signals(x: Any, rate: float | None) -> dict[str, Signal]:
-    """The signals by name, checked to be synchronous."""
-    x = x.signals if isinstance(x, Imu) else x
-    if not isinstance(x, Mapping):
-        raise DataError(argument="x", expected="a recording, or a mapping of names to signals", got=x)
-    found: dict[str, Signal] = {}
-    for name, item in x.items():
-        if not isinstance(item, Signal):
-            item = Signal(as_vector(item, name), as_rate(rate), "", name)
-        elif rate is not None and as_rate(rate) != item.rate:
-            raise DataError(f"rate={rate:g} contradicts the rate of {name}, {item.rate:g} Hz", argument="rate")
-        found[name] = item.fill_gaps()
-    if len(found) < 2:
-        raise DataError(argument="x", expected="at least two signals", got=list(found))
-    first, *others = found
-    one = found[first]
-    for name in others:
-        other = found[name]
-        for what, same in (
-            ("rate", other.rate == one.rate),
-            ("length", other.values.size == one.values.size),
-            ("gaps", other.segments == one.segments),
-        ):
-            if not same:
-                raise DataError(
-                    f"{first} and {name} differ in their {what}", argument="x",
-                    advice="Pass signals that were sampled together.",
-                )  # fmt: skip
-    return found
-
-
-def _measured(signal: Signal, robust: bool, efficiency: float) -> WaveletVariance:
-    return signal_wavelet_variance(signal, robust=robust, efficiency=efficiency)
-
-
 class _Noise(NamedTuple):
     """A model scaled to a wavelet variance with geometric mean 1, this curve, and Var ν̂² (J,).
 
@@ -198,29 +156,6 @@ class _Noise(NamedTuple):
         unit = math.exp(float(np.mean(np.log(model.wavelet_variance(design.levels, design.rate)))))
         model = Model(tuple(_with_scale(process, process.scale / unit) for process in model.processes))
         return cls(model, model.wavelet_variance(design.levels, design.rate), variances(model, _gaussian(design)))
-
-
-def _moment(
-    signals: Mapping[str, Signal],
-    own: Mapping[str, WaveletVariance],
-    unit: Mapping[str, float],
-    *,
-    pair: tuple[str, str],
-) -> Vector:
-    """γ̂_j (J,) of a pair, in u_a u_b, from the curves of the sum and the difference of the scaled signals."""
-    a, b = pair
-    robust = own[a].robust
-    curves = []
-    for sign in (1.0, -1.0) if robust else (1.0,):
-        values = unit[a] * signals[a].values + sign * unit[b] * signals[b].values
-        both = replace(signals[a], values=values)
-        curves.append(_measured(both, robust, own[a].efficiency or 0.6).variance)
-    if robust:
-        gamma = (curves[0] - curves[1]) / 4
-    else:
-        # The difference is known from the curves of the two signals: ν²₊ + ν²₋ = 2 (ν_a² + ν_b²).
-        gamma = (curves[0] - unit[a] ** 2 * own[a].variance - unit[b] ** 2 * own[b].variance) / 2
-    return np.asarray(gamma / (unit[a] * unit[b]))
 
 
 def _gaussian(design: Design) -> Design:

@@ -26,8 +26,9 @@ from gmwm.readers.api import read, stream
 from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, find_reader, register, registered
 from gmwm.readers.parts import Part
 from gmwm.readers.streams import Stream
+from gmwm.readers.unit_array import read_array
 
 __all__ = [
-    "Channel", "Chunk", "Layout", "Mark", "Part", "Reader", "Rows", "Stream", "find_reader", "read", "register",
-    "registered", "stream",
+    "Channel", "Chunk", "Layout", "Mark", "Part", "Reader", "Rows", "Stream", "find_reader", "read", "read_array",
+    "register", "registered", "stream",
 ]  # fmt: skip

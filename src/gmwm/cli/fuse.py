@@ -1,0 +1,119 @@
+"""gmwm fuse: the best virtual sensor of an array."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.cli.command import command
+from gmwm.cli.durations import parse_length
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, progress, tell_inspection, text_file
+from gmwm.cli.read_options import Axes, chosen_names
+from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+
+if TYPE_CHECKING:
+    from gmwm.joint import VirtualSensor
+    from gmwm.signals import Imu
+
+EXAMPLES = (
+    "gmwm fuse array.csv --horizon 60s --output virtual.csv",
+    "gmwm fuse imu0.csv imu1.csv imu2.csv --horizon 10s --axis gyro --plot virtual.png",
+    "gmwm fuse static.csv --horizon 60s --apply drive.csv --output drive_virtual.csv",
+)
+
+
+@command
+def fuse(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recording at rest of all units: one file with columns such as gyro_x[0] and gyro_x[1] or with "
+            "several topics, or a file for each unit.",
+            metavar="FILE…",
+            show_default=False,
+        ),
+    ],
+    reading: ReadOptions,
+    horizon: Annotated[
+        str,
+        typer.Option(
+            help="Scale at which the virtual sensor has the least variance: 60s, 10min or seconds.", metavar="LENGTH"
+        ),
+    ],
+    axis: Axes = None,
+    nonnegative: Annotated[
+        bool,
+        typer.Option("--nonnegative", help="Allow no negative weights. They increase errors of scale factors."),
+    ] = False,
+    apply: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Fuse this recording of the same array instead, for example one in motion. Repeat the option if there "
+            "is a file for each unit.",
+            metavar="FILE",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="Write the fused recording to this .csv or .parquet file.", rich_help_panel=RESULT),
+    ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(help="Write the predicted deviations to this CSV file.", rich_help_panel=RESULT),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+    ] = None,
+) -> Outcome:
+    """Fuse the like axes of an array of sensors into one virtual sensor with less noise.
+
+    The virtual sensor is the weighted sum of all units with the least wavelet variance at a scale. Its weights follow
+    from a recording at rest, and take noise that the units share into account. The weights have the sum 1, so they do
+    not change a motion. The units must be sampled together, and their axes must be parallel.
+    """
+    from gmwm.joint import fuse
+
+    seconds = parse_length(horizon, "horizon")
+    units = _load(files, reading, axis)
+    tell_inspection(next(iter(units.values())))
+    with progress("measuring"):
+        virtual = fuse(units, horizon=seconds, nonnegative=nonnegative)
+    new = [] if csv is None else [text_file(csv, virtual.to_frame().write_csv())]
+    if apply and output is None:
+        raise OptionError(argument="apply", expected="given with {--output}", got=[str(file) for file in apply])
+    if output is not None:
+        moving = _load(apply, reading, axis) if apply else units
+        # Files of several units are in the same order, but their names differ.
+        fused = virtual.apply(dict(zip(units, moving.values(), strict=False)) if apply and len(apply) > 1 else moving)
+        new.append(NewFile(output, fused.write, "writing"))
+    if plot is not None:
+        new.append(NewFile(plot, partial(_draw, virtual), "plotting"))
+    return Outcome(
+        command="fuse",
+        document={"files": list(map(str, files)), **virtual.to_dict()},
+        text=virtual.summary(),
+        files=tuple(new),
+    )
+
+
+def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
+    """The recordings of all units, with the chosen axes."""
+    from gmwm.readers.unit_array import read_units
+    from gmwm.signals import Imu
+
+    with progress(f"reading {files[0].name}"):
+        units = read_units(files, reading)
+    return {
+        name: Imu({one: imu[one] for one in chosen_names(imu.axes, axis)}) for name, imu in units.items()
+    }  # fmt: skip
+
+
+def _draw(virtual: VirtualSensor, path: Path) -> None:
+    virtual.plot(path=path)

@@ -1,0 +1,47 @@
+"""Signals that were sampled together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gmwm._arrays import as_rate, as_vector
+from gmwm.errors import DataError
+from gmwm.signals import Imu, Signal
+
+
+def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dict[str, Signal]:
+    """The signals by name, checked to be synchronous; with `fill`, short gaps are filled.
+
+    Raises
+    ------
+    DataError
+        If there are fewer than two signals, or they differ in rate, length or gaps.
+    """
+    x = x.signals if isinstance(x, Imu) else x
+    if not isinstance(x, Mapping):
+        raise DataError(argument="x", expected="a recording, or a mapping of names to signals", got=x)
+    found: dict[str, Signal] = {}
+    for name, item in x.items():
+        if not isinstance(item, Signal):
+            item = Signal(as_vector(item, name), as_rate(rate), "", name)
+        elif rate is not None and as_rate(rate) != item.rate:
+            raise DataError(f"rate={rate:g} contradicts the rate of {name}, {item.rate:g} Hz", argument="rate")
+        found[name] = item.fill_gaps() if fill else item
+    if len(found) < 2:
+        raise DataError(argument="x", expected="at least two signals", got=list(found))
+    first, *others = found
+    one = found[first]
+    for name in others:
+        other = found[name]
+        for what, same in (
+            ("rate", other.rate == one.rate),
+            ("length", other.values.size == one.values.size),
+            ("gaps", other.segments == one.segments),
+        ):
+            if not same:
+                raise DataError(
+                    f"{first} and {name} differ in their {what}", argument="x",
+                    advice="Pass signals that were sampled together.",
+                )  # fmt: skip
+    return found

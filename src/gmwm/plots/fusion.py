@@ -1,0 +1,60 @@
+"""Deviations of an array of sensors and of its virtual sensor, a panel for each axis."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.plots.axes import limits_of, time_axis, value_axis
+from gmwm.plots.curves import BEHIND, FRONT, MIDDLE
+from gmwm.plots.figure import Figure, Line, Panel, Stroke
+from gmwm.plots.labels import axis_title
+from gmwm.plots.style import BLUE, DASHED, ORANGE, PALE, SOLID
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.joint.fusion_result import VirtualAxis, VirtualSensor
+
+EACH = Stroke(PALE, 0.8, SOLID)
+"""One sensor of the array."""
+AVERAGE = Stroke(ORANGE, 1.2, DASHED)
+"""The average of all sensors."""
+VIRTUAL = Stroke(BLUE, 1.4, SOLID, "circle")
+"""The virtual sensor."""
+MOST_COLUMNS = 3
+
+
+def fusion_figure(virtual: VirtualSensor) -> Figure:
+    """Return the plot of `plot_fusion` as data."""
+    panels = [_panel(one) for one in virtual.axes.values()]
+    columns = min(len(panels), MOST_COLUMNS)
+    rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + columns]) for k in range(0, len(panels), columns)]
+    rows[-1] = (*rows[-1], *[None] * (columns - len(rows[-1])))
+    return Figure(
+        tuple(rows), width=110.0 if columns == 1 else 78.0 * columns, height=14.0 + 70.0 * len(rows), legend_columns=3
+    )
+
+
+def _panel(one: VirtualAxis) -> Panel:
+    tau = one.tau
+    marks = [
+        Line(tau, np.sqrt(variance), stroke=EACH, label="each sensor" if k == 0 else "", layer=BEHIND)
+        for k, variance in enumerate(one.each)
+    ]
+    marks.append(Line(tau, np.sqrt(one.average), stroke=AVERAGE, label="average", layer=MIDDLE))
+    marks.append(Line(tau, one.deviation, stroke=VIRTUAL, label="virtual sensor", layer=FRONT))
+    heights = np.sqrt(np.concatenate([one.each.ravel(), one.average, one.variance]))
+    label = f"Wavelet deviation ({one.unit})" if one.unit else "Wavelet deviation"
+    return Panel(
+        time_axis(tau, "Scale τ (s)"), value_axis(limits_of(heights), label), tuple(marks), title=axis_title(one.axis)
+    )
+
+
+def plot_fusion(virtual: VirtualSensor, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+    """Draw the deviations of each signal, their average and the virtual sensor; see `VirtualSensor.plot`."""
+    from gmwm.plots.matplotlib import draw
+
+    return draw(fusion_figure(virtual), path=path)

@@ -1,0 +1,181 @@
+"""The virtual sensor of an array: weights, prediction, what a user sees."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.errors import DataError, OptionError, ReadError
+from gmwm.joint import fuse
+from gmwm.joint.fusion import best_weights
+from gmwm.joint.matrices import wavelet_matrices
+from gmwm.readers import read_array
+from validation.study_fusion import exact, simulated
+
+
+def array(seed=1, n=8192):
+    return simulated(np.random.default_rng(seed), 4, n)
+
+
+def test_the_weights_are_the_best_ones():
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((5, 5))
+    gamma = root @ root.T
+    for nonnegative in (False, True):
+        weights = best_weights(gamma, nonnegative=nonnegative)
+        assert weights.sum() == pytest.approx(1)
+        assert not nonnegative or weights.min() >= 0
+        # No other weights with sum 1 are better.
+        for _ in range(200):
+            other = rng.dirichlet(np.ones(5)) if nonnegative else weights + 0.1 * rng.normal(size=5)
+            assert weights @ gamma @ weights <= (other / other.sum()) @ gamma @ (other / other.sum()) + 1e-12
+    assert (best_weights(gamma) < 0).any()
+
+
+def test_the_matrices_are_those_of_cross_and_of_the_simulation():
+    x = array(n=1 << 15)
+    found = wavelet_matrices({k: gmwm.Signal(v, 1.0) for k, v in x.items()})
+    assert np.allclose(found.values, gmwm.cross(x, 1.0).matrices, rtol=1e-12)
+    truth = exact(4, found.tau)
+    assert np.allclose(found.values[:8], truth[:8], atol=0.06 * truth[:8].max(axis=(1, 2), keepdims=True))
+
+
+def test_the_weights_between_two_levels_and_at_a_level():
+    x = array()
+    gamma = gmwm.cross(x, 1.0).matrices
+    assert np.allclose(fuse(x, 1.0, horizon=64.0)["gyro_x"].weights, best_weights(gamma[5]))
+    between = fuse(x, 1.0, horizon=2.0**6.25)["gyro_x"].weights
+    assert np.allclose(between, best_weights(0.75 * gamma[5] + 0.25 * gamma[6]))
+
+
+def test_order_and_units_do_not_matter():
+    x = array()
+    one = fuse(x, 1.0, horizon=100.0)["gyro_x"]
+    turned = fuse(dict(reversed(x.items())), 1.0, horizon=100.0)["gyro_x"]
+    assert np.allclose(one.weights, turned.weights[::-1], atol=1e-9)
+    assert np.allclose(one.variance, turned.variance)
+    for unit in (1e-12, 1e12):
+        scaled = fuse({name: unit * v for name, v in x.items()}, 1.0, horizon=100.0)["gyro_x"]
+        assert np.allclose(one.weights, scaled.weights, atol=1e-9)
+        assert np.allclose(one.variance * unit**2, scaled.variance)
+
+
+def test_the_motion_is_not_changed():
+    x = array()
+    virtual = fuse(x, 1.0, horizon=100.0)
+    motion = 1e3 * np.sin(np.arange(8192) / 50)
+    still, moving = virtual.apply(x, 1.0), virtual.apply({name: v + motion for name, v in x.items()}, 1.0)
+    assert np.allclose(moving["gyro_x"].values - still["gyro_x"].values, motion)
+    one = virtual["gyro_x"]
+    assert np.allclose(gmwm.wavelet_variance(still["gyro_x"]).variance * one.optimism, one.variance)
+
+
+@pytest.mark.slow
+def test_the_prediction_holds_in_other_recordings():
+    # The tolerance of 10 % is the one of docs/validation/fusion.md, which has 1000 recordings.
+    found = [fuse(array(seed, 4096), 1.0, horizon=256.0)["gyro_x"] for seed in range(60)]
+    gamma = exact(4, found[0].tau)
+    achieved = np.mean([np.einsum("a,jab,b->j", one.weights, gamma, one.weights) for one in found], axis=0)
+    predicted = np.mean([one.variance for one in found], axis=0)
+    plain = np.mean([one.variance / one.optimism for one in found], axis=0)
+    assert np.all(np.abs(achieved / predicted - 1)[:9] < 0.1)
+    assert achieved[7] / plain[7] > 1.08
+
+
+def test_recordings_of_units_are_fused_axis_by_axis():
+    rng = np.random.default_rng(3)
+    units = [
+        gmwm.Imu.from_arrays({"gyro_x": rng.normal(size=3000), "accel_z": s * rng.normal(size=3000)}, 100.0)
+        for s in (1.0, 2.0, 3.0)
+    ]
+    virtual = fuse(units, horizon=0.1)
+    assert list(virtual.axes) == ["gyro_x", "accel_z"]
+    assert virtual["accel_z"].members == ("accel_z[0]", "accel_z[1]", "accel_z[2]")
+    fused = virtual.apply(units)
+    assert fused.axes == ("gyro_x", "accel_z")
+    assert fused["accel_z"].unit == "m/s²"
+    named = fuse(dict(zip("abc", units, strict=True)), horizon=0.1)
+    assert np.array_equal(named["gyro_x"].weights, virtual["gyro_x"].weights)
+    with pytest.raises(DataError, match=r"gyro_x\[a\]"):
+        named.apply(units)
+    assert list(fuse({"left": rng.normal(size=500), "right": rng.normal(size=500)}, 1.0, horizon=4).axes) == ["virtual"]
+
+
+def test_gaps_stay_gaps():
+    ranges, starts = [(0, 1500), (1500, 3000)], [0.0, 200.0]
+    x = {
+        f"gyro_x[{k}]": gmwm.Signal(np.random.default_rng(k).normal(size=3000), 100.0, segments=ranges, starts=starts)
+        for k in range(3)
+    }
+    fused = fuse(x, horizon=0.1).apply(x)["gyro_x"]
+    assert fused.segments == tuple(ranges)
+    assert fused.starts == tuple(starts)
+
+
+@pytest.mark.slow
+def test_what_a_user_sees(tmp_path):
+    virtual = fuse(array(n=1 << 15), 1.0, horizon=2048.0)
+    assert json.loads(json.dumps(virtual.to_dict()))["axes"]["gyro_x"]["weights"].keys() == array(n=8).keys()
+    assert virtual.to_frame().shape == (15, 7)
+    assert pickle.loads(pickle.dumps(virtual)).summary() == virtual.summary()
+    virtual.plot(path=tmp_path / "virtual.png")
+    assert (tmp_path / "virtual.png").stat().st_size > 10_000
+    assert repr(virtual) == "VirtualSensor(gyro_x: 4 units, horizon 34 min)"
+    shared = np.random.default_rng(4).normal(size=4000)
+    both = {"a": shared, "b": 2 * shared + np.random.default_rng(5).normal(size=4000)}
+    assert [remark.code for remark in fuse(both, 1.0, horizon=4.0).remarks] == ["weights-negative"]
+    assert not fuse(both, 1.0, horizon=4.0, nonnegative=True).remarks
+
+
+@pytest.mark.parametrize(
+    ("x", "argument"),
+    [
+        ({"gyro_x[0]": np.arange(50.0)}, "x"),
+        (np.ones((2, 50)), "x"),
+        ({}, "x"),
+        ({"gyro_x": np.arange(50.0), "gyro_y": np.arange(50.0)}, "x"),
+        ({"gyro_x[0]": np.arange(50.0), "gyro_x": np.arange(50.0)}, "x"),
+        ({"a": np.random.default_rng(1).normal(size=50), "b": np.random.default_rng(1).normal(size=50)}, "x"),
+        ({"a": gmwm.Signal(np.arange(50.0), 1.0, "rad/s"), "b": gmwm.Signal(np.arange(50.0), 1.0, "m/s²")}, "x"),
+    ],
+)
+def test_arrays_that_cannot_be_fused_are_refused(x, argument):
+    with pytest.raises(DataError) as error:
+        fuse(x, 1.0, horizon=4.0)
+    assert error.value.argument == argument
+
+
+@pytest.mark.parametrize("horizon", [0.0, -1.0, np.inf, "60s", True, 1.0, 9000.0, 4096.0])
+def test_horizons_that_the_recording_does_not_allow_are_refused(horizon):
+    with pytest.raises(OptionError) as error:
+        fuse(array(), 1.0, horizon=horizon)
+    assert error.value.argument == "horizon"
+
+
+@pytest.mark.parametrize("style", ["gyro_{a}[{k}]", "imu{k}.gyro_{a} [rad/s]", "w{a}_{k}", "gyro{k}_{a}_rad_s"])
+def test_columns_with_numbers_are_units(tmp_path, style):
+    rng = np.random.default_rng(1)
+    names = [style.format(a=a, k=k) for k in (2, 10, 1) for a in "xyz"]
+    table = rng.normal(size=(64, 9))
+    path = tmp_path / "array.csv"
+    rows = np.column_stack([np.arange(64) / 100, table])
+    np.savetxt(path, rows, delimiter=",", header=",".join(["time", *names]), comments="")
+    units = read_array(path, units={"gyro": "rad/s"})
+    assert list(units) == ["1", "2", "10"]
+    assert all(unit.axes == ("gyro_x", "gyro_y", "gyro_z") for unit in units.values())
+    assert np.allclose(units["10"]["gyro_y"].values, table[:, 4])
+
+
+def test_files_and_topics_are_units(tmp_path):
+    rng = np.random.default_rng(1)
+    for name in ("left", "right"):
+        gmwm.Imu.from_arrays({"gyro_x": rng.normal(size=64)}, 100.0).write(tmp_path / f"{name}.csv")
+    files = [tmp_path / "left.csv", tmp_path / "right.csv"]
+    assert list(read_array(files)) == ["left", "right"]
+    with pytest.raises(ReadError) as error:
+        read_array(files[0])
+    assert error.value.code == "no-array"
+    with pytest.raises(OptionError):
+        read_array([files[0], files[0]])
