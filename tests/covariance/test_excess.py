@@ -9,7 +9,7 @@ from gmwm import RW, WN, fit, wavelet_variance
 from gmwm.covariance import Design, covariance
 from gmwm.covariance.api import variances
 from gmwm.errors import DataError
-from gmwm.inference.goodness import shortened
+from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 MODEL = WN(sigma2=4e-6) + RW(gamma2=1e-10)

@@ -13,9 +13,9 @@ from gmwm.errors import DataError, OptionError
 from gmwm.fleets.axes import hotelling
 from gmwm.fleets.findings import of_units
 from gmwm.fleets.outlier_units import deviants, looked_for
-from gmwm.fleets.random_effects import between_units, effects, predicted, spread_limits
 from gmwm.fleets.statistics import fleet_statistics
 from gmwm.fleets.summary_text import summary
+from gmwm.random_effects import between_units, effects, predicted, spread_limits
 from gmwm.remarks import Remark, Severity
 from tests.helpers import codes, only, raises
 

@@ -6,7 +6,8 @@ from scipy.stats import chi2, kstest
 
 import gmwm
 from gmwm import GM, RW, WN
-from gmwm.inference.goodness import shortened, usable_levels
+from gmwm.inference.goodness import usable_levels
+from gmwm.variance.pooling import shortened
 from tests.helpers import raises
 
 RATE = 100.0

@@ -111,13 +111,13 @@ def test_a_dot_has_the_colour_and_the_symbol_of_its_curve(ranking):
 
 def test_several_recordings_say_so(several):
     figure = ranking_figure(several)
-    assert figure.title.endswith("curves and distances of the first of 2 recordings")
+    assert figure.title.endswith("mean of 2 recordings")
     criteria = figure.panels[-1]
     assert criteria.x.label == "Loss out of sample above the best"
     texts = [tick.label for tick in criteria.y.opposite]
     assert texts[0].startswith(f"{several.best.out_of_sample:.2f}; ")
     assert texts[-1] == "Loss out of sample; WIC = loss + optimism"
-    first = several.best.fits[0].wavelet_variance
+    first = several.best.fit.wavelet_variance
     np.testing.assert_array_equal(figure.panels[0]["Wavelet variance"].y, first.variance)
     assert "Loss out of sample" in candidates_figure(several.compare(0, 1)).title
 

@@ -7,12 +7,12 @@ from scipy import signal
 import gmwm
 from gmwm import Model, wavelet_variance
 from gmwm.datasheets import datasheet
-from gmwm.inference.goodness import shortened
 from gmwm.processes.sinusoid import SIN
 from gmwm.selection.api import select_within
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.search import FELT, MOST_FREE, REJECTED, SLOW, _largest, _lines, search, within_family
 from gmwm.selection.structure import freedom
+from gmwm.variance.pooling import shortened
 
 RATE = 100.0
 OPTIONS = RankingOptions(draws=200)

@@ -69,7 +69,7 @@ def _candidate(values: Mapping[str, Any], fit: Fit) -> Candidate:
     wic = values["wic"]
     return Candidate(
         model=Model.parse(values["asked"]),
-        fits=(fit,),
+        fit=fit,
         wic=Criterion(loss=float(wic["loss"]), optimism=float(wic["optimism"]), method=wic["method"]),
         out_of_sample=values["out_of_sample"],
         difference=float(values["difference"]),

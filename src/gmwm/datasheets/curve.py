@@ -9,10 +9,9 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design
-from gmwm.estimation.linearised import COLLINEAR
+from gmwm.estimation.linearised import COLLINEAR, columns_of, relative_jacobian
 from gmwm.estimation.result import Fit
 from gmwm.estimation.weighting import square_root
-from gmwm.inference.asymptotic import columns_of, relative_jacobian
 from gmwm.inference.intervals import free_shape
 from gmwm.processes.base import Process
 

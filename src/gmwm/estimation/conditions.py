@@ -28,6 +28,7 @@ from gmwm.estimation.varies import Varies, parsed
 from gmwm.estimation.weighting import precision, square_root, weighting_matrix
 from gmwm.filters import find_filter
 from gmwm.processes.model import Model
+from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 _SETTLED = 1e-9
@@ -295,12 +296,8 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
 
 def _short(stack: Stack) -> Stack:
     """The stack with the levels that have enough degrees of freedom for a test."""
-    curves = []
-    for wv in stack.curves:
-        count = int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM))
-        cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
-        excess = None if wv.excess is None else wv.excess[:count, :count].copy()
-        curves.append(replace(wv, **cut, strides=wv.strides[:count], excess=excess))
+    curves = [shortened(wv, int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM)))
+              for wv in stack.curves]  # fmt: skip
     return replace(stack, curves=tuple(curves))
 
 

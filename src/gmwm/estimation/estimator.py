@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from typing import overload
+from typing import cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix
-from gmwm.errors import FitWarning, ModelError, OptionError
+from gmwm.errors import DataError, FitWarning, ModelError, OptionError
 from gmwm.estimation.conditions import fit_conditions
 from gmwm.estimation.conditions_fit import ConditionsFit
 from gmwm.estimation.problem import pose, to_find
@@ -30,17 +30,23 @@ from gmwm.remarks import Quantity, Remark
 from gmwm.signals import Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, require_robust
+from gmwm.variance.pooling import pooled
 from gmwm.variance.result import WaveletVariance
 
 NEAR = 1e-6
 """Relative change of the fitted curve at which `refitted` stops. The relative standard error of ν̂² is larger,
 √(2/N) > 1e-6, for the longest recording that `gmwm.plan` accepts, 2⁴⁰ samples."""
 
+Curve = WaveletVariance | Signal | ArrayLike
+"""A recording, or its wavelet variance."""
+OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]
+"""One recording, or several recordings of one unit."""
+
 
 @overload
 def fit(
     model: Model | Process | str,
-    data: WaveletVariance | Signal | ArrayLike,
+    data: OneOrSeveral,
     rate: float | None = None,
     *,
     weighting: Weighting | None = None,
@@ -68,7 +74,7 @@ def fit(
 
 def fit(
     model: Model | Process | str,
-    data: WaveletVariance | Signal | ArrayLike | Mapping[float, WaveletVariance | Signal | ArrayLike],
+    data: OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
     rate: float | None = None,
     *,
     weighting: Weighting | None = None,
@@ -96,9 +102,11 @@ def fit(
     model : Model, Process or str
         The model to fit, for example ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values in the model are used
         as additional starting values; values in ``fixed(…)`` are held.
-    data : WaveletVariance, Signal, (N,) array in any unit, or mapping of condition to one of these
-        The data to fit the model to. A mapping has recordings at known conditions, for example rates of a turntable or
-        plateaus of a chamber: ``{0.0: rest, 50.0: slow, 100.0: fast}``.
+    data : WaveletVariance, Signal, (N,) array in any unit; a list of these; or mapping of condition to one of these
+        The data to fit the model to. A list has several recordings of one unit. They get one fit, to the mean of their
+        curves: `fit.replicates` tests whether they are equal, and intervals include the spread between them. A mapping
+        has recordings at known conditions, for example rates of a turntable or plateaus of a chamber:
+        ``{0.0: rest, 50.0: slow, 100.0: fast}``.
     rate : float, optional
         Sampling rate (Hz); needed only if `data` is a plain array.
     weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
@@ -236,9 +244,9 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
     return as_fit(settled, wv, fit.weighting)
 
 
-def _draws(start: Sampled, wv: WaveletVariance, data: WaveletVariance | Signal | ArrayLike) -> First:
+def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
     """The solver that starts from random draws; drifts are drawn from the range or the known slope of the data."""
-    if isinstance(data, WaveletVariance):
+    if isinstance(data, WaveletVariance) or wv.recordings:
         spread = abs(wv.slope or 0.0)
     else:
         values = np.asarray(data.values if isinstance(data, Signal) else data, dtype=np.float64)
@@ -259,14 +267,43 @@ def _fitted(
 
 
 def measured(
-    data: WaveletVariance | Signal | ArrayLike,
+    data: OneOrSeveral,
     rate: float | None,
     robust: bool,
     efficiency: float,
     against: Against = None,
 ) -> WaveletVariance:
-    """The wavelet variance to fit: of a signal, or `data` itself after a check that no option contradicts it."""
+    """The wavelet variance to fit: of a signal, the mean of several, or `data` itself.
+
+    Raises
+    ------
+    OptionError
+        If an option contradicts the data.
+    """
     asked = Asked.of(against)
+    several = _several(data)
+    if several is None:
+        return _measured(cast("Curve", data), rate, robust, efficiency, asked=asked)
+    if not several:
+        raise DataError(argument="data", expected="at least one recording", got=data)
+    if any(term.measured for term in asked.terms):
+        raise OptionError(
+            "against has an array, which belongs to one recording, but there are several",
+            argument="against",
+            advice="Remove its effect from each recording by `wavelet_variance(x, against=…)`, and pass the curves.",
+        )
+    curves = [_measured(one, rate, robust, efficiency, asked=asked) for one in several]
+    return pooled({str(k): wv for k, wv in enumerate(curves, start=1)})
+
+
+def _several(data: object) -> list[Curve] | None:
+    """The recordings in a list; None for a single one, which may be a list of numbers."""
+    if isinstance(data, list | tuple) and all(isinstance(x, WaveletVariance | Signal | np.ndarray) for x in data):
+        return list(data)
+    return None
+
+
+def _measured(data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked) -> WaveletVariance:
     if asked.terms:
         wv = regressed_variance(data, rate, asked, robust=robust, efficiency=efficiency)
     elif isinstance(data, WaveletVariance):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gmwm.inference.goodness import GoodnessOfFit
     from gmwm.inference.intervals import Interval, Method
     from gmwm.plots.view import UnitSystem, ViewName
+    from gmwm.replicates import Replicates
 
 
 class InferenceMethods:
@@ -69,6 +70,27 @@ class InferenceMethods:
         from gmwm.inference.asymptotic import standard_errors
 
         return standard_errors(self._fit)
+
+    @cached_property
+    def replicates(self) -> Replicates | None:
+        """The recordings of a fit to several recordings, compared with each other; None for a single one.
+
+        It has the test that their parameters are equal, a test without a model, the numbers of each recording and their
+        spread, and the model for a filter. Standard errors, `confidence_intervals` and the datasheet include the
+        spread; the bootstrap does not.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit, wavelet_variance
+        >>> model = WN(sigma2=4.0) + RW(gamma2=1e-3)
+        >>> days = [wavelet_variance(model.simulate(20_000, 100.0, rng=k), 100.0) for k in (1, 2, 3)]
+        >>> found = fit(WN() + RW(), days).replicates
+        >>> found.differ, found["N"].apart < 0.05
+        (False, True)
+        """
+        from gmwm.replicates.compare import compared
+
+        return compared(self._fit)
 
     def confidence_intervals(
         self,

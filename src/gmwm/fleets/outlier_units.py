@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.fleets.random_effects import effects
+from gmwm.random_effects import effects
 
 FEWEST = 8
 """Number of units that the search for outliers needs (tests/fleets/test_statistics.py holds its size there)."""

@@ -15,10 +15,10 @@ from gmwm.calibration.tables import in_order
 from gmwm.fleets.axes import differences
 from gmwm.fleets.findings import LEAST
 from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
-from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
 from gmwm.options import as_confidence, as_size
+from gmwm.random_effects import effects, predicted, spread_limits
 
 if TYPE_CHECKING:
     import polars

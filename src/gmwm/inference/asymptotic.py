@@ -16,14 +16,12 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._text import Named
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
-from gmwm.estimation.linearised import relative_covariance
+from gmwm.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
+from gmwm.estimation.recordings import design_of
 from gmwm.processes.model import Model
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
-
-NO_COEFFICIENT = 1e-8
-"""Value that replaces a coefficient φ = 0, because errors are relative to values."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -39,7 +37,8 @@ class Sandwich:
     relative : (p, p) array
         Covariance of θ̂_i/θ_i; infinite if the data do not determine a parameter.
     wavelet : (J, J) array, in unit⁴
-        V, the covariance of the wavelet variance under the fitted model.
+        V, the covariance of the wavelet variance under the fitted model. Of several recordings, it includes the spread
+        of the parameters between them.
     """
 
     names: tuple[str, ...]
@@ -68,11 +67,23 @@ class Sandwich:
 
 def sandwich(fit: Fit) -> Sandwich:
     """Covariance of the estimates: see `Fit.sandwich`."""
-    design = Design.of(fit.wavelet_variance)
-    wavelet = covariance(fit.model, design)
-    if not np.all(np.diag(wavelet) > 0):
-        raise no_noise(fit.model)
+    design = design_of(fit)
+    wavelet = noise_covariance(fit.model, design)
     return sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
+
+
+def noise_covariance(model: Model, design: Design) -> Matrix:
+    """V (J, J) of a model that has noise at every level.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise at some level.
+    """
+    wavelet = covariance(model, design)
+    if not np.all(np.diag(wavelet) > 0):
+        raise no_noise(model)
+    return wavelet
 
 
 def no_noise(model: Model) -> ModelError:
@@ -93,7 +104,7 @@ def sandwich_of(
     standard errors of the other terms larger and safe.
     """
     columns, reported = columns_of(model, acts_as or {})
-    values = _sizes(model, columns)
+    values = sizes_of(model, columns)
     slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])
     relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
     kept = [k for k, name in enumerate(columns) if name in reported]
@@ -114,36 +125,6 @@ def _unseen(model: Model, design: Design) -> list[Vector]:
         and not process.is_fixed(process.scale_parameter().name)
         and all(process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
     ]
-
-
-def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Names of the free parameters, and the subset that is reported."""
-    columns, reported = [], set()
-    for term, process in zip(model.terms, model.processes, strict=True):
-        if process.scale == 0:
-            continue
-        for parameter in process.parameters:
-            name = f"{term}.{parameter.name}"
-            if process.is_fixed(parameter.name) or (term in acts_as and parameter.scale_power is None):
-                continue
-            columns.append(name)
-            if term not in acts_as:
-                reported.add(name)
-    return columns, reported
-
-
-def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str, ...]) -> Matrix:
-    """θ ∂ν_j²/∂θ (J, p) for the parameters `names`."""
-    jacobian = model.jacobian(design.levels, design.rate, design.filter)
-    place = {name: k for k, name in enumerate(model.names)}
-    values = _sizes(model, names)
-    return np.asarray(jacobian[:, [place[name] for name in names]] * values)
-
-
-def _sizes(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
-    """Values of parameters, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
-    values = np.array([model.parameters[name] for name in names], dtype=np.float64)
-    return np.where(values == 0, NO_COEFFICIENT, values)
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:

@@ -20,6 +20,7 @@ from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import estimated, solve
 from gmwm.estimation.weighting import square_root
 from gmwm.filters import WaveletFilter
+from gmwm.inference.asymptotic import noise_covariance
 from gmwm.inference.bootstrap import DRAWS, bootstrap
 from gmwm.inference.intervals import Method
 from gmwm.options import one_of
@@ -69,7 +70,8 @@ def wic(
         drawn = bootstrap(fit, draws, rng)
         share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
         return Criterion(loss=float(fit.objective), optimism=share, method=method)
-    return Criterion(loss=float(fit.objective), optimism=optimism(fit, fit.sandwich.wavelet), method=method)
+    wavelet = noise_covariance(fit.model, Design.of(fit.wavelet_variance))
+    return Criterion(loss=float(fit.objective), optimism=optimism(fit, wavelet), method=method)
 
 
 def optimism(fit: Fit, wavelet: Matrix) -> float:

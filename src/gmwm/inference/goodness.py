@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
@@ -13,13 +13,13 @@ from gmwm._text import Summarised, counted
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
 from gmwm.estimation.estimator import refitted
-from gmwm.estimation.linearised import unexplained
+from gmwm.estimation.linearised import columns_of, relative_jacobian, unexplained
 from gmwm.estimation.reweighting import REWEIGHTED
 from gmwm.estimation.weighting import precision, square_root
-from gmwm.inference.asymptotic import columns_of, relative_jacobian
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.inference.intervals import Method
 from gmwm.options import one_of
+from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -152,13 +152,6 @@ def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
 def usable_in(design: Design) -> NDArray[np.bool_]:
     """Which levels of a design have enough degrees of freedom for the test (J,)."""
     return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
-
-
-def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
-    """The first `count` levels of a wavelet variance."""
-    cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
-    excess = None if wv.excess is None else wv.excess[:count, :count].copy()
-    return replace(wv, **cut, strides=wv.strides[:count], excess=excess)
 
 
 def _statistic(fit: Fit) -> tuple[float, int]:

@@ -14,6 +14,7 @@ from gmwm.confidence_limits import chi_square_limits
 from gmwm.covariance import Design
 from gmwm.covariance import covariance as covariance_of
 from gmwm.errors import OptionError
+from gmwm.estimation.recordings import design_of
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
@@ -262,7 +263,7 @@ def _relative_error(fit: Fit, model: Model, name: str) -> float:
     design = Design.of(fit.wavelet_variance)
     matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
     found = sandwich_of(
-        model, design, matrix=matrix, wavelet=covariance_of(model, design), acts_as=fit.diagnostics.acts_as
+        model, design, matrix=matrix, wavelet=covariance_of(model, design_of(fit)), acts_as=fit.diagnostics.acts_as
     )
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])

@@ -17,11 +17,10 @@ from gmwm.covariance import Design, covariance
 from gmwm.covariance.api import variances
 from gmwm.errors import GmwmError
 from gmwm.estimation.estimator import as_fit
-from gmwm.estimation.linearised import unexplained
+from gmwm.estimation.linearised import columns_of, relative_jacobian, unexplained
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import nearly_settled
 from gmwm.estimation.weighting import precision, square_root
-from gmwm.inference.asymptotic import columns_of, relative_jacobian
 from gmwm.inference.goodness import usable_levels
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance

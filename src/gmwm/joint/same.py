@@ -21,11 +21,9 @@ from gmwm.multiple_tests import holm
 from gmwm.options import as_confidence, as_size
 from gmwm.signals import Imu, Signal
 from gmwm.variance.api import signal_wavelet_variance
+from gmwm.variance.pooling import SLOWER
 from gmwm.variance.result import WaveletVariance
 
-SLOWER = 1e-3
-"""Largest relative difference of the rates: those of real clocks differ by some 1e-5, and a difference of 1e-3 changes
-the wavelet variance by at most 0.3 %."""
 LEAST = 2.0
 """Degrees of freedom that both estimates of a level need for a test."""
 
@@ -160,24 +158,44 @@ class _Curve(NamedTuple):
 
 def _rows(axis: str, signals: Mapping[str, Signal], *, confidence: float, tolerance: float) -> list[LevelRatio]:
     """The ratio of each level that all recordings have, with the p-value of its test alone."""
-    measured = [signal_wavelet_variance(signal) for signal in signals.values()]
+    measured = {name: signal_wavelet_variance(signal) for name, signal in signals.items()}
+    tails = _tails(list(signals.values()), list(measured.values()))
+    curves = {name: replace(wv, excess=excess) for (name, wv), excess in zip(measured.items(), tails, strict=True)}
+    return level_ratios(curves, axis, confidence=confidence, tolerance=tolerance)
+
+
+def level_ratios(
+    curves: Mapping[str, WaveletVariance], axis: str = "", *, confidence: float = 0.95, tolerance: float = 0.0
+) -> list[LevelRatio]:
+    """The ratio of the curves of recordings at each level that all have, with the p-value of its test alone.
+
+    Parameters
+    ----------
+    curves : mapping of name to WaveletVariance
+        Two or more recordings of one rate; see `same`.
+    axis : str
+    confidence, tolerance : float
+        As for `same`.
+
+    Raises
+    ------
+    DataError
+        If a variance is 0.
+    """
+    measured = list(curves.values())
     levels = min(map(len, measured))
     if not all(np.all(wv.variance[:levels] > 0) for wv in measured):
         raise DataError(f"{axis} has no noise at some scales: its wavelet variance is 0", argument="recordings")
     eta = np.array([wv.degrees_of_freedom[:levels] for wv in measured])
     pooled = np.average([wv.variance[:levels] for wv in measured], axis=0, weights=eta)
-    tails = _tails(list(signals.values()), measured, levels)
-    curves = {
-        name: _Curve(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv, excess))
-        for name, wv, excess in zip(signals, measured, tails, strict=True)
-    }
+    known = {name: _Curve(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv)) for name, wv in curves.items()}
     # Of two recordings, both comparisons would be the same.
-    compared = list(curves)[: 1 if len(curves) == 2 else None]
+    compared = list(known)[: 1 if len(known) == 2 else None]
     rows = []
     for name in compared:
-        others = _mean([curve for other, curve in curves.items() if other != name])
+        others = _mean([curve for other, curve in known.items() if other != name])
         for k in range(levels):
-            row = _row(curves[name], others, k, confidence=confidence, tolerance=tolerance)
+            row = _row(known[name], others, k, confidence=confidence, tolerance=tolerance)
             rows.append(replace(row, axis=axis, recording=name, level=k + 1, tau=float(measured[0].tau[k])))
     return rows
 
@@ -203,7 +221,7 @@ def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: fl
     return LevelRatio(ratio=math.sqrt(ratio), lower=lower, upper=upper, pvalue=min(1.0, 2 * min(above, below)))
 
 
-def _tails(signals: Sequence[Signal], curves: Sequence[WaveletVariance], levels: int) -> list[Matrix | None]:
+def _tails(signals: Sequence[Signal], curves: Sequence[WaveletVariance]) -> list[Matrix | None]:
     """The relative covariance (J, J) of each curve beyond a Gaussian signal.
 
     A recording that is too short to show heavy tails gets the covariance of the longest recording that shows them,
@@ -214,13 +232,21 @@ def _tails(signals: Sequence[Signal], curves: Sequence[WaveletVariance], levels:
     if not known:
         return found
     samples, longest = max(known, key=lambda one: one[0])
-    scaled = [longest * samples / wv.samples if excess is None else excess
-              for wv, excess in zip(curves, found, strict=True)]  # fmt: skip
-    return [excess[:levels, :levels] for excess in scaled]
+    found = [_cut(longest, len(wv)) * samples / wv.samples if excess is None else excess
+             for wv, excess in zip(curves, found, strict=True)]  # fmt: skip
+    return list(found)
 
 
-def _freedom(pooled: Vector, eta: Vector, wv: WaveletVariance, excess: Matrix | None) -> Vector:
+def _cut(excess: Matrix, levels: int) -> Matrix:
+    """The matrix for a number of levels; levels beyond it have no excess."""
+    found = np.zeros((levels, levels))
+    reach = min(levels, len(excess))
+    found[:reach, :reach] = excess[:reach, :reach]
+    return found
+
+
+def _freedom(pooled: Vector, eta: Vector, wv: WaveletVariance) -> Vector:
     """Degrees of freedom η_j (J,) of one curve under the model of all."""
-    design = replace(Design.of(wv).only(np.arange(len(wv)) < pooled.size), excess=excess)
+    design = Design.of(wv).only(np.arange(len(wv)) < pooled.size)
     curve, model = mixture(pooled, eta, design, random=True)
     return np.asarray(2 * curve**2 / variances(model, design))

@@ -55,10 +55,10 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
     lines = max(_row_name(c).count("\n") + 1 for c in listed)
     heights = (64.0, 16.0 + (1.8 + 2.8 * lines) * len(listed))
     foot = 6.0 + 4.0 * ((len(drawn) + 4) // 3)
-    recordings = len(ranking.best.fits)
+    recordings = len(ranking.best.fit.wavelet_variance.recordings)
     words = [axis_title(drawn[0].fit.wavelet_variance.axis), f"models within {model_text(ranking.within.terms)}"]
     if recordings > 1:
-        words.append(f"curves and distances of the first of {recordings} recordings")
+        words.append(f"mean of {recordings} recordings")
     title = ", ".join(filter(None, words))
     return Figure(
         rows=(*rows, (criteria,)),

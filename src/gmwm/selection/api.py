@@ -10,19 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.covariance import Design
-from gmwm.errors import DataError, ModelError, OptionError
+from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.estimator import measured
+from gmwm.estimation.linearised import columns_of
 from gmwm.estimation.result import Fit
-from gmwm.inference.asymptotic import columns_of
 from gmwm.inference.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
-from gmwm.inference.goodness import shortened
 from gmwm.inference.intervals import Method
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.validation import as_seed
 from gmwm.regression.against import Against
-from gmwm.selection.candidate_fits import Explored, Progress, explore
+from gmwm.selection.candidate_fits import Explored, Progress, explore, losses_left_out
 from gmwm.selection.comparison import difference_error
 from gmwm.selection.equivalence import SURELY, as_good
 from gmwm.selection.options import DRAWS, RankingOptions, Weights
@@ -82,8 +81,9 @@ def select(
         whose values are all fixed is in every candidate. If the general model has more parameters than there are
         levels, the candidates have at most as many parameters as levels.
     data : WaveletVariance, Signal or (N,) array; or a list of these
-        The recording. Several recordings must be of one sensor: candidates are then ranked by the mean loss of a fit to
-        one recording on the others.
+        The recording. Several recordings must be of one unit. The candidates are then fitted to the mean of their
+        curves, and ranked by leaving out one recording after the other: by the mean loss, on the recording that is left
+        out, of a fit to the others. A model that describes a disturbance of one recording loses.
     rate : float, optional
         Sampling rate (Hz); only for plain arrays.
     weighting : "optimal" or "diagonal"
@@ -150,20 +150,20 @@ def select_within(
     progress: Progress | None = None,
 ) -> Ranking:
     """The ranking of every model within a general one, by checked options; all contain the `required` terms."""
-    recordings = _recordings(data, rate, robust, efficiency, against=against)
-    optional = without_drift(without_values(as_model(general)), recordings)
+    wv = measured(data, rate, robust, efficiency, against=against)
+    optional = without_drift(without_values(as_model(general)), [wv])
     models = nested(optional)
     if required:
         models = [*(Model((*model.processes, *required)) for model in models), Model(tuple(required))]
     wanted = Model((*optional.processes, *required))
-    candidates = [model for model in models if freedom(model) <= len(recordings[0])]
+    candidates = [model for model in models if freedom(model) <= len(wv)]
     if not candidates:
         raise ModelError(
             f"every model within {wanted.structure} has more parameters than the wavelet variance has levels, "
-            f"{len(recordings[0])}",
+            f"{len(wv)}",
             advice="Record longer.",
         )
-    return _ranked(wanted, candidates, recordings, options=options, progress=progress)
+    return _ranked(wanted, candidates, wv, options=options, progress=progress)
 
 
 def rank(
@@ -219,16 +219,16 @@ def rank(
             advice="To rank all models within one, use `gmwm.select`.",
         )  # fmt: skip
     wanted = [without_values(as_model(model)) for model in models]
-    recordings = _recordings(data, rate, robust, efficiency, against=against)
+    wv = measured(data, rate, robust, efficiency, against=against)
     for model in wanted:
-        if freedom(model) > len(recordings[0]):
+        if freedom(model) > len(wv):
             raise ModelError(
                 f"{model.structure} has {freedom(model)} free parameters, but the wavelet variance has only "
-                f"{len(recordings[0])} levels",
+                f"{len(wv)} levels",
                 advice="Record longer, or leave this model out.",
             )
     unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
-    return _ranked(_union(unique), unique, recordings, options=options, progress=progress)
+    return _ranked(_union(unique), unique, wv, options=options, progress=progress)
 
 
 def _union(models: Sequence[Model]) -> Model:
@@ -260,54 +260,34 @@ def _join(one: Process, other: Process) -> type[Process] | None:
     return type(one).joined(type(other))
 
 
-def _recordings(
-    data: object, rate: float | None, robust: bool, efficiency: float, against: Against
-) -> list[WaveletVariance]:
-    """The wavelet variances of one or several recordings, at their common levels."""
-    several = isinstance(data, (list, tuple)) and all(
-        isinstance(x, (WaveletVariance, Signal, np.ndarray)) for x in data
-    )
-    items = list(data) if several and isinstance(data, (list, tuple)) else [data]
-    if not items:
-        raise DataError(argument="data", expected="a recording or a list of recordings", got=data)
-    curves = [measured(item, rate, robust, efficiency, against=against) for item in items]  # type: ignore[arg-type]
-    first = curves[0]
-    for other in curves[1:]:
-        for name in ("rate", "unit", "filter", "transform", "robust"):
-            if getattr(other, name) != getattr(first, name):
-                raise DataError(
-                    f"the recordings differ in their {name}: {getattr(first, name)!r} and {getattr(other, name)!r}",
-                    advice="Rank the models for each recording by itself.",
-                )
-    short = min(map(len, curves))
-    return [wv if len(wv) == short else shortened(wv, short) for wv in curves]
-
-
 def _ranked(
     general: Model,
     candidates: Sequence[Model],
-    recordings: Sequence[WaveletVariance],
+    wv: WaveletVariance,
     *,
     options: RankingOptions,
     progress: Progress | None,
 ) -> Ranking:
     weighting, draws, seed = options.weighting, options.draws, options.seed
-    explored = [explore(general, candidates, wv, weighting, progress=progress) for wv in recordings]
-    criteria = _criteria(explored, len(candidates), method=options.criterion, draws=draws, seed=seed)
-    made = [_candidate(model, k, explored, criteria[k]) for k, model in enumerate(candidates)]
+    explored = explore(general, candidates, wv, weighting, progress=progress)
+    criteria = _criteria(explored, method=options.criterion, draws=draws, seed=seed)
+    losses = losses_left_out(explored, candidates, weighting)
+    made = [
+        _candidate(model, explored.fits[k], criteria[k], None if losses is None else float(losses[k]))
+        for k, model in enumerate(candidates)
+    ]
     made = _related(made)
     made = _sorted(made)
     made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
     chosen = _equivalent(made, explored, confidence=options.confidence, draws=draws, seed=seed)
     made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in made]
-    first = explored[0]
     return Ranking(
         candidates=tuple(made),
         within=general,
-        general=first.general,
+        general=explored.general,
         weighting=weighting,
-        weighting_matrix=first.matrix,
-        wavelet=first.wavelet,
+        weighting_matrix=explored.matrix,
+        wavelet=explored.wavelet,
         confidence=options.confidence,
     )
 
@@ -339,72 +319,48 @@ def _score(candidate: Candidate) -> float:
     return candidate.wic.value if candidate.out_of_sample is None else candidate.out_of_sample
 
 
-def _candidate(model: Model, place: int, explored: Sequence[Explored], wic: Criterion) -> Candidate:
-    fits = tuple(e.fits[place] for e in explored)
-    parameters = max(len(columns_of(fit.model, fit.diagnostics.acts_as)[0]) for fit in fits)
+def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | None) -> Candidate:
     return Candidate(
         model=model,
-        fits=fits,
+        fit=fit,
         wic=wic,
-        out_of_sample=_out_of_sample(fits),
+        out_of_sample=out_of_sample,
         difference=0.0,
-        parameters=parameters,
+        parameters=len(columns_of(fit.model, fit.diagnostics.acts_as)[0]),
         equivalent=False,
         recommended=False,
         same_as=None,
     )
 
 
-def _out_of_sample(fits: Sequence[Fit]) -> float | None:
-    """The mean loss of the fit to one recording on another; None for a single recording."""
-    if len(fits) == 1:
-        return None
-    losses = []
-    for fitted in fits:
-        for other in fits:
-            if other is not fitted:
-                miss = other.wavelet_variance.variance - fitted.implied
-                losses.append(float(miss @ other.weighting_matrix @ miss))
-    return float(np.mean(losses))
-
-
-def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: int, seed: int) -> list[Criterion]:
-    """The criterion of each candidate, as the mean over the recordings; shared fits are evaluated once."""
+def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:
+    """The criterion of each candidate; shared fits are evaluated once."""
     known: dict[int, float] = {}
-    for r, e in enumerate(explored):
-        variances = None
-        if method == "bootstrap":
-            wv = e.general.wavelet_variance
-            variances = simulated_variances(e.general.model, Design.of(wv), draws, seed + r)
-        for fit in e.fits:
-            if id(fit) not in known:
-                if variances is None:
-                    known[id(fit)] = optimism(fit, e.wavelet)
-                else:
-                    implied = implied_by_refits(*problem_of(fit), variances)
-                    known[id(fit)] = covariance_trace(variances, implied, e.matrix)
-    return [
-        Criterion(
-            loss=float(np.mean([e.fits[k].objective for e in explored])),
-            optimism=float(np.mean([known[id(e.fits[k])] for e in explored])),
-            method=method,
-        )
-        for k in range(count)
-    ]
+    variances = None
+    if method == "bootstrap":
+        wv = explored.general.wavelet_variance
+        variances = simulated_variances(explored.general.model, Design.of(wv), draws, seed)
+    for fit in explored.fits:
+        if id(fit) not in known:
+            if variances is None:
+                known[id(fit)] = optimism(fit, explored.wavelet)
+            else:
+                implied = implied_by_refits(*problem_of(fit), variances)
+                known[id(fit)] = covariance_trace(variances, implied, explored.matrix)
+    return [Criterion(loss=float(fit.objective), optimism=known[id(fit)], method=method) for fit in explored.fits]
 
 
 def _related(made: Sequence[Candidate]) -> list[Candidate]:
-    """Set `same_as` of candidates that have the same fit as a smaller one in every recording."""
+    """Set `same_as` of candidates that have the same fit as a smaller one."""
     own = {frozenset(structure_of(c.model).items()): c for c in made}
-    alike: dict[tuple[int, ...], Candidate] = {}
+    alike: dict[int, Candidate] = {}
     for c in sorted(made, key=lambda c: freedom(c.model)):
-        alike.setdefault(tuple(map(id, c.fits)), c)
+        alike.setdefault(id(c.fit), c)
     related = []
     for c in made:
-        shown = _shown(c)
-        smaller = None if shown is None else own.get(frozenset(shown.items()))
+        smaller = own.get(frozenset(shown_by(c.fit).items()))
         if smaller is None or smaller is c:
-            smaller = alike[tuple(map(id, c.fits))]
+            smaller = alike[id(c.fit)]
         related.append(c if smaller is c else replace(c, same_as=smaller.structure))
     target = {c.structure: c.same_as for c in related}
     return [c if c.same_as is None else replace(c, same_as=_end(c.same_as, target)) for c in related]
@@ -417,12 +373,6 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
         name = after
         seen.add(name)
     return name
-
-
-def _shown(candidate: Candidate) -> Counter[str] | None:
-    """The structure of a candidate without terms that are zero; None if it differs between the recordings."""
-    structures = [shown_by(fit) for fit in candidate.fits]
-    return structures[0] if all(s == structures[0] for s in structures) else None
 
 
 def _complexity(candidate: Candidate) -> int:
@@ -448,7 +398,7 @@ def _rejected(candidate: Candidate, best: Candidate) -> bool:
 
 
 def _equivalent(
-    made: Sequence[Candidate], explored: Sequence[Explored], confidence: float, draws: int, seed: int
+    made: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
     """The candidates as good as the best, without those that contain another of them; the simplest first."""
     best, level = made[0], _levels(made)
@@ -463,9 +413,9 @@ def _equivalent(
             if difference > SURELY:
                 continue
             # A simpler model does not override a clear difference of the criteria.
-            if difference > CLEAR * difference_error(candidate.fit, best.fit, explored[0].matrix, explored[0].wavelet):
+            if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.matrix, explored.wavelet):
                 continue
-            if not as_good(explored, candidate.fits, rivals=best.fits, size=1 - confidence, draws=draws, seed=seed):
+            if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
                 continue
             # Last, because the test fits the candidate again with its own weights.
             if _rejected(candidate, best):

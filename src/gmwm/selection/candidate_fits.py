@@ -8,15 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gmwm._arrays import Matrix, freeze
+from gmwm._arrays import Matrix, Vector, freeze
+from gmwm.covariance import Design, covariance
 from gmwm.estimation.atoms import grid
 from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.problem import Problem, pose, to_find
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, nearly_settled
 from gmwm.estimation.solver import Solution, solve
+from gmwm.estimation.weighting import precision
 from gmwm.processes.model import Model
 from gmwm.selection.structure import freedom, of_lower_order, structure_of, without_values
+from gmwm.variance.pooling import without
 from gmwm.variance.result import WaveletVariance
 
 NOT_LOWER = 1e-9
@@ -78,6 +81,45 @@ def explore(
     search.mend()
     fits = tuple(search.fit(model) for model in candidates)
     return Explored(as_fit(settled, wv, weighting), matrix, wavelet, fits)
+
+
+def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
+    """The mean loss of each candidate on a recording that its fit left out; None for a single recording.
+
+    Each recording is left out once. The fits to the others have the Ω of the general model, and the loss has that of
+    the recording: (ν̂_r − ν)ᵀ Ω_r (ν̂_r − ν).
+    """
+    wv = explored.general.wavelet_variance
+    if len(wv.recordings) < 2:
+        return None
+    losses = []
+    for name, one in wv.recordings.items():
+        fits = _explored_again(explored, candidates, without(wv, name), weighting)
+        design = replace(Design.of(one), model_error=wv.model_error)
+        design = design.only(one.levels <= len(fits[0].wavelet_variance))
+        scatter = covariance(explored.general.model, design)
+        matrix, reach = _inverse(scatter, weighting), design.levels.size
+        miss = [one.variance[:reach] - fit.implied[:reach] for fit in fits]
+        losses.append([float(m @ matrix @ m) for m in miss])
+    return np.asarray(np.mean(losses, axis=0))
+
+
+def _explored_again(explored: Explored, candidates: Sequence[Model], wv: WaveletVariance, weighting: str) -> list[Fit]:
+    """The fits of the candidates to other data, with the weights of `explored`."""
+    matrix = explored.matrix
+    if len(wv) < len(matrix):
+        matrix = _inverse(explored.wavelet[: len(wv), : len(wv)], weighting)
+    search = _Exploration(wv, matrix, weighting)
+    fitting = [model for model in candidates if freedom(model) <= len(wv)]
+    for model in sorted(fitting, key=lambda model: -len(model.processes)):
+        search.add(model)
+    search.mend()
+    # A model with more parameters than the other recordings have levels has the fit of the largest one.
+    return [search.fit(model if freedom(model) <= len(wv) else max(fitting, key=freedom)) for model in candidates]
+
+
+def _inverse(scatter: Matrix, weighting: str) -> Matrix:
+    return precision(scatter) if weighting == "optimal" else np.diag(1 / np.diag(scatter))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,12 +17,11 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
 
     The loss of a model is the quadratic form |P L (ν̂ − ν)|² of ν̂², where P projects onto the complement of the
     directions in which the curve of the model can change. The difference of two losses, (e + m)ᵀ(P₁ − P₂)(e + m), has
-    the variance 2 tr[(AW)²] + 4 aᵀWa with A = P₁ − P₂, W = LVLᵀ, and a = r₁ − r₂, the difference of the residuals. For
-    several recordings, it is the variance for the first one divided by their number.
+    the variance 2 tr[(AW)²] + 4 aᵀWa with A = P₁ − P₂, W = LVLᵀ, and a = r₁ − r₂, the difference of the residuals.
     """
     error = difference_error(first.fit, second.fit, ranking.weighting_matrix, ranking.wavelet)
     difference = first.wic.value - second.wic.value
-    return Comparison(first=first, second=second, difference=difference, error=error / float(np.sqrt(len(first.fits))))
+    return Comparison(first=first, second=second, difference=difference, error=error)
 
 
 def difference_error(first: Fit, second: Fit, matrix: Matrix, wavelet: Matrix) -> float:

@@ -11,7 +11,6 @@ accounts for the choice of the smallest among many criteria.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,13 +22,12 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design
 from gmwm.errors import GmwmError
 from gmwm.estimation.estimator import as_fit
-from gmwm.estimation.linearised import COLLINEAR
+from gmwm.estimation.linearised import COLLINEAR, columns_of, relative_jacobian
 from gmwm.estimation.problem import pose
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, drawn_covariance
 from gmwm.estimation.solver import solve
 from gmwm.estimation.weighting import precision, square_root
-from gmwm.inference.asymptotic import columns_of, relative_jacobian
 from gmwm.inference.criterion import optimism
 from gmwm.selection.candidate_fits import Explored, relaxed_columns
 from gmwm.selection.structure import without_values
@@ -170,40 +168,33 @@ class Hypothesis:
         return np.asarray(self.losses[records] - np.array(best) - self.least)
 
 
-def as_good(
-    explored: Sequence[Explored], fits: Sequence[Fit], rivals: Sequence[Fit], size: float, draws: int, seed: int
-) -> bool:
-    """Whether a candidate is equivalent to its rival, from the fits of both to each recording."""
-    pairs = enumerate(zip(explored, fits, strict=True))
-    hypotheses = [Hypothesis.of(e, fit, draws, seed + r) for r, (e, fit) in pairs]
+def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
+    """Whether a candidate is equivalent to its rival."""
+    hypothesis = Hypothesis.of(explored, fit, draws, seed)
     for closer in range(1 + CLOSER):
-        if closer:
-            hypotheses = [h and h.closer() for h in hypotheses]
-        sound = [h for h in hypotheses if h is not None]
-        if len(sound) < len(hypotheses) or any(h.absurd(rival) for h, rival in zip(sound, rivals, strict=True)):
+        if closer and hypothesis is not None:
+            hypothesis = hypothesis.closer()
+        if hypothesis is None or hypothesis.absurd(rival):
             return False
-        if by_chance(sound, rivals, size):
+        if by_chance(hypothesis, rival, size):
             return True
     return False
 
 
-def by_chance(hypotheses: Sequence[Hypothesis], rivals: Sequence[Fit], size: float) -> bool:
-    """Whether a share of more than `size` of the simulated recordings show a difference as large as the data.
-
-    There is one hypothesis and one fit of the rival for each recording; their criteria are added.
-    """
-    difference = sum(h.excess(rival) for h, rival in zip(hypotheses, rivals, strict=True))
+def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
+    """Whether a share of more than `size` of the simulated recordings show a difference as large as the data."""
+    difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
-    single = np.max(np.sum([h.single for h in hypotheses], axis=0), axis=1)
+    single = np.max(hypothesis.single, axis=1)
     if np.mean(single >= difference) > size:
         return True
     # The remaining loss of the best sum is at least zero, so the loss itself is a bound, which rejects most candidates.
-    most = np.sum([h.losses - h.least for h in hypotheses], axis=0)
+    most = hypothesis.losses - hypothesis.least
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
     open_ones = np.flatnonzero((single < difference) & (most >= difference))
-    several = np.sum([h.several(open_ones) for h in hypotheses], axis=0)
+    several = hypothesis.several(open_ones)
     return bool(np.count_nonzero(single >= difference) + np.count_nonzero(several >= difference) > size * single.size)
 
 

@@ -49,12 +49,12 @@ class Candidate:
     ----------
     model : Model
         The model with its fixed values.
-    fits : tuple of Fit
-        The fit to each recording, with the weighting matrix Ω of all candidates.
+    fit : Fit
+        The fit to the recording, or to the mean of several, with the weighting matrix Ω of all candidates.
     wic : Criterion
-        Wavelet information criterion; for several recordings the mean.
+        Wavelet information criterion.
     out_of_sample : float or None
-        For several recordings, the mean loss of a fit to one recording on another.
+        For several recordings, the mean loss of a fit to all but one on the one that is left out.
     difference : float
         Difference to the smallest criterion, of `out_of_sample` if there is one, otherwise of `wic`.
     parameters : int
@@ -68,7 +68,7 @@ class Candidate:
     """
 
     model: Model
-    fits: tuple[Fit, ...]
+    fit: Fit
     wic: Criterion
     out_of_sample: float | None
     difference: float
@@ -81,11 +81,6 @@ class Candidate:
     def structure(self) -> str:
         """The model as text, with only its fixed values: "GM + WN"."""
         return str(self.model)
-
-    @property
-    def fit(self) -> Fit:
-        """The fit to the recording, or to the first of several."""
-        return self.fits[0]
 
     @property
     def boundary(self) -> tuple[str, ...]:
@@ -205,7 +200,7 @@ class Ranking:
             "general": self.general.model.structure,
             "weighting": self.weighting,
             "confidence": self.confidence,
-            "recordings": len(self.best.fits),
+            "recordings": max(len(self.best.fit.wavelet_variance.recordings), 1),
             "recommended": self.recommended.structure,
             "candidates": [candidate.to_dict() for candidate in self.candidates],
             "remarks": [remark.to_dict() for remark in self.remarks],
@@ -274,10 +269,9 @@ class Ranking:
     def summary(self, limit: int | None = LISTED) -> str:
         """The table of the first `limit` candidates, and the remarks."""
         wv = self.best.fit.wavelet_variance
-        records = f"{len(self.best.fits)} recordings, the first of " if len(self.best.fits) > 1 else ""
         lines = [
             f"{counted(len(self), 'model')}{' of ' + wv.axis if wv.axis else ''} within {self.within}",
-            f"{records}{wv.extent}, {len(wv)} levels, weighting {self.weighting}",
+            f"{wv.extent}, {len(wv)} levels, weighting {self.weighting}",
             "",
         ]
         head, rows = self.table(limit)

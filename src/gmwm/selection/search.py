@@ -165,7 +165,7 @@ def _as_sampled(found: Searched) -> Searched:
     curve = having_error(wv, found.error)
 
     def moved(candidate: Candidate) -> Candidate:
-        return replace(candidate, fits=tuple(replace(fit, wavelet_variance=curve) for fit in candidate.fits))
+        return replace(candidate, fit=replace(candidate.fit, wavelet_variance=curve))
 
     ranking = replace(found.ranking, candidates=tuple(map(moved, found.ranking.candidates)))
     return replace(found, ranking=ranking, wavelet_variance=wv)

@@ -75,6 +75,8 @@ class WaveletVariance(Summarised):
         Relative error τ of the model at each level, which adds τ² to the diagonal of E, also for weights and selection.
     regression : gmwm.regression.Regression or None
         The effect of the temperature or of other conditions that was removed from the signal.
+    recordings : mapping of name to WaveletVariance
+        The curves of several recordings of one unit, of which this one is the mean; empty for a single recording.
 
     Examples
     --------
@@ -109,6 +111,7 @@ class WaveletVariance(Summarised):
     excess: Matrix | None = None
     model_error: float = 0.0
     regression: Any = None
+    recordings: Mapping[str, WaveletVariance] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
@@ -163,6 +166,8 @@ class WaveletVariance(Summarised):
     def extent(self) -> str:
         """Number of samples and segments, and the rate, as text."""
         apart = f" in {len(self.segments)} segments" if self.segments else ""
+        if self.recordings:
+            apart = f" in {len(self.recordings)} recordings"
         filled = f", {self.filled} of them filled," if self.filled else ""
         return f"{self.samples} samples{filled}{apart} at {self.rate:g} Hz"
 
@@ -288,6 +293,7 @@ class WaveletVariance(Summarised):
             "model_error": self.model_error,
             "regression": None if self.regression is None else self.regression.to_dict(),
             "diagnostics": dict(self.diagnostics),
+            "recordings": {name: one.to_dict() for name, one in self.recordings.items()},
         }
 
     @classmethod
@@ -307,6 +313,7 @@ class WaveletVariance(Summarised):
             fields["regression"] = Regression.from_dict(fields["regression"])
         for name in ("segments", "strides"):
             fields[name] = tuple(int(number) for number in fields.get(name, ()))
+        fields["recordings"] = {name: cls.from_dict(one) for name, one in fields.get("recordings", {}).items()}
         return cls(**fields)
 
     @property
@@ -321,7 +328,8 @@ class WaveletVariance(Summarised):
         if any(stride > 1 for stride in self.strides):
             first = next(k for k, stride in enumerate(self.strides) if stride > 1)
             remarks.append(Remark.of("levels-strided", self.axis, first=Quantity(float(self.tau[first]), "s")))
-        return tuple(remarks)
+        own = [remark for one in self.recordings.values() for remark in one.remarks if remark.code != "levels-strided"]
+        return tuple(dict.fromkeys([*remarks, *own]))
 
     def to_frame(self) -> DataFrame:
         """The curve as a Polars data frame: one row for each level.

@@ -1,4 +1,4 @@
-"""Random-effects model of units that are measured with error: location, spread and prediction.
+"""Random-effects model of units or recordings that are measured with error: location, spread and prediction.
 
 x_i ~ N(μ, τ² + s_i²) with known s_i. Every function takes many samples at once: arrays (…, n) with NaN for a missing
 number.
@@ -6,6 +6,7 @@ number.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,22 +142,40 @@ def predicted(
     Nagashima, Noma and Furukawa (2019), Prediction intervals for random-effects meta-analysis: a confidence
     distribution approach, Statistical Methods in Medical Research 28, 1689-1702.
     """
+    means, sizes, weights = [], [], _SHARES
+    for at in _over_spreads(x, s2, freedom):
+        means.append(at.mean)
+        sizes.append(np.sqrt(at.spread2 + at.error**2 * (1.0 if widened is None else widened)))
+    shares = (1 - confidence) / 2, (1 + confidence) / 2
+    low, high = (_mixed(np.array(means), np.array(sizes), weights, share) for share in shares)
+    return low, high
+
+
+def confidence_of_mean(x: Matrix, s2: Matrix, confidence: float) -> tuple[Vector, Vector]:
+    """Confidence limits of μ that include the uncertainty of τ̂, in the same way as `predicted`.
+
+    If the errors s_i are zero, this is the t interval μ̂ ± t_{n−1} τ̂ / √n.
+    """
+    found = [(at.mean, at.error) for at in _over_spreads(x, s2, None)]
+    means, sizes = (np.array(each) for each in zip(*found, strict=True))
+    low, high = (_mixed(means, sizes, _SHARES, share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
+    return low, high
+
+
+_LEGENDRE = np.polynomial.legendre.leggauss(_NODES)
+_SHARES = _LEGENDRE[1][::-1] / 2
+
+
+def _over_spreads(x: Matrix, s2: Matrix, freedom: Vector | None) -> Iterator[Effects]:
+    """Location and spread at the nodes of the confidence distribution of τ²; `_SHARES` are their weights."""
     from scipy.stats import chi2
 
     many, free = _freedom(x, freedom)
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    nodes, weights = (1 + nodes) / 2, weights / 2
-    means, sizes = [], []
     start = None
     # From the largest χ² down, τ² increases, so each sequence starts at the last solution.
-    for node in nodes[::-1]:
+    for node in (1 + _LEGENDRE[0][::-1]) / 2:
         start = between_units(x, s2, target=chi2.ppf(node, free) * many / free, start=start)
-        at = effects(x, s2, spread2=start)
-        means.append(at.mean)
-        sizes.append(np.sqrt(start + at.error**2 * (1.0 if widened is None else widened)))
-    shares = (1 - confidence) / 2, (1 + confidence) / 2
-    low, high = (_mixed(np.array(means), np.array(sizes), weights[::-1], share) for share in shares)
-    return low, high
+        yield effects(x, s2, spread2=start)
 
 
 def _freedom(x: Matrix, freedom: Vector | None) -> tuple[Vector, Vector]:

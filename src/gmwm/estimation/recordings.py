@@ -1,0 +1,193 @@
+"""How far the recordings of a pooled fit are apart: in its parameters, near its estimate, where its curve is linear.
+
+The curve of recording r differs from the fitted curve by z_r. With V_r its covariance under the fitted model and D_r
+the derivatives of the curve by the logarithms of the parameters, the deviation of its parameters is
+
+    δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r,   Cov δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹.
+
+It is one step of a fit to this recording alone. V_r is never that of an own fit: a recording that is low by chance
+would then have too large a weight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector, freeze
+from gmwm.covariance import Design, covariance
+from gmwm.estimation.linearised import columns_of, parameter_gain, relative_jacobian, unexplained
+from gmwm.estimation.weighting import precision, square_root
+from gmwm.random_effects import Effects, confidence_of_mean, effects
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+
+LEAST_FREEDOM = 3.0
+"""Degrees of freedom above which a level is used, as in the goodness-of-fit test (docs/validation/recordings.md)."""
+SIZE = 0.05
+"""Level of the test of one parameter above which its interval has the normal distribution (docs/validation/
+recordings.md)."""
+LEVEL = 0.95
+"""Confidence level at which the covariance gives the width of the t distribution."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviations:
+    """The deviations of the recordings from a pooled fit, and the test that all have the same parameters.
+
+    Attributes
+    ----------
+    recordings : tuple of str
+    names : tuple of str
+        The p parameters that the data determine.
+    values : (R, p) array
+        δ_r, relative to the estimate; NaN if a recording does not determine a parameter.
+    covariances : (R, p, p) array
+        Covariance of δ_r without a spread between recordings; infinite variance for NaN.
+    statistic : float
+        H: the statistic of the goodness-of-fit test of all recordings with the same parameters, minus the sum of those
+        with parameters of their own.
+    df : int
+        Its degrees of freedom.
+    """
+
+    recordings: tuple[str, ...]
+    names: tuple[str, ...]
+    values: Matrix
+    covariances: Matrix
+    statistic: float
+    df: int
+
+    def __post_init__(self) -> None:
+        freeze(self.values)
+        freeze(self.covariances)
+
+    @property
+    def pvalue(self) -> float:
+        """p-value of H; 1 without a degree of freedom."""
+        from scipy.special import gammaincc
+
+        return float(gammaincc(self.df / 2, self.statistic / 2)) if self.df > 0 else 1.0
+
+    @property
+    def variances(self) -> Matrix:
+        """Variances of δ_r (R, p)."""
+        return np.diagonal(self.covariances, axis1=1, axis2=2)
+
+    @property
+    def effects(self) -> Effects:
+        """Mean and spread of each parameter over the recordings."""
+        return effects(self.values.T, self.variances.T)
+
+    @property
+    def correlation(self) -> Matrix:
+        """Correlation (p, p) of the deviations over the recordings."""
+        with np.errstate(invalid="ignore"):
+            apart = np.nan_to_num(self.values - self.effects.mean)
+        length = np.linalg.norm(apart, axis=0)
+        found = (apart / np.where(length > 0, length, 1.0)).T @ (apart / np.where(length > 0, length, 1.0))
+        np.fill_diagonal(found, 1.0)
+        return np.asarray(found)
+
+    @property
+    def spread(self) -> Matrix:
+        """Covariance (p, p) of the parameters between recordings, without their estimation errors."""
+        tau = np.sqrt(self.effects.spread2)
+        return np.asarray(self.correlation * np.outer(tau, tau))
+
+    @property
+    def of_mean(self) -> Matrix:
+        """What the spread between recordings adds to the covariance (p, p) of the pooled estimate.
+
+        If the test of a parameter finds no difference, it is τ̂²/R, widened to the t distribution by the degrees of
+        freedom of Satterthwaite. If it finds one, it gives the width of the interval that accounts for the uncertainty
+        of τ̂; with exact recordings this is the t interval of their mean.
+        """
+        half = half_widths(self.values.T, self.variances.T)
+        own = 1 / np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
+        added = np.sqrt(np.maximum((half / NormalDist().inv_cdf((1 + LEVEL) / 2)) ** 2 - own, 0.0))
+        return np.asarray(self.correlation * np.outer(added, added))
+
+
+def half_widths(x: Matrix, s2: Matrix) -> Vector:
+    """Half widths of the 95 % confidence intervals of the means of samples (m, n) with a spread; see `of_mean`."""
+    from scipy.stats import chi2, t
+
+    at, alone = effects(x, s2), effects(x, s2, spread2=np.zeros(len(x)))
+    own, more = alone.error**2, at.spread2 * alone.error2_slope
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = np.where(more > 0, (at.count - 1) * ((own + more) / more) ** 2, np.inf)
+        half = t.ppf((1 + LEVEL) / 2, freedom) * np.sqrt(own + more)
+        apart = np.nansum((x - alone.mean[:, None]) ** 2 / s2, axis=1) > chi2.isf(SIZE, np.maximum(at.count - 1, 1))
+    if np.any(apart):
+        low, high = confidence_of_mean(x[apart], s2[apart], LEVEL)
+        half[apart] = np.maximum(half[apart], (high - low) / 2)
+    return np.where(at.count > 1, half, NormalDist().inv_cdf((1 + LEVEL) / 2) * np.sqrt(own))
+
+
+def deviations(fit: Fit) -> Deviations:
+    """The deviations of the recordings from a pooled fit; each fit computes them once.
+
+    Parameters
+    ----------
+    fit : Fit
+        A fit to several recordings, `fit.wavelet_variance.recordings`.
+    """
+    if "_deviations" not in fit.__dict__:
+        fit.__dict__["_deviations"] = _deviations(fit)
+    found: Deviations = fit.__dict__["_deviations"]
+    return found
+
+
+def _deviations(fit: Fit) -> Deviations:
+    names, _ = columns_of(fit.model, fit.diagnostics.acts_as)
+    recordings = fit.wavelet_variance.recordings
+    size, known = len(names), {}
+    values, covariances = np.full((len(recordings), size), np.nan), np.zeros((len(recordings), size, size))
+    lefts, slopes = [], []
+    for k, wv in enumerate(recordings.values()):
+        design = Design.of(wv)
+        used = (design.degrees_of_freedom > LEAST_FREEDOM) & (wv.levels <= len(fit.wavelet_variance))
+        design = design.only(used)
+        covariances[k][np.diag_indices(size)] = np.inf
+        if not np.any(used):
+            continue
+        key = (design.lengths, design.filled, design.strides, used.size, None if wv.excess is None else k)
+        if key not in known:
+            curve = fit.model.wavelet_variance(design.levels, design.rate, design.filter)
+            root = square_root(precision(covariance(fit.model, design)))
+            known[key] = curve, root, root @ relative_jacobian(fit.model, design, names)
+        curve, root, slope = known[key]
+        left = root @ (wv.variance[used] - curve)
+        gain, lost = parameter_gain(slope)
+        values[k] = np.where(lost, np.nan, gain @ left)
+        covariances[k] = gain @ gain.T
+        covariances[k][lost] = covariances[k][:, lost] = 0.0
+        covariances[k][lost, lost] = np.inf
+        lefts.append(left)
+        slopes.append(slope)
+    own = [unexplained(left, slope) for left, slope in zip(lefts, slopes, strict=True)]
+    together, rank = unexplained(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
+    return Deviations(
+        recordings=tuple(recordings), names=tuple(names), values=values, covariances=covariances,
+        statistic=together - sum(one[0] for one in own), df=sum(one[1] for one in own) - rank,
+    )  # fmt: skip
+
+
+def design_of(fit: Fit) -> Design:
+    """The design of the data of a fit, with the covariance that the spread between recordings adds.
+
+    The spread is in the parameters: it moves the curve in the directions of its derivatives. The goodness-of-fit test
+    therefore does not depend on it.
+    """
+    design = Design.of(fit.wavelet_variance)
+    if len(fit.wavelet_variance.recordings) < 2:
+        return design
+    found = deviations(fit)
+    slopes = relative_jacobian(fit.model, design, found.names) / fit.implied[:, None]
+    added = slopes @ found.of_mean @ slopes.T
+    return replace(design, excess=added if design.excess is None else design.excess + added)

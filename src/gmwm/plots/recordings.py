@@ -1,0 +1,58 @@
+"""Recordings of one unit over their mean, by scale."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.covariance import Design
+from gmwm.covariance.api import variances
+from gmwm.plots.axes import signed_axis, time_axis
+from gmwm.plots.curves import BAND, BEHIND, FRONT
+from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.plots.labels import axis_title
+from gmwm.plots.style import GREY, SOLID, curve_stroke
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.replicates import Replicates
+
+MEAN = Stroke(GREY, 0.8, SOLID)
+"""The line of the mean."""
+LINEAR, EVEN = 10.0, 100.0
+"""Difference (%) up to which the vertical axis is linear if it is not linear as a whole, and up to which it is."""
+_REACH = 1.96
+
+
+def recordings_figure(found: Replicates) -> Figure:
+    """Return the plot of `plot_recordings` as data: the ratio of each recording to the mean, minus 1, in per cent."""
+    wv, fit = found.fit.wavelet_variance, found.fit
+    curves = wv.recordings
+    ratios = {name: 100 * (np.sqrt(one.variance[: len(wv)] / wv.variance[: len(one)]) - 1)
+              for name, one in curves.items()}  # fmt: skip
+    typical = sorted(curves.values(), key=lambda one: one.samples)[len(curves) // 2]
+    typical_levels = min(len(typical), len(wv))
+    design = Design.of(typical).only(typical.levels <= typical_levels)
+    scatter = 50 * _REACH * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
+    x = replace(time_axis(wv.tau, "Scale τ (s)"), opposite=())
+    shown = [values[wv.degrees_of_freedom[: values.size] > len(curves)] for values in ratios.values()]
+    y = signed_axis(np.concatenate(shown), "Deviation over that of all recordings (%)", linear=LINEAR, even=EVEN)
+    marks: list[Mark] = [
+        Line(np.array(x.limits), np.zeros(2), stroke=MEAN, label="", layer=BEHIND),
+        Band(wv.tau[:typical_levels], -scatter, scatter, colour=GREY, opacity=0.25, layer=BAND,
+             label="95 % of equal recordings"),
+    ]  # fmt: skip
+    for k, (name, values) in enumerate(ratios.items()):
+        marks.append(Line(wv.tau[: values.size], values, stroke=curve_stroke(k), label=name, layer=FRONT))
+    return Figure(((Panel(x, y, tuple(marks), title=axis_title(wv.axis)),),), width=150.0, height=95.0)
+
+
+def plot_recordings(found: Replicates, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+    """Draw each recording over the mean; see `Replicates.plot`."""
+    from gmwm.plots.matplotlib import draw
+
+    return draw(recordings_figure(found), path=path)

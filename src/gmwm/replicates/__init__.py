@@ -1,0 +1,5 @@
+"""Several recordings of one unit: whether they are equal, how far they are apart, and the model for a filter."""
+
+from gmwm.replicates.result import RecordingNumber, Replicates
+
+__all__ = ["RecordingNumber", "Replicates"]

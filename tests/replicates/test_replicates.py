@@ -1,0 +1,179 @@
+"""Several recordings of one unit: one fit, tests of equality, the spread, and the model for a filter."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.errors import DataError, OptionError
+from gmwm.estimation.recordings import design_of, deviations, half_widths
+from gmwm.estimation.result import Fit
+from gmwm.signals import Signal
+from tests.helpers import codes, raises
+
+RATE = 100.0
+
+
+def noise(seed, samples=20_000, white=1.0, walk=1e-3):
+    rng = np.random.default_rng(seed)
+    return white * rng.standard_normal(samples) + np.cumsum(np.sqrt(walk) * rng.standard_normal(samples))
+
+
+def signals(*recordings):
+    return [Signal(x, RATE, "rad/s", "gyro_x") for x in recordings]
+
+
+@pytest.fixture(scope="module")
+def equal():
+    return gmwm.fit("WN + RW", signals(noise(1), noise(2), noise(3, samples=30_000)), weighting="optimal")
+
+
+@pytest.fixture(scope="module")
+def different():
+    recordings = [
+        noise(k, white=white, walk=walk) for k, white, walk in ((1, 1.0, 1e-3), (2, 1.1, 4e-3), (3, 0.9, 1e-3))
+    ]
+    return gmwm.fit("WN + RW", signals(*recordings), weighting="optimal")
+
+
+def test_one_fit_with_a_certificate(equal):
+    wv = equal.wavelet_variance
+    assert (wv.samples, len(wv.recordings)) == (70_000, 3)
+    assert equal.gap < 1e-3
+    assert equal.goodness_of_fit().pvalue > 0.01
+    alone = gmwm.fit("WN + RW", signals(noise(1))[0], weighting="optimal")
+    assert alone.replicates is None
+    assert equal.standard_errors["WN.sigma2"] == pytest.approx(
+        alone.standard_errors["WN.sigma2"] * np.sqrt(2 / 7), rel=0.15
+    )
+
+
+def test_equal_recordings_agree(equal):
+    found = equal.replicates
+    assert not found.differ
+    assert codes(found.remarks) == ["recordings-agree"]
+    assert found["N"].apart < 0.03
+    assert found["N"].spread < 0.01
+    assert found.recordings == ("1", "2", "3")
+    assert found.deviations.df == 4
+    for name, one in found.fits.items():
+        assert one.wavelet_variance.samples == equal.wavelet_variance.recordings[name].samples
+
+
+def test_the_test_is_the_difference_of_objectives(equal):
+    found = equal.replicates
+    # Exact for white noise and a random walk, whose curves are linear in their parameters.
+    apart = sum(_objective(one, equal) - one.objective for one in found.fits.values())
+    assert found.deviations.statistic == pytest.approx(apart, rel=0.05, abs=0.3)
+
+
+def _objective(one, pooled):
+    miss = one.wavelet_variance.variance - pooled.model.wavelet_variance(one.wavelet_variance.levels, RATE)
+    return miss @ one.weighting_matrix @ miss
+
+
+def test_different_recordings_differ_and_the_size_is_said_first(different):
+    found = different.replicates
+    assert found.differ
+    assert found.parameter_pvalue < 1e-6
+    assert found.model_free_pvalue < 1e-6
+    assert codes(found.remarks) == ["recordings-differ"]
+    n = found["N"]
+    assert n.spread == pytest.approx(0.1, rel=0.2)
+    assert n.spread_low < 0.1 < n.spread_high
+    assert n.predicted_low < min(entry.value for entry in n.entries.values())
+    text = found.remarks[0].text()
+    assert text.index("N by") < text.index("p =")
+    with pytest.raises(KeyError, match="Q; there are N"):
+        found["Q"]
+
+
+def test_intervals_include_the_spread(different, equal):
+    alone = gmwm.fit("WN + RW", signals(noise(2, samples=60_000))[0], weighting="optimal")
+    ratio = different.standard_errors["WN.sigma2"] / alone.standard_errors["WN.sigma2"]
+    assert ratio > 10
+    low, high = different.confidence_intervals()["WN.sigma2"]
+    assert low < 0.9  # the mean of 1, 1.21 and 0.81 is 1.01
+    assert high > 1.2
+    sheet = different.datasheet()["N"]
+    assert np.log(sheet.high / sheet.low) == pytest.approx(np.log(high / low) / 2, rel=1e-6)
+    # The spread lies in the directions of the parameters, which the test of fit leaves out.
+    assert different.goodness_of_fit().pvalue > 1e-3
+
+
+def test_the_interval_of_exact_recordings_is_that_of_student():
+    x = np.array([[0.1, -0.2, 0.15, 0.05]])
+    half = half_widths(x, np.full((1, 4), 1e-12))
+    assert half[0] == pytest.approx(3.182446 * x.std(ddof=1) / 2, rel=1e-3)
+    assert half_widths(x, np.full((1, 4), 100.0))[0] == pytest.approx(1.959964 * 5, rel=1e-6)
+
+
+def test_the_filter_gets_the_mean_or_the_highest_noise(different):
+    found = different.replicates
+    mean, high = found.for_filter(), found.for_filter("high")
+    assert mean.parameters["WN.sigma2"] == pytest.approx((1.0 + 1.21 + 0.81) / 3, rel=0.03)
+    assert high.parameters["WN.sigma2"] > 1.5
+    assert high.parameters["RW.gamma2"] > mean.parameters["RW.gamma2"]
+    assert found.for_filter("high", 0.5).parameters["WN.sigma2"] < high.parameters["WN.sigma2"]
+    with raises(OptionError, argument="use"):
+        found.for_filter("worst")
+
+
+def test_order_and_units_do_not_matter(different):
+    recordings = list(different.wavelet_variance.recordings.values())
+    turned = gmwm.fit("WN + RW", recordings[::-1], weighting="optimal")
+    assert turned.parameters["RW.gamma2"] == pytest.approx(different.parameters["RW.gamma2"], rel=1e-9)
+    assert turned.replicates.pvalue == pytest.approx(different.replicates.pvalue, rel=1e-6)
+    for scale in (1e-9, 1e6):
+        scaled = gmwm.fit(
+            "WN + RW",
+            [Signal(scale * noise(k, 5000), RATE, "rad/s", "gyro_x") for k in (1, 2)], weighting="optimal",
+        )  # fmt: skip
+        plain = gmwm.fit("WN + RW", signals(noise(1, 5000), noise(2, 5000)), weighting="optimal")
+        assert scaled.replicates.parameter_pvalue == pytest.approx(plain.replicates.parameter_pvalue, rel=1e-6)
+        assert scaled.replicates["N"].apart == pytest.approx(plain.replicates["N"].apart, rel=1e-6)
+
+
+def test_a_recording_that_is_too_short_for_the_model_counts_where_it_can():
+    fit = gmwm.fit("GM + WN + RW", signals(noise(1), noise(2), noise(3, samples=8)))
+    found = deviations(fit)
+    assert found.values.shape == (3, len(found.names))
+    assert np.isnan(found.values[2]).any()
+    assert np.isfinite(fit.standard_errors["WN.sigma2"])
+    assert fit.replicates.pvalue > 0.001
+    assert fit.replicates["N"].entries["3"] is None
+
+
+def test_other_weights_robust_curves_and_files(different):
+    for options in ({"weighting": "diagonal"}, {"weighting": "identity"}, {"robust": True}):
+        fit = gmwm.fit("WN + RW", signals(noise(1), noise(2)), **options)
+        assert not fit.replicates.differ
+        assert fit.standard_errors["WN.sigma2"] > 0
+    again = Fit.from_dict(json.loads(json.dumps(different.to_dict())))
+    assert again.replicates.pvalue == different.replicates.pvalue
+    assert again.confidence_intervals() == different.confidence_intervals()
+    json.dumps(different.replicates.to_dict(), allow_nan=False)
+    np.testing.assert_array_equal(design_of(again).excess, design_of(different).excess)
+
+
+def test_summary_and_picture(different, tmp_path):
+    lines = different.replicates.summary().splitlines()
+    assert any(line.split()[-2:] == ["together", "spread"] for line in lines)
+    assert any(line.strip().startswith("N (deg/√h)") for line in lines)
+    figure = different.replicates.plot(path=tmp_path / "recordings.png")
+    assert figure.axes[0].get_legend_handles_labels()[1][-3:] == ["1", "2", "3"] or figure.legends
+    assert (tmp_path / "recordings.png").stat().st_size > 10_000
+
+
+def test_data_that_are_refused():
+    x = signals(noise(1, 1000), noise(2, 1000))
+    with raises(DataError, argument="data", got=[]):
+        gmwm.fit("WN", [])
+    with raises(OptionError, argument="against"):
+        gmwm.fit("WN", x, against=np.arange(1000.0))
+    with raises(DataError, "unit", argument="data"):
+        gmwm.fit("WN", [x[0], Signal(x[1].values, RATE, "m/s²", "gyro_x")])
+    assert gmwm.fit("WN", x, against="time:2").replicates is not None
