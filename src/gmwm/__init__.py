@@ -6,6 +6,8 @@ Recordings
 Calibration
     `calibrate` finds the noise model of every axis and its datasheet numbers; the result writes the report and the
     files for other programs. `agree` compares calibrations of one unit, and `fleet` calibrates many units.
+Monitoring
+    A `Monitor` watches a sensor at rest and reports when its noise or its level changes.
 Variances
     `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
     datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
@@ -34,13 +36,14 @@ averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
 from gmwm import exporters as exporters
 from gmwm import reports as reports
 from gmwm.calibration import Calibration, agree, calibrate
-from gmwm.errors import GmwmError, GmwmWarning
+from gmwm.errors import GmwmError
 from gmwm.estimation import Fit, fit
 from gmwm.fleets import fleet
 from gmwm.inference import plan
 from gmwm.inspection import inspect
 from gmwm.joint import cross, fuse, same
 from gmwm.likelihood import fit_ml
+from gmwm.monitor import Monitor
 from gmwm.outliers import contamination
 from gmwm.plots import compare
 from gmwm.processes import (
@@ -98,9 +101,9 @@ __all__ = [
     "Calibration",
     "Fit",
     "GmwmError",
-    "GmwmWarning",
     "Imu",
     "Model",
+    "Monitor",
     "Signal",
     "WaveletAccumulator",
     "WaveletVariance",

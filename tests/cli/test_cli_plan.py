@@ -5,7 +5,7 @@ import json
 import pytest
 
 import gmwm as library
-from gmwm.cli.durations import parse_length
+from gmwm.durations import parse_length
 
 MODEL = "GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)"
 

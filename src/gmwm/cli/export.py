@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.durations import parse_length
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
+from gmwm.durations import parse_length
 from gmwm.errors import DataError, MissingTheoryError, OptionError
 from gmwm.exporters import export_formats
 from gmwm.exporters.base import HORIZON

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.durations import parse_length, parse_share
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress, tell
+from gmwm.durations import parse_length, parse_share
 from gmwm.errors import OptionError, ReadError
 from gmwm.remarks import Remark
 

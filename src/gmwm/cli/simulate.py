@@ -11,8 +11,8 @@ import typer
 
 from gmwm.axis_names import AXES
 from gmwm.cli.command import command
-from gmwm.cli.durations import parse_length
 from gmwm.cli.output import Outcome, progress
+from gmwm.durations import parse_length
 from gmwm.errors import OptionError
 from gmwm.units import SI_UNIT
 

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.durations import parse_length, parse_share
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
 from gmwm.cli.watch_status import as_dicts, fitted, one_line_of, whole_text
+from gmwm.durations import parse_length, parse_share
 from gmwm.errors import GmwmError, OptionError
 from gmwm.remarks import Remark
 from gmwm.signals import MINIMUM_SAMPLES

@@ -1,0 +1,7 @@
+"""Monitoring of a sensor at rest: charts of the innovations of its calibrated model."""
+
+from gmwm.monitor.api import Monitor
+from gmwm.monitor.baseline import Baseline
+from gmwm.monitor.events import Event
+
+__all__ = ["Baseline", "Event", "Monitor"]

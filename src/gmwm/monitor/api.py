@@ -1,0 +1,469 @@
+"""Watch a sensor at rest: has it changed since it was calibrated?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector
+from gmwm.axis_names import AXES, axis_quantity
+from gmwm.chunks import Chunk
+from gmwm.errors import DataError, OptionError, ReadError
+from gmwm.monitor.axis import Axis
+from gmwm.monitor.baseline import Baseline
+from gmwm.monitor.charts import LONGEST_REST, Alarm, ChartSettings
+from gmwm.monitor.events import Event
+from gmwm.monitor.finite_state import Finite
+from gmwm.monitor.naming import Named
+from gmwm.monitor.setup import (
+    as_every,
+    as_lists,
+    baselines_of,
+    check_rate,
+    chunks_of,
+    common_rate,
+    models_of,
+    remarks_of,
+)
+from gmwm.monitor.stillness import Stillness
+from gmwm.monitor.whitening import Gain
+from gmwm.units import SI_UNIT
+
+if TYPE_CHECKING:
+    from gmwm.readers.streams import Stream
+    from gmwm.signals import Imu
+
+NAMING = 1.0
+"""Time (s) from the first alarm to its report, in which the kind is named and axes that change together are joined."""
+SLOWNESS, LONGEST_NAMING = 8.0, 60.0
+"""A change of level is named after SLOWNESS times its duration up to the alarm, and after LONGEST_NAMING (s) at most.
+Then 9 of 10 excursions of slow noise are told from jumps (validation/study_monitor.py)."""
+HOLD = 60.0
+"""Least time (s) after its last alarm for which a reported fault explains further alarms of its axis."""
+REMEMBERED = 3600.0
+"""Time (s) for which a fault that comes back is not reported again, unless it is larger. A jump is always reported."""
+MOVED_AXES = 3
+"""Number of axes that change within `NAMING` if the unit was moved."""
+MOVED_RATIO = 2.0
+"""Ratio of standard deviations above which more noise counts as motion, not as a fault of the noise."""
+LONGEST_SCALE = 164.0
+"""Longest scale (s) of the charts without a baseline."""
+PIECE = 1 << 16
+"""Number of samples that are processed at once; the result does not depend on it."""
+FORMAT = "gmwm-monitor"
+
+
+class Monitor:
+    """Monitor a sensor at rest, and report when its noise or its level changes.
+
+    The samples of each axis pass the Kalman filter of its calibrated model. CUSUM charts watch the mean squares of the
+    Haar coefficients of its standardised innovations, and their block means, at all scales. Further charts watch single
+    innovations and equal samples. An alarm is reported after one second, in which the fault is named.
+
+    The events do not depend on how the samples are cut into chunks. A monitor can be pickled, or written as JSON with
+    `to_dict`, and goes on where it was.
+
+    Parameters
+    ----------
+    calibration : Calibration, or mapping of axis to Fit, Model or str
+        The model of each axis, with all values. Power-law noise, which has no finite state, is approximated by
+        Gauss-Markov processes.
+    every : str or float
+        Average time between false alarms of a good sensor, all axes together: "30d", or seconds.
+    rate : float, optional
+        Sampling rate (Hz); that of the calibration by default.
+    baseline : mapping of axis to Baseline, or None, optional
+        What the innovations are while the sensor is good; by default what the calibration has. None compares with the
+        model alone, which a real sensor never follows exactly.
+    axes : sequence of str, optional
+        The axes to monitor; all by default.
+    start : float
+        Time of the first sample (s).
+
+    Raises
+    ------
+    OptionError
+        If an argument is invalid.
+    ModelError
+        If a model has no values or no noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmwm import Model, Monitor
+    >>> model = Model.parse("WN(sigma2=1e-6) + RW(gamma2=1e-12)")
+    >>> monitor = Monitor({"gyro_x": model}, rate=100.0)
+    >>> x = model.simulate(60_000, 100.0, rng=1)
+    >>> x[50_000:] += 0.005
+    >>> for event in monitor.update({"gyro_x": x}):
+    ...     print(event)
+    500.0 s  gyro_x  level jumped by 0.28 deg/s (began 500.0 s)
+
+    References
+    ----------
+    Page (1954), Continuous inspection schemes, Biometrika 41, 100-115; Lorden (1971), Annals of Mathematical Statistics
+    42, 1897-1908; Siegmund (1985), Sequential Analysis.
+    """
+
+    def __init__(
+        self,
+        calibration: Mapping[str, Any],
+        every: str | float = "30d",
+        *,
+        rate: float | None = None,
+        baseline: Mapping[str, Baseline] | Literal["auto"] | None = "auto",
+        axes: Sequence[str] | None = None,
+        start: float = 0.0,
+    ) -> None:
+        models = models_of(calibration, axes)
+        self.rate = common_rate(calibration, rate)
+        self.every = as_every(every)
+        self.baselines = baselines_of(calibration, baseline, list(models))
+        self._models = models
+        gains = {axis: Gain.of(Finite.of(model, self.rate)) for axis, model in models.items()}
+        self.remarks = tuple(remarks_of(gains, self.baselines, wanted=baseline is not None))
+        settings = {axis: self._settings(axis) for axis in models}
+        charts = sum(one.charts for one in settings.values())
+        self.run_length = self.every * self.rate * charts
+        self._naming = max(round(NAMING * self.rate), 1)
+        longest = max(round(LONGEST_REST * self.rate), self._naming)
+        self._axes = {
+            axis: Axis(gains[axis], settings[axis], run_length=self.run_length, rest=self._naming, longest_rest=longest)
+            for axis in models
+        }
+        self._runs: tuple[tuple[int, float], ...] = ((0, float(start)),)  # (sample, time) after the last gaps
+        self._count = 0
+        self._pool: tuple[tuple[str, Alarm], ...] = ()
+        self._deadline: int | None = None
+        self._moved: Stillness | None = None
+        self._lost_until = -1
+        self._segment: int | None = None
+
+    def _settings(self, axis: str) -> ChartSettings:
+        known = self.baselines.get(axis)
+        if known is not None:
+            return known.settings()
+        levels = min(max(round(math.log2(LONGEST_SCALE * self.rate)), 4), 20)
+        settings = ChartSettings.of_model(levels)
+        return ChartSettings(
+            settings.ratios, settings.shapes, scatter=settings.scatter, equal=max(round(0.5 * self.rate), 20)
+        )
+
+    # --- samples --------------------------------------------------------------------------------------
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return tuple(self._axes)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples so far."""
+        return self._count
+
+    @property
+    def resting(self) -> bool:
+        """Whether the charts rest because the unit was moved and is not still yet."""
+        return self._moved is not None
+
+    def update(self, values: Mapping[str, ArrayLike] | Chunk) -> list[Event]:
+        """Add the next samples of all axes, in rad/s and m/s².
+
+        Parameters
+        ----------
+        values : mapping of axis to (n,) array, or Chunk
+            Samples without a gap. Axes without a model are ignored. A chunk of `gmwm.stream` reports its gaps itself.
+
+        Returns
+        -------
+        list of Event
+            The events that were named with these samples, in order.
+
+        Raises
+        ------
+        DataError
+            If an axis is missing, the axes have different lengths, or a value is not finite.
+        """
+        events: list[Event] = []
+        if isinstance(values, Chunk):
+            events += self._joined(values)
+            values = values.values
+        arrays = self._checked(values)
+        n = next(iter(arrays.values())).size
+        at = 0
+        while at < n:
+            stop = min(n, at + PIECE)
+            if self._moved is not None:
+                at += self._rest({axis: x[at:stop] for axis, x in arrays.items()}, events)
+                continue
+            if self._deadline is not None:
+                stop = min(stop, at + self._deadline - self._count)
+            at += self._advance({axis: x[at:stop] for axis, x in arrays.items()}, events)
+        return events
+
+    def watch(self, recording: Imu | Stream) -> Iterator[Event]:
+        """Monitor a whole recording, with its gaps, and name what is open at its end.
+
+        Parameters
+        ----------
+        recording : Imu or Stream
+            From `gmwm.read` or `gmwm.stream`.
+
+        Returns
+        -------
+        iterator of Event
+            Each event when the samples up to its naming were read.
+        """
+        check_rate(recording.rate, self.rate)
+        for chunk in chunks_of(recording):
+            yield from self.update(chunk)
+        yield from self.finish()
+
+    def gap(self, samples: int | None = None) -> list[Event]:
+        """Note that samples are missing before the next ones.
+
+        Parameters
+        ----------
+        samples : int, optional
+            Number of missing samples, if it is known.
+
+        Returns
+        -------
+        list of Event
+            The loss, unless one was reported in the last minute.
+        """
+        if samples is not None and (isinstance(samples, bool) or not isinstance(samples, int) or samples < 1):
+            raise OptionError(argument="samples", expected="a whole number from 1, or None", got=samples)
+        events = self.finish()
+        time = self._time(self._count)
+        return events + self._after_gap(time + (samples or 0) / self.rate, samples)
+
+    def finish(self) -> list[Event]:
+        """Name a fault whose time of naming is not over yet, at the end of the samples."""
+        events: list[Event] = []
+        if self._deadline is not None:
+            self._decide(events)
+        return events
+
+    def _joined(self, chunk: Chunk) -> list[Event]:
+        """Events of the gap before a chunk of a stream, if there is one."""
+        segment, self._segment = self._segment, chunk.segment
+        if segment is None:
+            if self._count == 0:
+                self._runs = ((0, chunk.start),)
+            return []
+        if segment == chunk.segment:
+            return []
+        events = self.finish()
+        expected = self._time(self._count)
+        late = round((chunk.start - expected) * self.rate)
+        if chunk.start < expected - 0.5 / self.rate:
+            # The time after the step is that of the new stamps.
+            event = Event(kind="clock", time=expected, began=expected, size=expected - chunk.start, unit="s")
+            return [*events, event, *self._after_gap(chunk.start, None, told=True)]
+        return events + self._after_gap(chunk.start, late if late >= 1 else None)
+
+    def _after_gap(self, time: float, samples: int | None, *, told: bool = False) -> list[Event]:
+        before = self._time(self._count)
+        for axis in self._axes.values():
+            axis.gap(samples)
+        if self._moved is not None:
+            self._moved = self._moved.broken()
+        self._runs = (*self._runs[-15:], (self._count, time))
+        if told:
+            return []
+        known, self._lost_until = self._lost_until, self._count + round(HOLD * self.rate)
+        if self._count <= known:
+            return []
+        size = None if samples is None else float(samples)
+        return [Event(kind="lost", time=before, began=before, size=size, unit="samples")]
+
+    def _checked(self, values: Mapping[str, ArrayLike]) -> dict[str, Vector]:
+        arrays: dict[str, Vector] = {}
+        for axis in self._axes:
+            if axis not in values:
+                raise DataError(
+                    f"the samples of {axis} are missing; got {', '.join(values) or 'no axis'}",
+                    argument="values",
+                    advice="Pass all axes of the monitor, or make it with `axes=`.",
+                )
+            x = np.atleast_1d(np.ascontiguousarray(values[axis], dtype=np.float64))
+            if x.ndim != 1:
+                raise DataError(argument=axis, expected="one value for each sample", got=f"shape {x.shape}")
+            if not np.all(np.isfinite(x)):
+                raise DataError(
+                    f"{axis} has a value that is not finite",
+                    argument=axis,
+                    advice="Leave missing samples out, and call `gap()` there.",
+                )
+            arrays[axis] = x
+        if len({x.size for x in arrays.values()}) > 1:
+            sizes = ", ".join(f"{axis} {x.size}" for axis, x in arrays.items())
+            raise DataError(f"the axes have different numbers of samples: {sizes}", argument="values")
+        return arrays
+
+    def _advance(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
+        """Process samples up to the next decision, and return their number."""
+        n = next(iter(parts.values())).size
+        before = {axis: one.save() for axis, one in self._axes.items()}
+        found = self._passed(parts)
+        if self._deadline is None and found:
+            deadline = found[0][1].sample + self._naming_time(found[0][1])
+            if deadline < self._count + n:
+                # Later samples wait for the decision: the charts may begin again there.
+                for axis, one in self._axes.items():
+                    one.load(before[axis])
+                n = deadline - self._count
+                found = self._passed({axis: x[:n] for axis, x in parts.items()})
+            self._deadline = deadline
+        self._pool = (*self._pool, *found)
+        self._count += n
+        if self._deadline is not None and self._count >= self._deadline:
+            self._decide(events)
+        return n
+
+    def _naming_time(self, alarm: Alarm) -> int:
+        """Number of samples after a first alarm until its fault is named: longer for a change that came slowly."""
+        if alarm.family != "level":
+            return self._naming
+        slow = round(SLOWNESS * (alarm.sample - alarm.onset))
+        return max(self._naming, min(slow, round(LONGEST_NAMING * self.rate)))
+
+    def _passed(self, parts: Mapping[str, Vector]) -> list[tuple[str, Alarm]]:
+        found = [(axis, alarm) for axis, one in self._axes.items() for alarm in one.update(parts[axis])]
+        return sorted(found, key=lambda item: item[1].sample)
+
+    def _rest(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
+        """Pass samples of a unit that moves; the charts begin again when it is still."""
+        assert self._moved is not None
+        used, self._moved, still = self._moved.update(parts, self._axes, self._naming)
+        for axis in self._axes.values():
+            axis.skip(used)
+        self._count += used
+        if still:
+            self._moved = None
+            for axis in self._axes.values():
+                axis.begin_again()
+            time = self._time(self._count)
+            events.append(Event(kind="still", time=time, began=time))
+        return used
+
+    # --- decisions ------------------------------------------------------------------------------------
+
+    def _decide(self, events: list[Event]) -> None:
+        """Name the faults of the alarms since the first one."""
+        pool, self._pool, self._deadline = self._pool, (), None
+        by_axis: dict[str, list[Alarm]] = {}
+        for axis, alarm in pool:
+            by_axis.setdefault(axis, []).append(alarm)
+        faults = {axis: self._axes[axis].name(alarms) for axis, alarms in by_axis.items()}
+        hold = round(HOLD * self.rate)
+        moving = [axis for axis, fault in faults.items() if _is_motion(fault)]
+        # An axis with a reported fault has no new alarm, but it feels the motion too.
+        others = [axis for axis, one in self._axes.items() if axis not in faults and one.is_loud(self._naming)]
+        if moving and len(moving) + len(others) >= MOVED_AXES:
+            first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
+            onset = min(faults[axis].onset for axis in moving)
+            events.append(Event(kind="moved", time=self._time(first), began=self._time(onset)))
+            for one in self._axes.values():
+                one.report("moved", (), hold=hold)
+            self._moved = Stillness()
+            faults = {axis: fault for axis, fault in faults.items() if axis not in moving}
+        for axis, fault in faults.items():
+            remembered = round(REMEMBERED * self.rate)
+            new = self._axes[axis].report(
+                fault.kind, by_axis[axis], hold=hold, remembered=remembered, magnitude=fault.magnitude
+            )
+            if new:
+                events.append(self._event(axis, fault, by_axis[axis][0]))
+
+    def _event(self, axis: str, fault: Named, first: Alarm) -> Event:
+        unit = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
+        size = fault.size
+        if size is not None and fault.kind == "ramp":
+            size, unit = size * self.rate, {"rad/s": "rad/s²", "m/s²": "m/s³"}.get(unit, "")
+        return Event(
+            kind=fault.kind,
+            time=self._time(first.sample),
+            began=min(self._time(max(fault.onset, 0)), self._time(first.sample)),
+            axis=axis,
+            level=fault.level,
+            scale=None if not fault.level or fault.ratio is None else (1 << fault.level) / self.rate,
+            size=size,
+            unit=unit if size is not None else "",
+            ratio=fault.ratio,
+            frequency=None if fault.cycles is None else fault.cycles * self.rate,
+        )
+
+    def _time(self, sample: int) -> float:
+        """Time of a sample (s)."""
+        first, time = next((run for run in reversed(self._runs) if run[0] <= sample), self._runs[0])
+        return time + (sample - first) / self.rate
+
+    # --- state ----------------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """The monitor with its state as dicts, lists, numbers and strings, ready for JSON."""
+        return {
+            "format": FORMAT,
+            "version": 1,
+            "every": self.every,
+            "rate": self.rate,
+            "models": {axis: str(model) for axis, model in self._models.items()},
+            "baselines": {axis: one.to_dict() for axis, one in self.baselines.items()},
+            "state": {
+                "axes": {axis: as_lists(one.save()) for axis, one in self._axes.items()},
+                "runs": [list(run) for run in self._runs],
+                "count": self._count,
+                "pool": [[axis, list(alarm)] for axis, alarm in self._pool],
+                "deadline": self._deadline,
+                "moved": None if self._moved is None else self._moved.to_dict(),
+                "lost_until": self._lost_until,
+                "segment": self._segment,
+            },
+        }
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """Make a monitor that continues from the result of `to_dict`.
+
+        Parameters
+        ----------
+        content : mapping
+            The result of `to_dict`, also after a round trip through JSON.
+
+        Raises
+        ------
+        ReadError
+            If it is not a monitor, or a part is missing.
+        """
+        if not isinstance(content, Mapping) or content.get("format") != FORMAT:
+            raise ReadError(f'not a monitor: it has no "format": "{FORMAT}"')
+        try:
+            known = {axis: Baseline.from_dict(one) for axis, one in content["baselines"].items()}
+            made = cls(content["models"], content["every"], rate=content["rate"], baseline=known)
+            made._restore(content["state"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ReadError(f"not a monitor: {error}", advice="Make a new monitor from the calibration.") from error
+        return made
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        for axis, one in self._axes.items():
+            one.load(state["axes"][axis])
+        self._runs = tuple((sample, time) for sample, time in state["runs"])
+        self._count, self._deadline = state["count"], state["deadline"]
+        self._pool = tuple((axis, Alarm(*alarm)) for axis, alarm in state["pool"])
+        self._moved = None if state["moved"] is None else Stillness.from_dict(state["moved"])
+        self._lost_until, self._segment = state["lost_until"], state["segment"]
+
+    def __repr__(self) -> str:
+        return f"Monitor({', '.join(self.axes)} at {self.rate:g} Hz: {self.samples} samples)"
+
+
+def _is_motion(fault: Named) -> bool:
+    """Whether a change looks like motion if several axes have it at once."""
+    return fault.kind in ("jump", "ramp", "spike") or (fault.kind == "noise-up" and (fault.ratio or 0.0) >= MOVED_RATIO)

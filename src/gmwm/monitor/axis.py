@@ -1,0 +1,225 @@
+"""One axis of a monitor: its filter, its charts, and the fault that it has now."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
+from gmwm.monitor.events import Kind
+from gmwm.monitor.naming import History, Named, named
+from gmwm.monitor.whitening import Gain, Whitener
+
+LOUD = 3.0
+"""Multiple of the limit of a spike beyond which an innovation is motion, not noise."""
+LARGER = 1.5
+"""Factor by which a fault that comes back must be larger than before, to be reported again."""
+KEPT = 4096
+"""Number of innovations, and of their sums over 2^HISTORY_LEVEL samples, that are kept to name a fault."""
+
+_EVERYTHING = frozenset({"noise up", "noise down", "level", "spike", "constant"})
+_EXPLAINED: Mapping[str, frozenset[str]] = {
+    "noise-up": _EVERYTHING - {"constant"},
+    "hum": _EVERYTHING - {"constant"},
+    "noise-down": frozenset({"noise down"}),
+    "jump": frozenset({"level", "noise up", "spike"}),
+    "ramp": frozenset({"level", "noise up", "spike"}),
+    "spike": frozenset({"spike"}),
+    "frozen": _EVERYTHING,
+    "saturated": _EVERYTHING,
+    "moved": _EVERYTHING - {"constant"},
+}
+"""Alarms that a fault which is reported already explains, by its kind."""
+_OWN: Mapping[str, frozenset[str]] = {
+    "noise-up": frozenset({"noise up"}),
+    "hum": frozenset({"noise up"}),
+    "noise-down": frozenset({"noise down"}),
+    "ramp": frozenset({"level"}),
+    "spike": frozenset({"spike"}),
+}
+"""Alarms that show that a fault lasts, by its kind."""
+
+
+@dataclass(frozen=True)
+class Open:
+    """A fault that was reported and that still explains alarms.
+
+    Attributes
+    ----------
+    kind : str
+    until : int
+        Last sample at which it explains alarms; later with each of them.
+    hold : int
+        Number of samples for which it explains alarms after the last one.
+    """
+
+    kind: Kind
+    until: int
+    hold: int
+
+
+class Axis:
+    """One axis.
+
+    Parameters
+    ----------
+    gain : Gain
+        Filter of its model.
+    settings : ChartSettings
+        What its charts compare with.
+    run_length : float
+        Average number of samples between two false alarms of a chart.
+    rest, longest_rest : int
+        As in `Charts`.
+    """
+
+    def __init__(self, gain: Gain, settings: ChartSettings, *, run_length: float, rest: int, longest_rest: int) -> None:
+        self.gain, self.settings = gain, settings
+        self.whitener = Whitener(gain)
+        self.charts = Charts(settings, run_length, rest, longest_rest)
+        self.fast = self.slow = np.zeros(0)
+        self.value: float | None = None
+        self.run = 0  # number of equal samples at the end
+        self.open: Open | None = None
+        self.known: dict[str, tuple[int, float]] = {}  # last alarm and magnitude of each reported kind
+
+    # --- samples --------------------------------------------------------------------------------------
+
+    def update(self, x: Vector) -> list[Alarm]:
+        """Add samples (n,), and return the alarms that no reported fault explains, in order."""
+        alarms = self._constant(x)
+        e = self.whitener.update(x)
+        alarms += self.charts.update(e)
+        self.fast = np.concatenate([self.fast, e])[-KEPT:]
+        self.slow = np.concatenate([self.slow, self.charts.recent])[-KEPT:]
+        return [alarm for alarm in sorted(alarms) if not self._explained(alarm)]
+
+    def _constant(self, x: Vector) -> list[Alarm]:
+        """An alarm where the number of equal samples reaches the limit."""
+        limit, before = self.settings.equal, self.run
+        places = np.flatnonzero(x[1:] != x[:-1]) + 1
+        if self.value is None or x[0] != self.value:
+            begins, before = np.concatenate([[0], places]), 0
+        else:
+            begins = np.concatenate([[-before], places])
+        lengths = np.diff(np.concatenate([begins, [x.size]]))
+        self.value, self.run = float(x[-1]), int(lengths[-1])
+        if limit == 0 or int(lengths.max()) < limit:
+            return []
+        alarms = []
+        for k in np.flatnonzero(lengths >= limit).tolist():
+            sample = int(begins[k]) + limit - 1
+            if sample >= 0:
+                first = self.charts.count + int(begins[k])
+                at = self.charts.count + sample
+                alarms.append(Alarm(at, "constant", 0, 1, onset=first - 1, score=float(limit)))
+        return alarms
+
+    def _explained(self, alarm: Alarm) -> bool:
+        known = self.open
+        if known is None or alarm.sample > known.until or alarm.family not in _EXPLAINED[known.kind]:
+            return False
+        hold = max(known.hold, alarm.sample - alarm.onset)
+        self.open = Open(known.kind, max(known.until, alarm.sample + hold), known.hold)
+        if alarm.family in _OWN.get(known.kind, ()):
+            name = "noise-up" if known.kind == "hum" else known.kind
+            _, magnitude = self.known.get(name, (0, 0.0))
+            self.known = {**self.known, name: (alarm.sample, magnitude)}
+        return True
+
+    # --- faults ---------------------------------------------------------------------------------------
+
+    def name(self, alarms: Sequence[Alarm]) -> Named:
+        """Name the fault that these alarms show."""
+        stuck = next((alarm for alarm in alarms if alarm.family == "constant"), None)
+        if stuck is not None:
+            return Named(kind="saturated" if self._is_outside() else "frozen", onset=stuck.onset + 1)
+        done = self.charts.done[HISTORY_LEVEL] if self.charts.depth >= HISTORY_LEVEL else 0
+        stop = self.charts.base + (done << HISTORY_LEVEL)
+        return named(alarms, History(self.charts.count, self.fast, self.slow, stop), self.gain, self.settings)
+
+    def _is_outside(self) -> bool:
+        """Whether the present value lies outside the usual range around the level, by the limit of a spike."""
+        far = self.charts.spike * float(np.sqrt(self.gain.S))
+        origin = self.whitener.origin
+        return self.value is not None and origin is not None and abs(self.value - origin) > far
+
+    def is_loud(self, samples: int) -> bool:
+        """Whether one of the last innovations is far beyond the limit of a spike."""
+        return bool(np.max(np.abs(self.fast[-samples:]), initial=0.0) > LOUD * self.charts.spike)
+
+    def report(
+        self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
+    ) -> bool:
+        """Note a fault that was named. Returns whether it is new, or larger than before.
+
+        A change of level begins a new level.
+
+        Parameters
+        ----------
+        kind : Kind
+        alarms : sequence of Alarm
+        hold : int
+            Least number of samples for which it explains further alarms.
+        remembered : int
+            Number of samples after its last alarm for which the same fault is not new.
+        magnitude : float
+            How large it is.
+        """
+        now = self.charts.count
+        longest = max((alarm.sample - alarm.onset for alarm in alarms), default=0)
+        self.open = Open(kind, now + max(hold, longest), hold)
+        if kind in ("jump", "ramp"):
+            self.begin_again()
+        name = "noise-up" if kind == "hum" else kind
+        last, before = self.known.get(name, (-remembered, 0.0))
+        new = kind == "jump" or now - last >= remembered or magnitude > LARGER * before
+        self.known = {**self.known, name: (now, max(magnitude, 0.0 if new else before))}
+        return new
+
+    def begin_again(self) -> None:
+        """Forget the level, and begin all charts at 0."""
+        self.whitener.restart()
+        self.charts.reset()
+        self.fast = self.slow = np.zeros(0)
+
+    def gap(self, samples: int | None) -> None:
+        """Skip missing samples."""
+        self.whitener.gap(samples)
+        self.charts.break_blocks()
+        self.fast = self.slow = np.zeros(0)
+        self.value, self.run = None, 0
+
+    def skip(self, samples: int) -> None:
+        """Count samples that are not monitored."""
+        self.charts.skip(samples)
+
+    # --- state ----------------------------------------------------------------------------------------
+
+    def save(self) -> dict[str, Any]:
+        """The state; its arrays are never changed in place."""
+        known = self.open
+        return {
+            "whitener": self.whitener.save(),
+            "charts": self.charts.save(),
+            "fast": self.fast,
+            "slow": self.slow,
+            "value": self.value,
+            "run": self.run,
+            "open": None if known is None else [known.kind, known.until, known.hold],
+            "known": self.known,
+        }
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self.whitener.load(state["whitener"])
+        self.charts.load(state["charts"])
+        self.fast = np.array(state["fast"], dtype=np.float64)
+        self.slow = np.array(state["slow"], dtype=np.float64)
+        self.value, self.run = state["value"], state["run"]
+        self.open = None if state["open"] is None else Open(*state["open"])
+        self.known = {kind: (last, magnitude) for kind, (last, magnitude) in state["known"].items()}

@@ -1,0 +1,233 @@
+"""The baseline of an axis: what its innovations are in a reference recording in which the sensor is good."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gmwm._arrays import Vector, freeze
+from gmwm.errors import DataError, ReadError
+from gmwm.monitor.charts import BLOCKS, ChartSettings, differences, white_shape, window
+from gmwm.monitor.finite_state import Finite
+from gmwm.monitor.thresholds import spike_limit
+from gmwm.monitor.whitening import Gain, Whitener
+from gmwm.processes.model import Model
+
+LEAST_BLOCKS = 20
+"""Number of blocks of a level that its expected mean square needs: its standard error is then below 5 %, half of the
+dead band (k ≥ 10)."""
+LEAST_MEANS = 30
+"""Number of block means that their scatter needs: its standard error is then 13 %."""
+LONGEST_BURST = 64
+"""Largest number of blocks that are taken together for the scatter of mean squares: charts alarm within so many."""
+REACH = 5
+"""Number of further levels whose scatter a chart of block means is prepared for."""
+BAND = 1.1
+"""Dead band with a baseline: the recordings of `docs/validation/monitor.md` differ less between their parts."""
+LEAST_EQUAL = 8
+"""Least number of equal samples in a row that counts as frozen."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Baseline:
+    """What the standardised innovations of an axis are in a reference recording.
+
+    Attributes
+    ----------
+    samples : int
+        Number of samples of the reference.
+    ratios : (J,) array
+        Mean square of the standardised Haar coefficients at levels 1 … J; 1 if the model is right.
+    shapes : (J,) array
+        Shape k of the Gamma distribution of the mean squares of a block.
+    scatter : (L,) array
+        Standard deviation of the standardised block means at levels 0 … L − 1; at least 1.
+    largest : float
+        Largest absolute innovation.
+    equal : int
+        Largest number of equal samples in a row.
+    lowest, highest : float
+        Extreme samples (u).
+    """
+
+    samples: int
+    ratios: Vector
+    shapes: Vector
+    scatter: Vector
+    largest: float
+    equal: int
+    lowest: float
+    highest: float
+
+    def __post_init__(self) -> None:
+        for values in (self.ratios, self.shapes, self.scatter):
+            freeze(values)
+
+    @classmethod
+    def of(cls, model: Model, segments: Sequence[Vector], rate: float) -> Baseline:
+        """Measure the baseline of a model in a recording of a good sensor.
+
+        Parameters
+        ----------
+        model : Model
+            With all values, per sample at `rate`.
+        segments : sequence of (n,) arrays
+            Samples without a gap in each, in rad/s or m/s².
+        rate : float
+            Sampling rate (Hz).
+
+        Returns
+        -------
+        Baseline
+
+        Raises
+        ------
+        DataError
+            If the recording is too short for one level.
+        ModelError
+            If the model has no values.
+        """
+        whitener = Whitener(Gain.of(Finite.of(model, rate)))
+        errors = []
+        for values in segments:
+            whitener.restart()
+            errors.append(whitener.update(values))
+        largest = max((float(np.max(np.abs(e))) for e in errors if e.size), default=0.0)
+        ratios, shapes = _mean_squares(errors)
+        scatter = _block_means(errors)
+        if not ratios.size or not scatter.size:
+            total = sum(e.size for e in errors)
+            raise DataError(
+                f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS} without a gap",
+                argument="reference",
+                got=total,
+                advice="Record for at least some minutes with a sensor that is good.",
+            )
+        return cls(
+            samples=sum(e.size for e in errors),
+            ratios=ratios,
+            shapes=shapes,
+            scatter=scatter,
+            largest=largest,
+            equal=max(longest_run(values) for values in segments),
+            lowest=min(float(values.min()) for values in segments),
+            highest=max(float(values.max()) for values in segments),
+        )
+
+    def settings(self) -> ChartSettings:
+        """The charts that compare with this baseline."""
+        usual = spike_limit(self.samples)
+        return ChartSettings(
+            self.ratios,
+            self.shapes,
+            scatter=self.scatter,
+            band=BAND,
+            tail=max(1.0, self.largest / usual),
+            equal=max(2 * self.equal, LEAST_EQUAL),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The baseline as numbers and lists, ready for JSON."""
+        return {
+            "samples": self.samples,
+            "ratios": self.ratios.tolist(),
+            "shapes": self.shapes.tolist(),
+            "scatter": self.scatter.tolist(),
+            "largest": self.largest,
+            "equal": self.equal,
+            "lowest": self.lowest,
+            "highest": self.highest,
+        }
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Baseline:
+        """Make a baseline from the result of `to_dict`.
+
+        Parameters
+        ----------
+        content : mapping
+            The result of `to_dict`.
+
+        Raises
+        ------
+        ReadError
+            If a number is missing or wrong.
+        """
+        arrays = {}
+        try:
+            for name in ("ratios", "shapes", "scatter"):
+                arrays[name] = np.array(content[name], dtype=np.float64)
+            numbers = {name: float(content[name]) for name in ("largest", "lowest", "highest")}
+            counts = {name: int(content[name]) for name in ("samples", "equal")}
+        except (KeyError, TypeError, ValueError) as error:
+            raise ReadError(f"not a baseline: {error}", advice="Measure the baseline again.") from error
+        good = all(a.ndim == 1 and a.size and bool(np.all(np.isfinite(a) & (a > 0))) for a in arrays.values())
+        if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
+            raise ReadError(
+                "not a baseline: ratios, shapes and scatter must be lists of numbers above zero",
+                advice="Measure the baseline again.",
+            )
+        return cls(**arrays, **numbers, **counts)  # type: ignore[arg-type]
+
+
+def longest_run(values: Vector) -> int:
+    """Largest number of equal values in a row."""
+    if not values.size:
+        return 0
+    places = np.flatnonzero(np.diff(values))
+    return int(np.max(np.diff(np.concatenate([[-1], places, [values.size - 1]]))))
+
+
+def _mean_squares(errors: Sequence[Vector]) -> tuple[Vector, Vector]:
+    """Mean, and shape of the Gamma distribution, of the mean squares of blocks at each level."""
+    ratios: list[float] = []
+    shapes: list[float] = []
+    while True:
+        level = len(ratios) + 1
+        base, m = window(level)
+        blocks = np.concatenate([_blocks(_sums(e, base), m, level) for e in errors])
+        if blocks.size < LEAST_BLOCKS:
+            return np.array(ratios), np.array(shapes)
+        mean = float(np.mean(blocks))
+        ratios.append(mean)
+        shapes.append(min(white_shape(level), *_shapes(blocks / mean)))
+
+
+def _shapes(blocks: Vector) -> Iterator[float]:
+    """1/Var of the mean squares, in blocks of their own and of several together: bursts make the latter smaller."""
+    together = 1
+    while together <= LONGEST_BURST and blocks.size >= LEAST_BLOCKS:
+        yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
+        even = blocks.size & ~1
+        blocks, together = 0.5 * (blocks[0:even:2] + blocks[1:even:2]), 2 * together
+
+
+def _sums(e: Vector, level: int) -> Vector:
+    """Sums over blocks of 2^level samples."""
+    width = 1 << level
+    count = e.size // width
+    return np.asarray(e[: count * width].reshape(count, width).sum(axis=1))
+
+
+def _blocks(sums: Vector, m: int, level: int) -> Vector:
+    """Mean squares of the standardised coefficients in the blocks of a level."""
+    if sums.size < m:
+        return np.zeros(0)
+    w = np.square(differences(sums, m)) / 2.0**level
+    count = w.size // (BLOCKS * m)
+    return np.asarray(w[: count * BLOCKS * m].reshape(count, BLOCKS * m).mean(axis=1))
+
+
+def _block_means(errors: Sequence[Vector]) -> Vector:
+    scatter: list[float] = []
+    while True:
+        level = len(scatter)
+        z = np.concatenate([_sums(e, level) for e in errors]) / 2.0 ** (level / 2.0)
+        if z.size < LEAST_MEANS:
+            # A chart adds up about 2^REACH blocks before it alarms, so the scatter of longer blocks counts too.
+            return np.array([max(scatter[k : k + REACH + 1]) for k in range(len(scatter))])
+        scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))

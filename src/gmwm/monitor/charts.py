@@ -1,0 +1,332 @@
+"""Charts of one axis: CUSUM charts of the Haar levels of its standardised innovations.
+
+All sums are exact or in one fixed order, so the alarms do not depend on how the samples are cut into chunks: block sums
+add pairs, and the charts count in integers, in units of 2⁻²⁴.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.monitor.thresholds import SHIFT, level_threshold, noise_threshold, spike_limit
+
+Family = Literal["noise up", "noise down", "level", "spike", "constant"]
+"""What a chart looks at: mean squares, means, single innovations, or runs of equal samples."""
+Integers = NDArray[np.int64]
+
+RATIO = 1.5
+"""Ratio of variances for which the noise charts are the fastest (`theory_conditions`, section C)."""
+BLOCKS = 16
+"""Length of a block of level j, in units of 2^j samples."""
+WINDOW = 8
+"""Largest number of block sums in a coefficient: at level j it is computed at each 2^j/8-th sample, which keeps 94 % of
+the degrees of freedom of all coefficients (tests/monitor/test_charts.py)."""
+UNIT = 2.0**24
+"""The charts count in units of 1/UNIT."""
+FARTHEST = 6.0
+"""Block means count as at most 6 standard deviations, and coefficients too, so that one wrong sample is no jump."""
+LONGEST_REST = 60.0
+"""Longest time (s) between two alarms of one chart while a fault lasts."""
+
+
+class Alarm(NamedTuple):
+    """A chart above its threshold.
+
+    Attributes
+    ----------
+    sample : int
+        Number of the sample at which the chart exceeded its threshold.
+    family : Family
+    level : int
+        Haar level; 0 for single innovations.
+    sign : int
+        Direction: 1 up, −1 down.
+    onset : int
+        Number of the sample at which the chart was 0 for the last time.
+    score : float
+        Logarithm of the likelihood ratio.
+    """
+
+    sample: int
+    family: Family
+    level: int
+    sign: int
+    onset: int
+    score: float
+
+
+def window(level: int) -> tuple[int, int]:
+    """The level of the block sums of which a coefficient consists, and their number."""
+    base = max(level - 3, 0)
+    return base, 1 << (level - base)
+
+
+@lru_cache(maxsize=64)
+def white_shape(level: int) -> float:
+    """k = 1/Var y of the mean squares of a block, for white normal innovations."""
+    _, m = window(level)
+    count = BLOCKS * m
+    half = np.repeat([1.0, -1.0], m // 2)
+    rho = np.correlate(half, half, "full")[m - 1 :] / m
+    weights = np.concatenate([[1.0], 2.0 * (1.0 - np.arange(1, m) / count)])
+    return float(count / (2.0 * np.sum(weights * rho**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class ChartSettings:
+    """What the charts of one axis compare with.
+
+    Attributes
+    ----------
+    ratios : (J,) array
+        Expected mean square at levels 1 … J; 1 for the innovations of the right model.
+    shapes : (J,) array
+        k = 1/Var y at these levels.
+    scatter : (J + 1 or fewer,) array
+        Standard deviation of the standardised block means at levels 0, 1, …
+    band : float
+        Dead band: variances within this factor of the expected ones are no fault.
+    tail : float
+        Factor on the limit of single innovations, 1 for normal noise.
+    equal : int
+        Number of equal samples in a row that is an alarm; 0 for no limit.
+    """
+
+    ratios: Vector
+    shapes: Vector
+    scatter: Vector
+    band: float = 1.0
+    tail: float = 1.0
+    equal: int = 0
+
+    @classmethod
+    def of_model(cls, levels: int) -> ChartSettings:
+        """Settings for innovations that are white and normal with variance 1."""
+        shapes = np.array([white_shape(j) for j in range(1, levels + 1)])
+        return cls(np.ones(levels), shapes, np.ones(levels + 1))
+
+    @property
+    def charts(self) -> int:
+        """Number of charts that share the false alarms."""
+        return 2 * self.ratios.size + 2 * self.scatter.size + 1
+
+
+class Charts:
+    """The charts of one axis.
+
+    Parameters
+    ----------
+    settings : ChartSettings
+    run_length : float
+        Average number of samples between two false alarms of one chart.
+    rest : int
+        Number of samples for which a chart rests after an alarm.
+    longest_rest : int
+        Largest number of samples for which it rests, if alarms repeat.
+    """
+
+    STATE = ("count", "base", "left", "tails", "squares", "done", "sums", "zeros", "rests", "pauses", "recent")
+
+    def __init__(self, settings: ChartSettings, run_length: float, rest: int, longest_rest: int) -> None:
+        self.settings, self.rest, self.longest_rest = settings, rest, longest_rest
+        self.depth = max(settings.ratios.size, settings.scatter.size - 1)
+        self.names: list[tuple[Family, int, int]] = []
+        limits: list[float] = []
+        for level in range(1, settings.ratios.size + 1):
+            blocks, k = run_length / (BLOCKS << level), float(settings.shapes[level - 1])
+            for family, sign, ratio in (("noise up", 1, RATIO), ("noise down", -1, 1.0 / RATIO)):
+                self.names.append((family, level, sign))  # type: ignore[arg-type]
+                limits.append(noise_threshold(blocks, k, ratio))
+        for level in range(settings.scatter.size):
+            for sign in (1, -1):
+                self.names.append(("level", level, sign))
+                limits.append(level_threshold(run_length / (1 << level)))
+        self.names.append(("spike", 0, 1))
+        limits.append(0.0)
+        self.spike = spike_limit(run_length) * settings.tail
+        self.places = {name: k for k, name in enumerate(self.names)}
+        self.limits = np.rint(np.array(limits) * UNIT).astype(np.int64).tolist()
+        self.count = 0
+        self.recent = np.zeros(0)  # block sums of level 6 of the last update
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin all charts at 0."""
+        n = len(self.names)
+        self.sums: tuple[int, ...] = (0,) * n
+        self.zeros: tuple[int, ...] = (self.count - 1,) * n
+        self.rests: tuple[int, ...] = (-1,) * n  # the last sample of the rest after an alarm
+        self.pauses: tuple[int, ...] = (0,) * n  # length of that rest
+        self.break_blocks()
+
+    def break_blocks(self) -> None:
+        """Begin new blocks after a gap."""
+        self.base = self.count
+        none = np.zeros(0)
+        self.left: tuple[Vector, ...] = (none,) * (self.depth + 1)  # a block sum without its partner
+        self.tails: tuple[Vector, ...] = (none,) * self.settings.ratios.size  # block sums of the next coefficients
+        self.squares: tuple[Vector, ...] = (none,) * self.settings.ratios.size  # squares of an incomplete block
+        self.done: tuple[int, ...] = (0,) * (self.depth + 1)  # block sums so far
+
+    def skip(self, samples: int) -> None:
+        """Count samples that no chart sees."""
+        self.count += samples
+        self.break_blocks()
+
+    def update(self, e: Vector) -> list[Alarm]:
+        """Add standardised innovations (n,). Returns the alarms in no particular order."""
+        if not e.size:
+            return []
+        alarms = list(self._spikes(e))
+        clipped = np.clip(e, -FARTHEST * self.settings.tail, FARTHEST * self.settings.tail)
+        sums, self.recent = clipped, np.zeros(0)
+        left, done = list(self.left), list(self.done)
+        tails, squares = list(self.tails), list(self.squares)
+        states = (list(self.sums), list(self.zeros), list(self.rests), list(self.pauses))
+        for level in range(self.depth + 1):
+            if level:
+                joined = np.concatenate([left[level - 1], sums]) if left[level - 1].size else sums
+                even = joined.size & ~1
+                left[level - 1], sums = joined[even:], joined[0:even:2] + joined[1:even:2]
+                if not sums.size:
+                    break
+            if level == HISTORY_LEVEL:
+                self.recent = sums
+            first = self.base + (done[level] + 1) * (1 << level) - 1
+            alarms += self._means(level, sums, first, states)
+            for j, m in self._coefficients(level):
+                alarms += self._variances(j, m, sums, tails=tails, squares=squares, done=done[level], states=states)
+            done[level] += sums.size
+        self.left, self.done, self.tails, self.squares = tuple(left), tuple(done), tuple(tails), tuple(squares)
+        self.sums, self.zeros, self.rests, self.pauses = (tuple(part) for part in states)
+        self.count += e.size
+        return alarms
+
+    def _coefficients(self, base: int) -> Iterator[tuple[int, int]]:
+        """The levels whose coefficients consist of block sums of level `base`, with the number of sums."""
+        for level in (1, 2, 3) if base == 0 else (base + 3,):
+            if level <= self.settings.ratios.size:
+                yield level, window(level)[1]
+
+    def _spikes(self, e: Vector) -> Iterator[Alarm]:
+        far = np.flatnonzero(np.abs(e) > self.spike)
+        for k in far[:WINDOW].tolist():  # a fault has more, and one is enough
+            sample = self.count + k
+            sign = 1 if e[k] > 0 else -1
+            yield Alarm(sample, "spike", 0, sign, onset=sample - 1, score=float(e[k] ** 2 / 2.0))
+
+    def _means(self, level: int, sums: Vector, first: int, states: States) -> Iterator[Alarm]:
+        if level >= self.settings.scatter.size:
+            return
+        z = sums / (2.0 ** (level / 2.0) * self.settings.scatter[level])
+        scaled = np.rint(np.clip(z, -FARTHEST, FARTHEST) * UNIT).astype(np.int64)
+        half = int(UNIT * SHIFT / 2.0)
+        for sign in (1, -1):
+            place = self.places["level", level, sign]
+            yield from self._chart(place, sign * scaled - half, first, states)
+
+    def _variances(
+        self, level: int, m: int, sums: Vector, tails: list[Vector], squares: list[Vector], done: int, states: States
+    ) -> Iterator[Alarm]:
+        """Charts of the mean squares of the coefficients of a level, from m block sums each."""
+        at = level - 1
+        joined = np.concatenate([tails[at], sums])
+        tails[at] = joined[-(m - 1) :]
+        if joined.size < m:
+            return
+        w = differences(joined, m)
+        # Standard normal under the right model: 2^{j/2} W_j.
+        w *= 1.0 / (2.0 ** (level / 2.0) * np.sqrt(self.settings.ratios[at]))
+        w *= w
+        np.minimum(w, (FARTHEST * self.settings.tail) ** 2, out=w)
+        ready = np.concatenate([squares[at], w])
+        length = BLOCKS * m
+        blocks = ready.size // length
+        squares[at] = ready[blocks * length :]
+        if not blocks:
+            return
+        y = ready[: blocks * length].reshape(blocks, length)
+        while y.shape[1] > 1:
+            half = y.shape[1] // 2
+            y = y[:, :half] + y[:, half:]
+        y = y[:, 0] / length
+        base = max(level - 3, 0)
+        # The block sum with which the last block of mean squares ended.
+        last = done + sums.size - 1 - squares[at].size
+        first = self.base + (last - (blocks - 1) * length + 1) * (1 << base) - 1
+        for family, sign in (("noise up", 1), ("noise down", -1)):
+            ratio = RATIO**sign
+            k = self.settings.shapes[at]
+            l = k * (y / self.settings.band**sign * (1.0 - 1.0 / ratio) - np.log(ratio))  # noqa: E741
+            scaled = np.rint(np.clip(l, -1e6, 1e6) * UNIT).astype(np.int64)
+            place = self.places[family, level, sign]  # type: ignore[index]
+            yield from self._chart(place, scaled, first, states, width=BLOCKS << level)
+
+    def _chart(
+        self, place: int, steps: Integers, first: int, states: States, width: int | None = None
+    ) -> Iterator[Alarm]:
+        """Run one chart over the increments of its blocks, the first of which ends at sample `first`."""
+        sums, zeros, rests, pauses = states
+        family, level, sign = self.names[place]
+        width = width or 1 << level
+        limit, at, n = self.limits[place], 0, steps.size
+        while at < n:
+            end = first + at * width
+            if end <= rests[place]:
+                at += (rests[place] - end) // width + 1
+                zeros[place] = first + (at - 1) * width
+                continue
+            path = np.cumsum(steps[at:])
+            path += sums[place]
+            path -= np.minimum.accumulate(np.minimum(path, 0))
+            over = int(np.argmax(path > limit)) if int(path.max()) > limit else -1
+            part = path if over < 0 else path[: over + 1]
+            back = int(np.argmax(part[::-1] == 0))
+            if part[part.size - 1 - back] == 0:
+                zeros[place] = first + (at + part.size - 1 - back) * width
+            if over < 0:
+                sums[place] = int(path[-1])
+                return
+            sample = first + (at + over) * width
+            score = float(path[over]) / UNIT
+            yield Alarm(sample, family, level, sign, onset=zeros[place], score=score)
+            again = sample - rests[place] <= 4 * pauses[place]
+            pauses[place] = min(2 * pauses[place], self.longest_rest) if again else self.rest
+            rests[place], sums[place], zeros[place] = sample + pauses[place], 0, sample
+            at += over + 1
+
+    def save(self) -> dict[str, Any]:
+        """The state; its arrays are never changed in place."""
+        return {name: getattr(self, name) for name in self.STATE}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self.count, self.base = state["count"], state["base"]
+        for name in ("left", "tails", "squares"):
+            setattr(self, name, tuple(np.array(part, dtype=np.float64) for part in state[name]))
+        for name in ("done", "sums", "zeros", "rests", "pauses"):
+            setattr(self, name, tuple(state[name]))
+        self.recent = np.array(state["recent"], dtype=np.float64)
+
+
+States = tuple[list[int], list[int], list[int], list[int]]
+HISTORY_LEVEL = 6
+"""Level of the block sums that are kept to name a slow fault."""
+
+
+def differences(sums: Vector, m: int) -> Vector:
+    """Σ of the last m/2 of m consecutive sums, minus the others, at each place."""
+    half = m // 2
+    while half > 1:
+        # Σ of 2, then of 4 consecutive sums, by adding neighbours.
+        step = m // 2 // half
+        sums, half = sums[step:] + sums[:-step], half // 2
+    step = m // 2
+    return np.asarray(sums[step:] - sums[:-step])

@@ -1,0 +1,122 @@
+"""Check what a monitor is made from: models, sampling rate, time between false alarms, baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from gmwm._arrays import as_rate
+from gmwm.chunks import Chunk
+from gmwm.durations import parse_length
+from gmwm.errors import OptionError
+from gmwm.estimation.result import Fit
+from gmwm.monitor.baseline import Baseline
+from gmwm.monitor.whitening import Gain
+from gmwm.processes.model import Model, as_model
+from gmwm.remarks import Remark
+from gmwm.signals import Imu
+
+if TYPE_CHECKING:
+    from gmwm.readers.streams import Stream
+
+RATE_TOLERANCE = 0.01
+"""Largest relative difference of the sampling rate from that of the calibration: the charts change by less than their
+dead band."""
+MISFIT = 0.1
+"""Relative error of the wavelet variance of an approximation above which a remark says so: the dead band."""
+
+
+def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dict[str, Model]:
+    """The model of each axis to monitor."""
+    if not isinstance(calibration, Mapping) or not calibration:
+        raise OptionError(
+            "calibration must be a Calibration or a mapping of axis to Fit or Model; got "
+            f"{'an empty mapping' if isinstance(calibration, Mapping) else type(calibration).__name__}",
+            argument="calibration",
+            advice='Load one: `gmwm.Calibration.load("results/calibration.json")`.',
+        )
+    names = list(calibration) if axes is None else list(axes)
+    unknown = [axis for axis in names if axis not in calibration]
+    if unknown or not names:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(calibration)}", got=(unknown or [""])[0])
+    return {axis: _model(calibration[axis]) for axis in names}
+
+
+def _model(item: Any) -> Model:
+    return item.model if isinstance(item, Fit) else as_model(item)
+
+
+def common_rate(calibration: Mapping[str, Any], rate: float | None) -> float:
+    """The sampling rate (Hz): the given one, or that of the fits."""
+    rates = {item.wavelet_variance.rate for item in calibration.values() if isinstance(item, Fit)}
+    if rate is None and not rates:
+        raise OptionError(argument="rate", expected="a number (Hz), because models have no sampling rate", got=None)
+    found = as_rate(rate if rate is not None else max(rates))
+    for known in rates:
+        check_rate(found, known)
+    return found
+
+
+def check_rate(rate: float, known: float) -> None:
+    """Raise an error if a recording does not have the sampling rate of the calibration."""
+    if abs(rate / known - 1.0) > RATE_TOLERANCE:
+        raise OptionError(
+            argument="rate",
+            expected=f"{known:g}, the rate of the calibration (Hz), because its values are per sample",
+            got=rate,
+            advice="Calibrate a recording with this rate.",
+        )
+
+
+def as_every(every: str | float) -> float:
+    """The time between false alarms (s)."""
+    seconds = parse_length(every, "every") if isinstance(every, str) else every
+    if isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not 0 < seconds < float("inf"):
+        raise OptionError(argument="every", expected="a time above 0 s, such as 30d", got=every)
+    return float(seconds)
+
+
+def baselines_of(
+    calibration: Mapping[str, Any], given: Mapping[str, Baseline] | Literal["auto"] | None, axes: Sequence[str]
+) -> dict[str, Baseline]:
+    """The baseline of each axis that has one."""
+    if given is None:
+        return {}
+    if given == "auto":
+        own = getattr(calibration, "baselines", {})
+        return {axis: own[axis] for axis in axes if axis in own}
+    if not isinstance(given, Mapping) or not all(isinstance(one, Baseline) for one in given.values()):
+        raise OptionError(
+            argument="baseline", expected="a mapping of axis to Baseline, 'auto', or None", got=type(given).__name__
+        )
+    return {axis: given[axis] for axis in axes if axis in given}
+
+
+def remarks_of(gains: Mapping[str, Gain], baselines: Mapping[str, Baseline], *, wanted: bool) -> Iterator[Remark]:
+    """What a user needs to know about the charts."""
+    for axis, gain in gains.items():
+        finite = gain.finite
+        if finite.replaced:
+            yield Remark.of("monitor-approximated", axis, terms=", ".join(finite.replaced))
+        if wanted and axis not in baselines:
+            yield Remark.of("monitor-no-baseline", axis)
+
+
+def chunks_of(recording: Imu | Stream) -> Iterator[Chunk]:
+    """The chunks of a recording in memory or in a file."""
+    if not isinstance(recording, Imu):
+        yield from recording
+        return
+    one = next(iter(recording.signals.values()))
+    for k, ((first, last), start) in enumerate(zip(one.segments, one.starts, strict=True)):
+        values = {axis: signal.values[first:last] for axis, signal in recording.signals.items()}
+        yield Chunk(values, first=first, segment=k, start=start)
+
+
+def as_lists(value: Any) -> Any:
+    """A state with lists instead of arrays and tuples."""
+    if isinstance(value, Mapping):
+        return {key: as_lists(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return [as_lists(item) for item in value] if isinstance(value, list | tuple) else value

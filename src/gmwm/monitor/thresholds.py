@@ -1,0 +1,108 @@
+"""Thresholds of the charts from their average run length between false alarms."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from gmwm._arrays import Vector
+
+SHIFT = 1.0
+"""Shift of a block mean, in its standard deviations, for which the level charts are the fastest."""
+SOLVED_AT = 1000.0
+"""Run length (blocks) at which the integral equation is solved; beyond it, the threshold grows with its logarithm. The
+difference is below 6 % of the run length from 10³ to 10⁷ blocks (tests/monitor/test_charts.py)."""
+_CELLS = 120
+"""Cells of the integral equation. 300 change the run length by less than 1 % (the same test)."""
+
+
+def level_threshold(run_length: float) -> float:
+    """Threshold of the chart S ← max(0, S + z − SHIFT/2) of independent standard normal z.
+
+    Siegmund's correction of the boundary by 1.166: run length = (e^{2κb} − 2κb − 1)/(2κ²), b = h + 1.166, κ = SHIFT/2.
+
+    Parameters
+    ----------
+    run_length : float
+        Average number of blocks between false alarms.
+
+    References
+    ----------
+    Siegmund (1985), Sequential Analysis, section 2.6.
+    """
+    kappa = SHIFT / 2.0
+    low, high = 0.0, math.log(run_length + 10.0) / (2.0 * kappa) + 10.0
+    while high - low > 1e-9:
+        middle = 0.5 * (low + high)
+        b = middle + 1.166
+        length = (math.exp(2.0 * kappa * b) - 2.0 * kappa * b - 1.0) / (2.0 * kappa**2)
+        low, high = (middle, high) if length < run_length else (low, middle)
+    return high
+
+
+def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
+    """Threshold of the chart S ← max(0, S + l), l = k[y(1 − 1/R) − ln R], of independent y ~ Gamma(k) with mean 1.
+
+    The run length is at least e^h (Lorden). By renewal theory it is C e^h, and the integral equation of Page gives C at
+    a run length of 1000 blocks.
+
+    Parameters
+    ----------
+    run_length : float
+        Average number of blocks between false alarms.
+    shape : float
+        k = 1/Var y of the mean squares y, whose mean is 1.
+    ratio : float
+        R, the ratio of variances for which the chart is the fastest; below 1 for a decrease.
+
+    References
+    ----------
+    Lorden (1971), Procedures for reacting to a change in distribution, Annals of Mathematical Statistics 42, 1897-1908.
+    Brook and Evans (1972), An approach to the probability distribution of cusum run length, Biometrika 59, 539-549.
+    """
+    return max(math.log(run_length) - _advantage(round(shape, 2), ratio), 0.5)
+
+
+@lru_cache(maxsize=4096)
+def _advantage(shape: float, ratio: float) -> float:
+    """ln(run length) − h."""
+    low, high = 0.05, math.log(SOLVED_AT) + 1.0
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if noise_run_length(middle, shape, ratio) < SOLVED_AT else (low, middle)
+    return math.log(SOLVED_AT) - high
+
+
+def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = _CELLS) -> float:
+    """Average run length (blocks) of a chart that starts at 0: the integral equation of Page, with S in cells."""
+    width = threshold / cells
+    states = np.concatenate([[0.0], (np.arange(cells) + 0.5) * width])
+    # The rows are the same function at other places: probabilities of increments below each multiple of half a cell.
+    places = np.asarray(0.5 * width * np.arange(-2.0 * cells, 2 * cells + 1), dtype=np.float64)
+    below = _increment_cdf(places, shape, ratio)
+    twice = np.rint(2.0 * states / width).astype(np.int64)
+    edges = 2 * np.arange(cells + 1) + 2 * cells
+    cumulative = below[edges[None, :] - twice[:, None]]
+    moves = np.empty((cells + 1, cells + 1))
+    moves[:, 1:] = np.diff(cumulative, axis=1)
+    moves[:, 0] = cumulative[:, 0]
+    return float(np.linalg.solve(np.eye(cells + 1) - moves, np.ones(cells + 1))[0])
+
+
+def _increment_cdf(values: Vector, shape: float, ratio: float) -> Vector:
+    """Probability that an increment l is at most `values`."""
+    from scipy.special import gammainc, gammaincc
+
+    slope = 1.0 - 1.0 / ratio
+    y = np.maximum((values / shape + math.log(ratio)) / slope, 0.0)
+    found = gammainc(shape, y * shape) if slope > 0 else gammaincc(shape, y * shape)
+    return np.asarray(found, dtype=np.float64)
+
+
+def spike_limit(run_length: float) -> float:
+    """Limit of |e| that a standard normal e exceeds once in `run_length` samples."""
+    from scipy.special import ndtri
+
+    return float(-ndtri(0.5 / run_length))

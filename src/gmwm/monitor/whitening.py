@@ -1,0 +1,309 @@
+"""Whiten a signal as its samples arrive: the standardised innovations of the Kalman filter of its model.
+
+After its start, the filter has a constant gain K. Its innovations e_t are then the output of a fixed linear filter
+with the eigenvalues of F as zeros and those of Φ = F − K H as poles. The start is exact: the state at the first
+sample differs from the state of the constant-gain filter by a vector B u with a known prior (diffuse for levels), so
+e_t = ε_t + H Φᵗ B u, and u is estimated by recursive least squares along with the samples.
+
+Results do not depend on how the samples are cut into chunks, to the last bit: each sample passes the same operations.
+
+Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 5; de Jong (1991), The
+diffuse Kalman filter, Annals of Statistics 19, 1073-1083.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.monitor.finite_state import Finite
+
+FRAME = 1024
+"""Number of samples for which the response to the initial state is computed at once."""
+DIFFUSE = 1e-12
+"""Prior information on a diffuse level, in units of one sample: the exact limit to 12 digits."""
+FORGOTTEN = 1e-6
+"""Share of the variance of an innovation below which a part of the initial state no longer matters: in the mean of 2^14
+samples it is then 1/60 of the variance."""
+COAST = 1000
+"""Largest number of missing samples that the filter predicts across; after a longer gap the level is unknown again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """The constant-gain filter of a model.
+
+    Attributes
+    ----------
+    F, H : (p, p) and (p,) arrays
+        State space of the model with its level.
+    P : (p, p) array
+        Covariance of the predicted state; 0 for a constant level.
+    S : float
+        Variance of an innovation (u²).
+    phi : (p, p) array
+        Φ = F − K H.
+    start : (p, m) array
+        B of the start: the diffuse states, then the uncertainty of the other ones beyond P.
+    diffuse : int
+        Number of diffuse columns of `start`.
+    """
+
+    finite: Finite
+    F: Matrix
+    H: Vector
+    Q: Matrix
+    P: Matrix
+    S: float
+    phi: Matrix
+    start: Matrix
+    diffuse: int
+
+    @classmethod
+    def of(cls, finite: Finite) -> Gain:
+        """The filter of a finite-state model."""
+        space = finite.space
+        F, H, Q = np.array(space.F), np.array(space.H[0]), np.array(space.Q)
+        p = H.size
+        moving = finite.moving
+        scale = float(H @ Q @ H) + float(space.R[0, 0])
+        # Quantization noise and moving averages with a zero on the unit circle have no stable filter without this.
+        R = max(float(space.R[0, 0]), 1e-8 * scale)
+        P = np.zeros((p, p))
+        at = np.ix_(moving, moving)
+        if np.any(moving):
+            P[at] = scale * _riccati(F[at], H[moving], Q[at] / scale, R / scale)
+        S = float(H @ P @ H) + R
+        K = F @ P @ H / S
+        K[~moving] = 0.0
+        known = moving & ~space.diffuse
+        beyond = (space.P0 - P)[np.ix_(known, known)]
+        values, vectors = np.linalg.eigh(0.5 * (beyond + beyond.T))
+        kept = values > 1e-9 * max(float(np.max(values, initial=0.0)), 1e-300)
+        columns = np.zeros((p, int(np.count_nonzero(kept))))
+        columns[known] = vectors[:, kept] * np.sqrt(values[kept])
+        levels = np.eye(p)[:, space.diffuse] * math.sqrt(S)
+        start = np.concatenate([levels, columns], axis=1)
+        phi = F - np.outer(K, H)
+        return cls(finite, F, H, Q, P=P, S=S, phi=phi, start=start, diffuse=levels.shape[1])
+
+    @cached_property
+    def sections(self) -> Matrix:
+        """Second-order sections of the filter from the signal to its innovations."""
+        from scipy.signal import zpk2sos
+
+        moving = self.finite.moving
+        if not np.any(moving):
+            return np.array([[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+        at = np.ix_(moving, moving)
+        zeros, poles = np.linalg.eigvals(self.F[at]), np.linalg.eigvals(self.phi[at])
+        return np.asarray(zpk2sos(_paired(zeros), _paired(poles), 1.0))
+
+    @cached_property
+    def responses(self) -> Matrix:
+        """H Φⁱ/√S for i = 0 … FRAME − 1, (FRAME, p)."""
+        rows = np.empty((FRAME, self.H.size))
+        rows[0] = self.H / math.sqrt(self.S)
+        for k in range(1, FRAME):
+            rows[k] = rows[k - 1] @ self.phi
+        return rows
+
+    @cached_property
+    def frame_step(self) -> Matrix:
+        """Φ^FRAME."""
+        return np.linalg.matrix_power(self.phi, FRAME)
+
+    def after_gap(self, samples: int) -> Matrix:
+        """B (p, m) after missing samples: what they add to the uncertainty of the predicted state."""
+        P, power = self.P.copy(), self.P.copy()
+        for _ in range(samples):
+            power = self.F @ power @ self.F.T + self.Q
+        values, vectors = np.linalg.eigh(0.5 * (power - P + (power - P).T))
+        kept = values > 1e-12 * self.S
+        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+    def step_response(self, samples: int) -> Vector:
+        """Standardised innovations (n,) after a jump of the signal by 1."""
+        from scipy.signal import sosfilt
+
+        return np.asarray(sosfilt(self.sections, np.ones(samples)) / math.sqrt(self.S))
+
+    def magnitude(self, cycles: float) -> float:
+        """Size of the standardised innovations of a sinusoid of amplitude 1, at a frequency in cycles per sample."""
+        from scipy.signal import sosfreqz
+
+        _, response = sosfreqz(self.sections, [2.0 * np.pi * cycles])
+        return float(np.abs(response[0])) / math.sqrt(self.S)
+
+
+def _paired(roots: NDArray[Any]) -> NDArray[Any]:
+    """Roots whose tiny imaginary parts are removed, so that the others come in exact conjugate pairs."""
+    real = roots.real[np.abs(roots.imag) < 1e-12]
+    upper = roots[roots.imag >= 1e-12]
+    return np.concatenate([real, upper, np.conj(upper)])
+
+
+def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
+    """Covariance of the predicted state of the constant-gain filter, by doubling of the number of samples.
+
+    The recursion is that of the filtered state, whose measurement noise H w + v is never small: moving averages and
+    autoregressions have no noise v.
+
+    Source: Anderson (1978), Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control
+    28, 295-306.
+    """
+    eye = np.eye(H.size)
+    seen, common = H @ F, Q @ H
+    whole = float(H @ common) + R
+    A = (F - np.outer(common, seen) / whole).T
+    G, X = np.outer(seen, seen) / whole, Q - np.outer(common, common) / whole
+    for _ in range(60):
+        inner = np.linalg.solve(eye + G @ X, np.concatenate([A, G], axis=1))
+        W, V = inner[:, : H.size], inner[:, H.size :]
+        more = A.T @ X @ W
+        G = G + A @ V @ A.T
+        A = A @ W
+        X = X + 0.5 * (more + more.T)
+        if np.max(np.abs(more)) <= 1e-15 * np.max(np.abs(X)):
+            break
+    return np.asarray(F @ X @ F.T + Q)
+
+
+class Whitener:
+    """Standardised innovations of one axis, in chunks of any size.
+
+    Parameters
+    ----------
+    gain : Gain
+        The filter of the model.
+    """
+
+    STATE = ("sections", "origin", "count", "drifted", "columns", "power", "information", "moments")
+
+    def __init__(self, gain: Gain) -> None:
+        self.gain = gain
+        self.drifted = 0  # samples since the beginning, for a drift of known slope
+        self.restart()
+
+    def restart(self) -> None:
+        """Start again with an unknown level."""
+        self.sections = np.zeros((len(self.gain.sections), 2))
+        self.origin: float | None = None
+        self._settle(self.gain.start, self.gain.diffuse)
+
+    def _settle(self, start: Matrix, diffuse: int) -> None:
+        self.count = 0  # samples since the start of the least squares
+        m = start.shape[1]
+        self.columns = m
+        self.power = np.ascontiguousarray(start)  # Φ^(FRAME k) B of the present frame
+        self.information = np.diag([DIFFUSE] * diffuse + [1.0] * (m - diffuse)) if m else np.zeros((0, 0))
+        self.moments = np.zeros(m)
+        self._rows: Matrix | None = None
+
+    def update(self, x: Vector) -> Vector:
+        """Standardised innovations (n,) of the next samples (n,), in the unit of the model."""
+        from scipy.signal import sosfilt
+
+        if not x.size:
+            return np.zeros(0)
+        slope = self.gain.finite.slope
+        if slope:
+            x = x - slope * np.arange(self.drifted, self.drifted + x.size)
+        self.drifted += x.size
+        if self.origin is None:
+            self.origin = float(x[0])
+        out, self.sections = sosfilt(self.gain.sections, x - self.origin, zi=self.sections)
+        out = np.asarray(out / math.sqrt(self.gain.S))
+        at = 0
+        while self.columns and at < out.size:
+            n = min(out.size - at, FRAME - self.count % FRAME)
+            out[at : at + n] = self._corrected(out[at : at + n])
+            at += n
+        return out
+
+    def _corrected(self, e: Vector) -> Vector:
+        """Innovations of samples within a frame, without what the initial state adds to them."""
+        if self._rows is None:
+            self._rows = self.gain.responses @ self.power
+        first = self.count % FRAME
+        g = self._rows[first : first + e.size]
+        m = self.columns
+        products = np.concatenate([self.information[None], g[:, :, None] * g[:, None, :]]).cumsum(axis=0)
+        sums = np.concatenate([self.moments[None], g * e[:, None]]).cumsum(axis=0)
+        w = _solved(products[:-1], g)
+        mean, variance = w[:, 0] * sums[:-1, 0], w[:, 0] * g[:, 0]
+        for k in range(1, m):
+            mean, variance = mean + w[:, k] * sums[:-1, k], variance + w[:, k] * g[:, k]
+        self.information, self.moments = products[-1], sums[-1]
+        self.count += e.size
+        if self.count % FRAME == 0:
+            self._next_frame()
+        # The innovation with which a diffuse level becomes known is not one: its variance is infinite.
+        return np.where(variance > 1e-3 / DIFFUSE, 0.0, (e - mean) / np.sqrt(1.0 + variance))
+
+    def _next_frame(self) -> None:
+        self.power = self.gain.frame_step @ self.power
+        self._rows = self.gain.responses @ self.power
+        # A part of the initial state that has decayed is integrated out.
+        covariance = np.linalg.inv(self.information)
+        size = np.max(self._rows**2, axis=0) * np.diag(covariance)
+        kept = size > FORGOTTEN
+        if np.all(kept):
+            return
+        self.columns = int(np.count_nonzero(kept))
+        mean = covariance @ self.moments
+        part = covariance[np.ix_(kept, kept)]
+        self.information = np.linalg.inv(part) if self.columns else np.zeros((0, 0))
+        self.moments = self.information @ mean[kept]
+        # One layout in memory: the order of sums in products of matrices depends on it.
+        self.power, self._rows = np.ascontiguousarray(self.power[:, kept]), None
+
+    def gap(self, samples: int | None) -> None:
+        """Skip missing samples; None if their number is unknown."""
+        from scipy.signal import sosfilt
+
+        if samples is None or samples > COAST or self.columns or self.origin is None:
+            self.drifted += samples or 0
+            self.restart()
+            return
+        for _ in range(samples):
+            # The sample that the filter predicts: its innovation is zero.
+            without, _ = sosfilt(self.gain.sections, np.zeros(1), zi=self.sections)
+            _, self.sections = sosfilt(self.gain.sections, -without, zi=self.sections)
+        self.drifted += samples
+        self._settle(self.gain.after_gap(samples), 0)
+
+    def save(self) -> dict[str, Any]:
+        """The state; its arrays are never changed in place."""
+        return {name: getattr(self, name) for name in self.STATE}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self.sections = np.array(state["sections"], dtype=np.float64)
+        self.origin, self.count, self.drifted = state["origin"], state["count"], state["drifted"]
+        m = self.columns = state["columns"]
+        self.power = np.array(state["power"], dtype=np.float64).reshape(self.gain.H.size, m)
+        self.information = np.array(state["information"], dtype=np.float64).reshape(m, m)
+        self.moments = np.array(state["moments"], dtype=np.float64)
+        self._rows = None
+
+
+def _solved(matrices: Matrix, right: Matrix) -> Matrix:
+    """The solutions (n, m) of n small positive definite systems."""
+    m = right.shape[1]
+    if m == 1:
+        return np.asarray(right / matrices[:, :, 0])
+    if m == 2:
+        a, b, d = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
+        # Elimination of the larger diagonal element first is not needed: the matrices are positive definite.
+        ratio = b / a
+        second = (right[:, 1] - ratio * right[:, 0]) / (d - ratio * b)
+        return np.stack([(right[:, 0] - b * second) / a, second], axis=1)
+    return np.asarray(np.linalg.solve(matrices, right[:, :, None])[:, :, 0])
