@@ -13,12 +13,11 @@ WITHIN = "GM + WN + RW"
 
 @pytest.fixture(scope="session")
 def imu():
-    """Three axes, 1000 s at 100 Hz; gyro_y was knocked again and again, for a fifth of a second each time."""
+    """Three axes, 1000 s at 100 Hz; gyro_y was shaken too often to be repaired, for 2.5 s each time."""
     clean = gmwm.simulate(TRUTH, rate=100.0, samples=100_000, rng=4)
     values = {axis: clean[axis].values.copy() for axis in clean}
-    ring = 0.05 * np.cos(2.0 * np.arange(20)) * np.exp(-np.arange(20) / 10)
-    for start in range(10_000, 80_000, 7000):
-        values["gyro_y"][start : start + 20] += ring
+    for start in range(10_000, 94_000, 5000):
+        values["gyro_y"][start : start + 250] += 0.014 * np.cos(2.0 * np.arange(250))
     return gmwm.Imu.from_arrays(values, 100.0, source="knocked.csv")
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import gmwm
 from gmwm import Calibration
 from gmwm.calibration.document import FORMAT, VERSION
 from gmwm.errors import ReadError
+from gmwm.remarks import Remark
 from tests.helpers import raises
 
 
@@ -25,7 +27,8 @@ def test_everything_comes_back(calibration, file):
     assert back.summary() == calibration.summary()
     for name in ("settings", "source", "recording_remarks", "remarks", "verdict"):
         assert getattr(back, name) == getattr(calibration, name)
-    assert calibration.recording_remarks
+    told = replace(calibration, recording_remarks=(Remark.of("no-test"),))
+    assert Calibration.from_dict(told.to_dict()).recording_remarks == told.recording_remarks
     for axis, fit in calibration.items():
         assert back[axis].to_dict() == fit.to_dict()
         assert back.axes[axis].intervals == calibration.axes[axis].intervals

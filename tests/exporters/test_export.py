@@ -163,7 +163,7 @@ def test_only_xml_breaks_double_hyphens(units):
 def test_doubts_of_the_recording_stand_in_every_head(units):
     off = {"norm": Quantity(9.52, "m/s²"), "expected": Quantity(9.80665, "m/s²"), "share": -2.9}
     doubt = Remark.of("gravity-off", "accel -->", **off)
-    knocks = Remark.of("knocks", count=2, first=Quantity(7.0, "s"), handled="auto")
+    knocks = Remark.of("knocks", count=2, first=Quantity(7.0, "s"))
     told = replace(units["quantized"], recording_remarks=(doubt, knocks))
     for format in export_formats():
         assert [r.code for r in remarks_in(told, format) if r.code in ("gravity-off", "knocks")] == ["gravity-off"]

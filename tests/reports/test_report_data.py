@@ -42,7 +42,7 @@ def points_of(data, code):
 def test_the_verdict_has_the_outliers_and_the_axes(data, calibration):
     assert calibration.verdicts["gyro_y"].contaminated
     assert (data["verdict"]["code"], data["verdict"]["state"]) == ("verdict-usable", "look")
-    assert [point["state"] for point in points_of(data, "knocks")] == ["look"]
+    assert [point["state"] for point in points_of(data, "robust-depends-on-efficiency")] == ["look"]
     (outliers,) = [note for note in data["notes"] if note["code"] == "outliers-left-out"]
     assert outliers["state"] == "good"
     assert "gyro_y" in outliers["text"]
@@ -65,7 +65,7 @@ def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
     assert (verdict["points"][0]["code"], verdict["points"][0]["state"]) == ("not-calibrated", "bad")
     assert "accel_y" in verdict["points"][0]["text"]
     assert "the signal is constant" in verdict["points"][0]["text"]
-    moved = Remark.of("recording-moved", "gyro_x", time=Quantity(9.0, "s"), ratio=7.0)
+    moved = Remark.of("recording-moved", "gyro_x", time=Quantity(9.0, "s"), window=Quantity(18.0, "s"), ratio=7.0)
     recording = dataclasses.replace(calibration.recording, static=False)
     verdict = report_data(dataclasses.replace(calibration, recording=recording, recording_remarks=(moved,)))["verdict"]
     assert (verdict["code"], verdict["state"]) == ("verdict-wrong", "bad")

@@ -10,13 +10,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.
 def test_each_case_gets_its_curve():
     result = study_tails.run(reduced=True)
     for row in result["rows"]:
-        if row["case"].startswith("knocks"):
-            # In one of six recordings with three weak knocks, their largest samples are taken for isolated ones and
-            # replaced. What remains is no contamination, and N is right.
-            assert row["robust"] >= 5 / 6
-        else:
-            assert row["robust"] == (1.0 if row["wanted"] == "robust" else 0.0), row["case"]
-            assert (row["replaced"] > 0) == (row["wanted"] == "repaired"), row["case"]
+        assert row["robust"] == (1.0 if row["wanted"] == "robust" else 0.0), row["case"]
+        assert (row["replaced"] > 0) == (row["wanted"] == "replaced"), row["case"]
         if row["n"] is not None:
             assert row["n"] == pytest.approx(1.0, abs=0.03), row["case"]
     assert study_tails.table(result).count("\n|") == 2 + len(result["rows"])

@@ -17,9 +17,8 @@ from gmwm.axis_names import sensor_of
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.measurement import Measured, measured_axis, measured_recording
-from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
-from gmwm.calibration.recording_findings import as_concerns
+from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.datasheets import datasheet
@@ -38,7 +37,6 @@ from gmwm.processes.walk import RW
 from gmwm.readers.streams import Stream
 from gmwm.regression.against import AUTO, Against, Asked
 from gmwm.regression.conditions import NOTHING, Conditions
-from gmwm.remarks import Remark
 from gmwm.selection.search import Searched, search, within_family
 from gmwm.signals import Imu, Signal
 from gmwm.spectrum import PowerSpectrum
@@ -176,7 +174,6 @@ def calibrate_recording(
     items, inspection, conditions = _inspected(
         data, chosen, options=options, threads=threads, scheduler=scheduler, workers=workers, steps=steps
     )
-    remarks = () if inspection is None else tuple(_handled(remark, options) for remark in inspection.remarks)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
@@ -207,19 +204,9 @@ def calibrate_recording(
         failed=reasons,
         settings=options,
         source=source,
-        recording_remarks=tuple(as_concerns(remarks, done)),
+        recording_remarks=() if inspection is None else tuple(recording_remarks(inspection, done)),
         recording=recording,
     )
-
-
-def _handled(remark: Remark, options: CalibrationOptions) -> Remark:
-    """Return the remark, with what the calibration does about knocks."""
-    if remark.code != "knocks":
-        return remark
-    handled = {"auto": "auto", True: "robust", False: "classical"}[options.robust]
-    if options.robust == "auto" and line_in(options.general) is not None:
-        handled = "line"
-    return Remark.of(remark.code, remark.subject, **{**remark.facts, "handled": handled})
 
 
 def _inspected(

@@ -22,7 +22,7 @@ from gmwm.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remar
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.outliers import Dependence, Verdict
+    from gmwm.outliers import Dependence, Replaced, Verdict
     from gmwm.variance import WaveletVariance
 
 SIZE = 0.05
@@ -159,7 +159,7 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
         return
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, reason=verdict.reason)
-    yield from _of_spikes(axis, verdict)
+    yield from _of_replaced(axis, verdict.replaced, found.fit.wavelet_variance)
     if verdict.heavy_tailed and not found.fit.wavelet_variance.robust:
         yield Remark.of("noise-heavy-tailed", axis)
     if not verdict.contaminated:
@@ -186,9 +186,14 @@ def _dependence(axis: str, found: Dependence, unit: str) -> Remark:
     )  # fmt: skip
 
 
-def _of_spikes(axis: str, verdict: Verdict) -> Iterator[Remark]:
-    if verdict.repaired:
-        yield Remark.of("spikes-repaired", axis, count=verdict.repaired, largest=verdict.largest)
+def _of_replaced(axis: str, replaced: Replaced, wv: WaveletVariance) -> Iterator[Remark]:
+    if replaced.spikes:
+        yield Remark.of("spikes-repaired", axis, count=replaced.spikes, largest=replaced.largest)
+    if replaced.knocks:
+        yield Remark.of(
+            "knocks-replaced", axis, count=len(replaced.knocks), share=100 * replaced.in_knocks / wv.samples,
+            first=Quantity(replaced.knocks[0][0], "s"),
+        )  # fmt: skip
 
 
 def _excess(verdict: Verdict) -> dict[str, Fact]:

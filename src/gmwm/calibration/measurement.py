@@ -19,14 +19,14 @@ from gmwm.inspection.api import FirstPass
 from gmwm.outliers import (
     MATERIAL,
     TOLERANCE,
+    Replaced,
     Screen,
     Screening,
     Verdict,
+    cleaned,
     contamination,
     dependence,
-    find_spikes,
     other_efficiency,
-    repaired,
 )
 from gmwm.readers.streams import Stream
 from gmwm.regression.conditions import NOTHING, Conditions
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
-def without_spikes(signal: Signal) -> Signal:
-    """The signal with its isolated wrong samples replaced."""
-    return repaired(signal, find_spikes(signal))
+def clean(signal: Signal) -> Signal:
+    """The signal with its isolated wrong samples and its knocks replaced."""
+    return cleaned(signal).signal
 
 
 class Pair(NamedTuple):
@@ -70,13 +70,13 @@ class AxisSamples:
     def __init__(self, rate: float, unit: str, axis: str) -> None:
         self._screening = Screening(rate)
         self._spectrum = SpectrumAccumulator(rate, unit=unit, axis=axis)
-        self._repaired, self._largest = 0, 0.0
+        self._replaced = Replaced()
 
     def clean(self, signal: Signal) -> Signal:
-        """Replace the isolated wrong samples of a batch, and count them."""
-        spikes = find_spikes(signal)
-        self._repaired, self._largest = self._repaired + len(spikes), max(self._largest, spikes.largest)
-        return repaired(signal, spikes)
+        """Replace the isolated wrong samples and the knocks of a batch, and count them."""
+        found = cleaned(signal)
+        self._replaced += found.replaced
+        return found.signal
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add samples."""
@@ -85,7 +85,7 @@ class AxisSamples:
 
     def screen(self) -> Screen:
         """Bursts, wrong samples and tails."""
-        return self._screening.result(repaired=self._repaired, largest=self._largest)
+        return self._screening.result(replaced=self._replaced)
 
     def spectrum(self) -> PowerSpectrum | None:
         """The spectrum, smoothed away from lines; None if there are too few samples."""
@@ -116,7 +116,7 @@ class AxisMeasurement:
         return self.curves.first.unit
 
     def clean(self, signal: Signal) -> Signal:
-        """Replace the isolated wrong samples of a batch, and count them."""
+        """Replace the isolated wrong samples and the knocks of a batch, and count them."""
         return self.samples.clean(signal)
 
     def update(self, signal: Signal, continues: bool) -> None:
@@ -150,9 +150,9 @@ def measured_axis(
 ) -> tuple[WaveletVariance, Verdict | None, PowerSpectrum | None]:
     """Return the wavelet variance of an axis to fit, the test for outliers, and the spectrum.
 
-    Isolated wrong samples are replaced before anything is measured. With robust="auto", the robust curve is used if
-    bursts (knocks, motion) raise the classical one. A classical curve carries the covariance that heavy tails add. A
-    robust curve is compared with one of another efficiency.
+    Isolated wrong samples and knocks are replaced before anything is measured. With robust="auto", the robust curve is
+    used if bursts that are left (motion, too many knocks) raise the classical one. A classical curve carries the
+    covariance that heavy tails add. A robust curve is compared with one of another efficiency.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def _measure(
 ) -> dict[str, AxisMeasurement]:
     """The first pass over a recording, and the second one if nothing else needs it."""
     recording = batches.recording
-    curves = curves_of(recording, axes, efficiency=options.efficiency, change=without_spikes)
+    curves = curves_of(recording, axes, efficiency=options.efficiency, change=clean)
     turn = nullcontext() if isinstance(recording, Imu) else Lock()
     made = {
         axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis), turn)
@@ -378,7 +378,7 @@ def _spread(
     workers: int | None, progress: Callable[[str], None] | None, conditions: Conditions,
 ) -> RecordingMeasurement:  # fmt: skip
     """Measure and inspect with the workers of a cluster, or with local processes."""
-    curves = curves_of(stream, axes, exact=part_levels(len(axes)), efficiency=options.efficiency, change=without_spikes)
+    curves = curves_of(stream, axes, exact=part_levels(len(axes)), efficiency=options.efficiency, change=clean)
     with connected(scheduler, workers) as client:
         future = client.submit(_inspection, stream, tuple(axes), conditions, pure=False, retries=2)
         spread(stream, curves, scheduler=client, done=_both(stream, progress), prepare=conditions.batch)

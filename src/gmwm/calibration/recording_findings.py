@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from gmwm._text import rounded
 from gmwm.calibration.averaging import WALK
 from gmwm.inspection.findings import in_datasheet_units, removed
-from gmwm.remarks import Remark
+from gmwm.remarks import Quantity, Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
+    from gmwm.inspection import Inspection
 
 _LINE = "linear-trend"
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
 
-def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) -> Iterator[Remark]:
+def recording_remarks(inspection: Inspection, axes: Mapping[str, AxisCalibration]) -> Iterator[Remark]:
     """Name the numbers of the datasheets in remarks on trends and coarse outputs.
 
-    A remark on a linear trend is left out for an axis whose model has a drift, which describes it.
+    A remark on a linear trend is left out for an axis whose model has a drift, which describes it. Remarks on knocks
+    are left out, and the one on motion if it was replaced like a knock.
 
     Parameters
     ----------
-    remarks : sequence of Remark
-        The remarks of the inspection.
+    inspection : Inspection
     axes : mapping of axis to AxisCalibration
         The calibrated axes.
     """
-    for remark in remarks:
+    for remark in inspection.remarks:
+        if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, axes)):
+            continue
         found = axes.get(remark.subject)
         if remark.code == "conditions-removed" and found is not None and found.regression is not None:
             yield removed(remark.subject, found.regression, _left_in(found))
@@ -46,6 +49,17 @@ def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) 
         numbers = tuple(symbol for symbol in sheet if symbol.partition("[")[0] in affected)
         facts = {**remark.facts, "numbers": numbers or ("the terms at long scales",)}
         yield Remark.of(remark.code, remark.subject, **facts)
+
+
+def _is_replaced(remark: Remark, axes: Mapping[str, AxisCalibration]) -> bool:
+    """Whether the samples of a motion were replaced, and no axis has large wavelet coefficients any more."""
+    verdicts = [one.verdict for one in axes.values() if one.verdict is not None]
+    start, window = remark.facts["time"], remark.facts["window"]
+    assert isinstance(start, Quantity)
+    assert isinstance(window, Quantity)
+    knocks = (times for verdict in verdicts for times in verdict.replaced.knocks)
+    there = any(first <= start.value + window.value and last >= start.value for first, last in knocks)
+    return there and not any(verdict.exceeds for verdict in verdicts)
 
 
 def _left_in(found: AxisCalibration) -> str:

@@ -302,10 +302,12 @@ def _gravity(
     return norm, tilt, float(np.degrees(np.arctan2(noise, norm)))
 
 
-def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float] | None:
-    """Time (s) and ratio of the largest standard deviation among windows without knocks; None if none is unusual."""
+def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
+    """The window with the largest standard deviation without knocks: begin and length (s), and ratio to the median."""
     spreads = np.sqrt(one.calm.variances())
     usual, worst = float(np.median(spreads)), int(np.argmax(spreads))
     if usual > 0 and spreads[worst] > _RESTLESS * usual:
-        return float(extent.times([extent.windows()[worst][0]])[0]), float(spreads[worst] / usual)
+        first, last = extent.windows()[worst]
+        begin, end = extent.times([first, last - 1])
+        return float(begin), float(end - begin), float(spreads[worst] / usual)
     return None

@@ -63,27 +63,28 @@ def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
 
 
 def of_motion(
-    restless: Mapping[str, tuple[float, float]], tilt: float | None, knocks: tuple[Knock, ...]
+    restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
 ) -> Iterator[Remark]:
     """Remarks on motion and knocks.
 
     Parameters
     ----------
-    restless : mapping of axis to (time, ratio)
-        Time (s) and factor by which the standard deviation exceeded its usual value, for axes where it did.
+    restless : mapping of axis to (time, window, ratio)
+        Begin and length (s) of the window with the largest standard deviation, and its ratio to the usual one, for axes
+        where it is unusual.
     tilt : float or None
         Turn of gravity that the noise does not explain (degrees).
     knocks : tuple of Knock
         Bursts of outliers.
     """
     if restless:
-        axis = max(restless, key=lambda name: restless[name][1])
-        time, ratio = restless[axis]
-        yield Remark.of("recording-moved", axis, time=Quantity(time, "s"), ratio=ratio)
+        axis = max(restless, key=lambda name: restless[name][2])
+        time, window, ratio = restless[axis]
+        yield Remark.of("recording-moved", axis, time=Quantity(time, "s"), window=Quantity(window, "s"), ratio=ratio)
     if tilt is not None:
         yield Remark.of("recording-tilted" if tilt > MOVED else "recording-settles", angle=Quantity(tilt, "°"))
     if knocks:
-        yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"), handled="no")
+        yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
 
 
 def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:

@@ -11,9 +11,9 @@ the tails of noise ever are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,8 +40,14 @@ LONGEST = 10.0
 """Longest scale (s) at which bursts are looked for: longer, a warm-up looks the same."""
 NEIGHBOURHOOD = 60.0
 """Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
+_SMALL, _FALSE = 3.5, 1e-4
+"""Smallest large coefficient (local standard deviations), and false bursts in a panel, for small bursts."""
+_ALONE, _BESIDE = 1.5, 32
+"""Largest spread of the noise beside a small burst, in local standard deviations, and fewest coefficients of it."""
 _PIECES = 64
 """Fewest coefficients of a local standard deviation; its relative error is about 15 %."""
+Indices = NDArray[np.int64]
+Ranges = NDArray[np.int64]
 _QUARTILE = 0.6744897501960817
 _ROUNDING = 12**-0.5
 """Standard deviation of the rounding error, in quantization steps."""
@@ -106,8 +112,7 @@ class BurstFinder:
     def __init__(self, rate: float) -> None:
         self.rate = as_rate(rate)
         self.panels = Panels(panel_length(self.rate))
-        reach = int(np.floor(np.log2(max(LONGEST * self.rate, 2.0))))
-        self.levels = min(reach, int(np.log2(self.panels.length // _PIECES)))
+        self.levels = _levels(self.rate)
         # Sums over all panels: squares, squares in bursts, number of coefficients, those in bursts, bursts.
         self._sums = np.zeros((5, self.levels))
         self._sample = Sample()
@@ -138,16 +143,9 @@ class BurstFinder:
 
     def _add(self, panel: Vector) -> None:
         step = step_of(self._sample.values()) or 0.0
-        path = _core.running_sum(panel)
-        for k in range(self.levels):
-            w = np.diff(np.diff(path))
-            if w.size < _PIECES // 2:
-                return
-            w *= 0.5 ** (k + 1)
-            least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
-            piece = max(_PIECES, round(NEIGHBOURHOOD * self.rate / 2**k))
-            self._sums[:, k] += _bursts(w, piece, least)
-            path = path[::2]
+        for k, w, found in _of_levels(panel, self.levels, self.rate, step):
+            occupied, count = int(np.sum(found.last - found.first + 1)), found.first.size
+            self._sums[:, k] += float(np.dot(w, w)), float(found.energy.sum()), w.size, occupied, count
 
 
 def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
@@ -186,25 +184,99 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
     return finder.result()
 
 
-def _bursts(w: Vector, piece: int, least: float) -> tuple[float, float, int, int, int]:
-    """Squares, squares in bursts, number of coefficients, those in bursts, and bursts of one panel of a level."""
+def burst_ranges(values: Vector, rate: float, step: float, *, small: bool = False) -> Ranges:
+    """Index ranges (k, 2) of the samples in bursts, in order and apart from each other; see `find_bursts`.
+
+    A burst at a level is left out if it overlaps one of a finer level, where its place is known better.
+
+    Parameters
+    ----------
+    values : (N,) array
+    rate : float
+        Sampling rate (Hz).
+    step : float
+        Quantization step of the values, 0 if there is none.
+    small : bool
+        Also find bursts of coefficients that are large for this noise, though less than `LARGE`.
+    """
+    length, found = panel_length(rate), list[list[int]]()
+    for begin in range(0, values.size, length):
+        own = np.empty((0, 2), dtype=np.int64)
+        for k, _, bursts in _of_levels(values[begin : begin + length], _levels(rate), rate, step, small=small):
+            new = np.stack([bursts.first << k, (bursts.last + 2) << k], axis=1)
+            new = new[np.searchsorted(own[:, 0], new[:, 1]) == np.searchsorted(own[:, 1], new[:, 0], side="right")]
+            own = np.concatenate([own, new])
+            own = own[np.argsort(own[:, 0])]
+        found += (own + begin).tolist()
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _levels(rate: float) -> int:
+    """Number of levels at which bursts are looked for."""
+    reach = int(np.floor(np.log2(max(LONGEST * rate, 2.0))))
+    return min(reach, int(np.log2(panel_length(rate) // _PIECES)))
+
+
+class _Found(NamedTuple):
+    """Bursts of one level of a panel: the first and the last large coefficient of each, and their squares."""
+
+    first: Indices
+    last: Indices
+    energy: Vector
+
+
+_NO_BURSTS = _Found(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
+
+
+def _of_levels(
+    panel: Vector, levels: int, rate: float, step: float, *, small: bool = False
+) -> Iterator[tuple[int, Vector, _Found]]:
+    """The coefficients of a panel at each level, half a scale apart, and their bursts."""
+    path = _core.running_sum(panel)
+    for k in range(levels):
+        w = np.diff(np.diff(path))
+        if w.size < _PIECES // 2:
+            return
+        w *= 0.5 ** (k + 1)
+        least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
+        yield k, w, _bursts(w, max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k)), least, small)
+        path = path[::2]
+
+
+def _bursts(w: Vector, piece: int, least: float, small: bool) -> _Found:
+    """The bursts among the coefficients of one level of a panel."""
     size = np.abs(w)
     spread = np.maximum(_local_spread(size, piece), least)
-    squares = float(np.dot(w, w))
     if not spread.min() > 0:
-        return squares, 0.0, w.size, 0, 0
+        return _NO_BURSTS
     limit = np.repeat(spread, piece)[: w.size] if spread.size > 1 else np.broadcast_to(spread, w.shape)
-    at = np.flatnonzero(size > LARGE * limit)
+    large = LARGE
+    if small:
+        # The share of coefficients of which `FEWEST` are neighbours, at random, in one panel of ten thousand.
+        share = (_FALSE / (w.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
+        large = min(LARGE, max(_SMALL, float(np.quantile(size / limit, 1 - share))))
+    at = np.flatnonzero(size > large * limit)
     if at.size < FEW:
-        return squares, 0.0, w.size, 0, 0
+        return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     counts = np.diff(np.append(begins, at.size))
     positive = np.add.reduceat((w[at] > 0).astype(np.int64), begins)
     huge = np.maximum.reduceat(size[at] / limit[at], begins) > HUGE
     kept = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
+    if small:
+        for k in np.flatnonzero(kept).tolist():
+            kept[k] = _is_alone(size, at[begins[k]], at[begins[k] + counts[k] - 1] + 1, limit)
     energy = np.add.reduceat(w[at] ** 2, begins)
-    lengths = at[begins + counts - 1] - at[begins] + 1
-    return squares, float(energy[kept].sum()), w.size, int(lengths[kept].sum()), int(np.count_nonzero(kept))
+    return _Found(at[begins[kept]], at[(begins + counts - 1)[kept]], energy[kept])
+
+
+def _is_alone(size: Vector, first: int, last: int, limit: Vector) -> bool:
+    """Whether the noise beside a burst is not larger than usual. Where the variance varies, it is."""
+    margin = max(last - first, APART)
+    length = max(margin, _BESIDE)
+    beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
+    relative = [size[max(a, 0) : max(b, 0)] / limit[max(a, 0) : max(b, 0)] for a, b in beside]
+    return all(float(np.median(part)) < _ALONE * _QUARTILE for part in relative if part.size >= APART)
 
 
 def _local_spread(size: Vector, piece: int) -> Vector:

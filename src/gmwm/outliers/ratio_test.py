@@ -19,7 +19,7 @@ from gmwm.errors import DataError, OptionError
 from gmwm.options import as_size
 from gmwm.outliers.bursts import Bursts
 from gmwm.outliers.dependence import Dependence
-from gmwm.outliers.screening import Screen, screened
+from gmwm.outliers.screening import NOTHING_REPLACED, Replaced, Screen, screened
 from gmwm.processes.model import ModelLike
 from gmwm.remarks import Quantity, Remark, texts
 from gmwm.signals import Signal
@@ -78,10 +78,10 @@ class Verdict(Summarised):
         Knocks and motion in the samples; None if only two curves were given.
     spikes : int
         Number of isolated wrong samples that are in the curves.
-    repaired : int
-        Number of isolated wrong samples that were replaced before the curves were measured; see `calibrate`.
     largest : float
-        Largest deviation of the isolated wrong samples, in local standard deviations.
+        Largest deviation of these, in local standard deviations.
+    replaced : Replaced
+        What was replaced before the curves were measured; see `calibrate`.
     dependence : Dependence or None
         The level at which the robust curve depends on its efficiency; None if it does not, or was not compared.
     """
@@ -102,8 +102,8 @@ class Verdict(Summarised):
     axis: str = ""
     bursts: Bursts | None = None
     spikes: int = 0
-    repaired: int = 0
     largest: float = 0.0
+    replaced: Replaced = NOTHING_REPLACED
     dependence: Dependence | None = None
 
     def __post_init__(self) -> None:
@@ -194,6 +194,7 @@ class Verdict(Summarised):
         remarks = [remark.to_dict() for remark in self.remarks]
         depends = None if self.dependence is None else self.dependence.to_dict()
         more = {"left_out": left_out, "bursts": bursts, "dependence": depends, "remarks": remarks}
+        more["replaced"] = self.replaced.to_dict()
         return {name: getattr(self, name) for name in _SCALARS} | plain | more
 
     @classmethod
@@ -216,6 +217,7 @@ class Verdict(Summarised):
             left_out=left_out,
             bursts=None if bursts is None else Bursts.from_dict(bursts),
             dependence=None if depends is None else Dependence.from_dict(depends),
+            replaced=Replaced.from_dict(values["replaced"]),
         )
 
     def __str__(self) -> str:
@@ -223,7 +225,7 @@ class Verdict(Summarised):
 
 
 _SCALARS = (
-    "contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis", "spikes", "repaired", "largest",
+    "contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis", "spikes", "largest",
 )  # fmt: skip
 _ARRAYS = ("levels", "tau", "excess", "critical", "standard_errors", "pvalues")
 
@@ -346,8 +348,8 @@ def contamination(
         axis=robust.axis,
         bursts=None if screen is None or not screen.bursts.tau.size else screen.bursts,
         spikes=0 if screen is None else screen.spikes,
-        repaired=0 if screen is None else screen.repaired,
         largest=0.0 if screen is None else screen.largest,
+        replaced=NOTHING_REPLACED if screen is None else screen.replaced,
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from gmwm._arrays import Vector
 from gmwm.batches import feed
@@ -10,6 +12,56 @@ from gmwm.covariance.tails import TailSums
 from gmwm.outliers.bursts import BurstFinder, Bursts
 from gmwm.outliers.spikes import find_spikes
 from gmwm.signals import Signal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replaced:
+    """What was replaced in the samples of one axis before they were measured.
+
+    Attributes
+    ----------
+    spikes : int
+        Number of isolated wrong samples.
+    largest : float
+        Largest deviation of these, in local standard deviations.
+    knocks : tuple of (start, stop)
+        Times (s) of the samples that were replaced because of knocks, as `skip` of `read` counts them.
+    in_knocks : int
+        Number of these samples.
+    """
+
+    spikes: int = 0
+    largest: float = 0.0
+    knocks: tuple[tuple[float, float], ...] = ()
+    in_knocks: int = 0
+
+    def __add__(self, other: Replaced) -> Replaced:
+        return Replaced(
+            spikes=self.spikes + other.spikes,
+            largest=max(self.largest, other.largest),
+            knocks=self.knocks + other.knocks,
+            in_knocks=self.in_knocks + other.in_knocks,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """All fields as plain numbers and lists, ready for JSON."""
+        return {
+            "spikes": self.spikes,
+            "largest": self.largest,
+            "knocks": [list(times) for times in self.knocks],
+            "in_knocks": self.in_knocks,
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Replaced:
+        """What `to_dict` gave."""
+        knocks = tuple((float(start), float(stop)) for start, stop in values["knocks"])
+        return cls(
+            spikes=int(values["spikes"]), largest=values["largest"], knocks=knocks, in_knocks=int(values["in_knocks"])
+        )
+
+
+NOTHING_REPLACED = Replaced()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,18 +74,18 @@ class Screen:
         Knocks and motion.
     spikes : int
         Isolated wrong samples that are in the data.
-    repaired : int
-        Isolated wrong samples that were replaced before the wavelet variance was measured.
     largest : float
-        Largest deviation of the isolated wrong samples, in local standard deviations.
+        Largest deviation of these, in local standard deviations.
+    replaced : Replaced
+        What was replaced before the wavelet variance was measured.
     tails : TailSums
         Sums from which the covariance beyond a Gaussian signal follows.
     """
 
     bursts: Bursts
     spikes: int
-    repaired: int
     largest: float
+    replaced: Replaced
     tails: TailSums
 
 
@@ -59,11 +111,11 @@ class Screening:
         self._bursts.gap()
         self._tails.gap()
 
-    def result(self, *, spikes: int = 0, repaired: int = 0, largest: float = 0.0) -> Screen:
+    def result(self, *, spikes: int = 0, largest: float = 0.0, replaced: Replaced = NOTHING_REPLACED) -> Screen:
         """The screen of all samples, with the isolated wrong samples that were found beside it."""
         self.gap()
         bursts = self._bursts.result()
-        return Screen(bursts=bursts, spikes=spikes, repaired=repaired, largest=largest, tails=self._tails)
+        return Screen(bursts=bursts, spikes=spikes, largest=largest, replaced=replaced, tails=self._tails)
 
 
 def screened(x: Signal) -> Screen:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Matrix, Vector
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.batches import BATCH
 from gmwm.time_base import begins_of
 
@@ -86,12 +87,20 @@ class Clock:
 
     def counts(self) -> NDArray[np.int64]:
         """Number of samples of each block."""
-        found = np.zeros(self.blocks, dtype=np.int64)
-        for (first, last), offset in zip(self.segments, self.offsets, strict=True):
-            edges = np.arange(offset // self.length, (offset + last - first - 1) // self.length + 1)
-            low = np.maximum(edges * self.length, offset)
-            found[edges] += np.minimum((edges + 1) * self.length, offset + last - first) - low
-        return found
+        return self._counts
+
+    @cached_property
+    def _ranges(self) -> NDArray[np.int64]:
+        """First sample, last sample and place of the first one on the clock of each segment (k, 3)."""
+        return np.column_stack([np.array(self.segments, dtype=np.int64), np.array(self.offsets, dtype=np.int64)])
+
+    @cached_property
+    def _counts(self) -> NDArray[np.int64]:
+        first, last, offset = self._ranges.T
+        # Samples before each end of a segment, and before each edge of a block: integers, so that this is exact.
+        corners = np.stack([offset, offset + last - first], axis=1).ravel()
+        before = np.interp(np.arange(self.blocks + 1) * self.length, corners, np.stack([first, last], axis=1).ravel())
+        return freeze(np.diff(before).astype(np.int64))
 
     def present(self) -> NDArray[np.bool_]:
         """Blocks with at least half of their samples."""
@@ -169,13 +178,10 @@ class Clock:
     def interpolated(self, means: Vector, first: int, last: int) -> Vector:
         """Values at the samples of a half-open range, linear between the centres of blocks with samples."""
         at, curve = self._lines(means)
-        out = np.empty(last - first)
-        for (begin, end), offset in zip(self.segments, self.offsets, strict=True):
-            low, high = max(begin, first), min(end, last)
-            if low < high:
-                places = np.arange(offset + low - begin, offset + high - begin, dtype=np.float64)
-                out[low - first : high - first] = np.interp(places, at, curve)
-        return out
+        samples = np.arange(first, last)
+        begins, _, offsets = self._ranges.T
+        places = samples + (offsets - begins)[np.searchsorted(begins, samples, side="right") - 1]
+        return np.asarray(np.interp(places, at, curve))
 
     def onto(self, means: Vector, finer: Clock) -> Vector:
         """Means of the blocks of a clock with blocks of at most this length, from a curve with these means.

@@ -1,0 +1,131 @@
+"""Replace what is certainly wrong in the samples of a sensor at rest: isolated samples and knocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.filling import drawn
+from gmwm.outliers.bursts import Ranges, burst_ranges
+from gmwm.outliers.screening import Replaced
+from gmwm.outliers.spikes import find_spikes, repaired
+from gmwm.resolution import lsb
+from gmwm.signals import Signal
+from gmwm.time_base import times_of
+
+MARGIN, LEAST = 1.0, 8
+"""Length of what is replaced before and after the samples in which a knock is seen, in their length and in samples at
+least: it is weak there. As all constants here, measured in tests/outliers/test_cleaning.py."""
+LONGEST = 30.0
+"""Longest time (s) that is replaced, with what is before and after the knock."""
+MOST = 0.1
+"""Largest share of the samples that is replaced. What lasts longer is a state of the sensor, not a disturbance."""
+_PASSES = 6
+"""Searches, each after the knocks that the one before found are replaced: the weak end of a knock is found last."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cleaned:
+    """A signal without its isolated wrong samples and knocks.
+
+    Attributes
+    ----------
+    signal : Signal
+        With other samples in their places, drawn from their distribution given all others.
+    knocks : (k, 2) int array
+        Half-open index ranges of the samples that were replaced because of knocks.
+    replaced : Replaced
+        Number of wrong samples and knocks.
+    """
+
+    signal: Signal
+    knocks: Ranges
+    replaced: Replaced
+
+
+def cleaned(x: Signal) -> Cleaned:
+    """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds.
+
+    What would be replaced for more than 30 s is kept, and everything if it is more than 10 % of the samples: what lasts
+    so long is a state of the sensor.
+
+    Parameters
+    ----------
+    x : Signal
+
+    Returns
+    -------
+    Cleaned
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).normal(size=20_000)
+    >>> x[5_000:5_100] *= 30.0
+    >>> clean = cleaned(Signal(x, rate=100.0))
+    >>> len(clean.knocks), f"{x.std():.1f}, {clean.signal.values.std():.1f}"
+    (1, '2.3, 1.0')
+    """
+    spikes = find_spikes(x)
+    knocks = _knocks(repaired(x, spikes).values, x.rate)
+    present = _outside(knocks, len(x))
+    if knocks.size:
+        # Knocks hide the tails of the noise from the search for spikes.
+        spikes = find_spikes(replace(x, values=drawn(x.values, present)))
+    present[spikes.indices] = False
+    times = times_of(knocks.ravel(), x.rate, x.segments, x.starts).reshape(-1, 2)
+    return Cleaned(
+        signal=x if np.all(present) else replace(x, values=drawn(x.values, present)),
+        knocks=knocks,
+        replaced=Replaced(
+            spikes=len(spikes),
+            largest=spikes.largest,
+            knocks=tuple((start, stop) for start, stop in times.tolist()),
+            in_knocks=int(np.sum(knocks[:, 1] - knocks[:, 0])),
+        ),
+    )
+
+
+def _knocks(values: Vector, rate: float) -> Ranges:
+    """Index ranges of the knocks."""
+    clean, ranges = values, np.empty((0, 2), dtype=np.int64)
+    step = lsb(values) or 0.0
+    for small in [False, True]:
+        for _ in range(_PASSES):
+            found = burst_ranges(clean, rate, step, small=small)
+            wider = _joined(np.concatenate([ranges, _widened(found, values.size)]))
+            wider = wider[wider[:, 1] - wider[:, 0] <= LONGEST * rate]
+            if np.array_equal(wider, ranges):
+                break
+            ranges = wider
+            if np.sum(ranges[:, 1] - ranges[:, 0]) > MOST * values.size:
+                return ranges[:0]
+            clean = drawn(values, _outside(ranges, values.size))
+    return ranges
+
+
+def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
+    """Which of so many samples are outside of all ranges."""
+    outside = np.ones(size, dtype=np.bool_)
+    for first, last in ranges.tolist():
+        outside[first:last] = False
+    return outside
+
+
+def _widened(ranges: Ranges, size: int) -> Ranges:
+    """The ranges with the begin and the end of each knock, where it is weak."""
+    margin = np.maximum(LEAST, np.ceil(MARGIN * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
+    first, last = ranges[:, 0] - margin, ranges[:, 1] + margin
+    return np.stack([np.maximum(first, 0), np.minimum(last, size)], axis=1)
+
+
+def _joined(ranges: Ranges) -> Ranges:
+    """The union of the ranges, in order."""
+    if not ranges.size:
+        return ranges
+    ranges = ranges[np.argsort(ranges[:, 0])]
+    ends = np.maximum.accumulate(ranges[:, 1])
+    begins = np.flatnonzero(np.concatenate([[True], ranges[1:, 0] > ends[:-1]]))
+    return np.stack([ranges[begins, 0], ends[np.append(begins[1:], ranges.shape[0]) - 1]], axis=1)
