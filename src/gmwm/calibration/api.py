@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
-import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gmwm._text import counted
 from gmwm._threads import in_threads
-from gmwm.axis_names import sensor_of
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
+from gmwm.calibration.data import chosen_axes, common_axes, named, require_one
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
-from gmwm.calibration.measurement import Measured, measured_axis, measured_recording
+from gmwm.calibration.measurement import Measured, measured_recording
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.calibration.several import Part, measured_together, regression_of, worst
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.estimation.estimator import as_fit
@@ -31,17 +32,17 @@ from gmwm.inference.model_error import nearly_fitted, relative_misfit
 from gmwm.inference.planning import SEEN, relative_errors
 from gmwm.inspection import Inspection
 from gmwm.options import as_whole_number
+from gmwm.outliers import Verdict
 from gmwm.processes.model import Model, ModelLike
 from gmwm.processes.validation import as_seed
 from gmwm.processes.walk import RW
 from gmwm.readers.streams import Stream
 from gmwm.regression.against import AUTO, Against, Asked
 from gmwm.regression.conditions import NOTHING, Conditions
+from gmwm.remarks import Remark
 from gmwm.selection.search import Searched, search, within_family
 from gmwm.signals import Imu, Signal
 from gmwm.spectrum import PowerSpectrum
-from gmwm.units import SI_UNIT, find_unit
-from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
@@ -52,12 +53,16 @@ LONGER = 10
 if TYPE_CHECKING:
     from distributed import Client
 
+Data = Imu | Signal | Stream | Mapping[str, Measured]
+"""One recording."""
+Several = Sequence[Imu] | Sequence[Signal] | Sequence[Stream] | Mapping[str, Imu | Stream]
+"""Several recordings of one unit."""
 Progress = Callable[[int, int, str], None]
 """Function of the number of finished steps, the number of all steps, and a description of the last step."""
 
 
 def calibrate(
-    data: Imu | Signal | Stream | Mapping[str, Measured],
+    data: Data | Several,
     within: ModelLike = SEARCHED,
     *,
     robust: Literal["auto"] | bool = "auto",
@@ -82,9 +87,12 @@ def calibrate(
 
     Parameters
     ----------
-    data : Imu, Signal, Stream, or mapping of axis to Signal, WaveletVariance or Pair
-        A recording of a sensor at rest. The result is the same for a recording in memory and a Stream, which is read
-        in bounded memory: twice if it has more than 2.1 million samples, and once more for its temperature.
+    data : Imu, Signal, Stream; a list of these; or mapping of axis to Signal, WaveletVariance or Pair
+        A recording of a sensor at rest, or a list (or a mapping of name to Imu or Stream) of several recordings of one
+        unit. Several recordings get one model and one fit for each axis, to the mean of their curves; intervals include
+        the spread between them. `calibration.axes[axis].replicates` compares them. The result is the same
+        for a recording in memory and a Stream, which is read in bounded memory: twice if it has more than 2.1 million
+        samples, and once more for its temperature.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
         rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the
@@ -158,7 +166,7 @@ def calibrate(
 
 
 def calibrate_recording(
-    data: Imu | Signal | Stream | Mapping[str, Measured],
+    data: Data | Several,
     options: CalibrationOptions,
     *,
     threads: int | None = None,
@@ -169,25 +177,40 @@ def calibrate_recording(
     """Calibrate a recording with validated options, as `calibrate` does."""
     if threads is not None:
         as_whole_number(threads, "threads", 1)
-    chosen = _chosen(data, options.wanted)
-    steps = _Progress(len(chosen) * len(STAGES), progress)
-    items, inspection, conditions = _inspected(
-        data, chosen, options=options, threads=threads, scheduler=scheduler, workers=workers, steps=steps
-    )
+    recordings = named(data)
+    several = len(recordings) > 1
+    if several:
+        require_one(options, scheduler=scheduler, workers=workers)
+    chosen = {name: chosen_axes(one, options.wanted) for name, one in recordings.items()}
+    axes, missing = common_axes(chosen)
+    steps = _Progress(len(axes) * len(STAGES), progress)
+    parts: dict[str, dict[str, Part]] = {axis: {} for axis in axes}
+    inspections: dict[str, Inspection] = {}
+    for name, recording in recordings.items():
+        own = {axis: chosen[name][axis] for axis in axes}
+        items, inspection, conditions = _inspected(
+            recording, own, options=options, threads=threads, scheduler=scheduler, workers=workers,
+            read=partial(_read, steps, name),
+        )  # fmt: skip
+        for axis, item in items.items():
+            parts[axis][name] = Part(item=item, raw=own[axis], conditions=conditions[axis])
+        if inspection is not None:
+            inspections[name] = inspection
 
-    def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
+    verdicts: dict[str, dict[str, Verdict]] = {axis: {} for axis in axes}
+
+    def work(axis: str, of: dict[str, Part]) -> AxisCalibration | GmwmError:
         try:
             return _Axis(
-                name=axis, item=item, raw=chosen[axis], options=options, together=len(items), steps=steps,
-                conditions=conditions[axis],
-            ).calibrated()  # fmt: skip
+                name=axis, parts=of, options=options, together=len(parts), steps=steps, verdicts=verdicts[axis]
+            ).calibrated()
         except OptionError:
             raise
         except GmwmError as error:
             return error
 
     try:
-        found = in_threads(work, items, threads=threads)
+        found = in_threads(work, parts, threads=threads)
     except BaseException:
         steps.stop()
         raise
@@ -196,17 +219,36 @@ def calibrate_recording(
     if not done:
         axis, error = next(iter(failed.items()))
         raise error.at(f"no axis can be calibrated; {axis}") from error
-    source = data.source if isinstance(data, Imu | Stream) else ""
-    reasons = {axis: error.reason for axis, error in failed.items()}
-    recording = None if inspection is None else Recording.of(inspection)
+    described = {name: Recording.of(inspection) for name, inspection in inspections.items()}
+    one = recordings.get("")
+    source = one.source if isinstance(one, Imu | Stream) else ""
     return Calibration(
         axes=done,
-        failed=reasons,
+        failed=missing | {axis: error.reason for axis, error in failed.items()},
         settings=options,
-        source=source,
-        recording_remarks=() if inspection is None else tuple(recording_remarks(inspection, done)),
-        recording=recording,
+        source=", ".join(recordings) if several else source,
+        recording_remarks=tuple(dict.fromkeys(_recording_remarks(inspections, done, verdicts))),
+        recording=None if several else described.get(""),
+        recordings=described if several else {},
     )
+
+
+def _recording_remarks(
+    inspections: Mapping[str, Inspection],
+    axes: Mapping[str, AxisCalibration],
+    verdicts: Mapping[str, Mapping[str, Verdict]],
+) -> Iterator[Remark]:
+    """The remarks of the inspections, with the name of the recording in the subject unless all have the same remark."""
+    found = {}
+    for name, inspection in inspections.items():
+        own = [of[name] for of in verdicts.values() if name in of]
+        found[name] = list(recording_remarks(inspection, axes, own))
+    for name, remarks in found.items():
+        for remark in remarks:
+            if all(remark in others for others in found.values()):
+                yield remark
+            else:
+                yield remark.about(f"{remark.subject} in {name}" if remark.subject else name)
 
 
 def _inspected(
@@ -216,7 +258,7 @@ def _inspected(
     threads: int | None,
     scheduler: str | Client | None,
     workers: int | None,
-    steps: _Progress,
+    read: Callable[[str], None],
 ) -> tuple[dict[str, Measured], Inspection | None, dict[str, Conditions]]:
     """The measured data of each axis, the inspection of a recording, and the conditions of each axis."""
     asked = options.conditions
@@ -230,7 +272,7 @@ def _inspected(
     if isinstance(data, Imu | Stream):
         conditions = Conditions.of_recording(data, asked, threads=threads, curves=True)
         measured = measured_recording(
-            data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=steps.read,
+            data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=read,
             conditions=conditions,
         )  # fmt: skip
         return dict(measured.axes), measured.inspection, dict.fromkeys(chosen, conditions)
@@ -255,55 +297,9 @@ def _conditions_of(axis: str, item: Measured, asked: Asked) -> Conditions:
     return NOTHING
 
 
-def _chosen(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
-    """The data of each axis to calibrate; None for the axes of a stream, which is not read yet."""
-    items: dict[str, Measured | None]
-    if isinstance(data, Signal):
-        items = {data.axis or "signal": data}
-    elif isinstance(data, Stream):
-        items = dict.fromkeys(data.axes)
-    elif isinstance(data, Imu):
-        items = dict(data.signals)
-    elif isinstance(data, Mapping) and data:
-        items = dict(data)
-    else:
-        advice = "Read the file first: `calibrate(gmwm.read(path))`." if isinstance(data, str | os.PathLike) else ""
-        raise OptionError(
-            "data must be an Imu, a Signal, a Stream, or a mapping of axis to Signal or WaveletVariance; got "
-            f"{'an empty mapping' if isinstance(data, Mapping) else type(data).__name__}",
-            argument="data",
-            advice=_MAKE_A_SIGNAL if isinstance(data, np.ndarray | list | tuple) else advice,
-        )
-    for axis, item in items.items():
-        if not isinstance(item, Measured | None):
-            raise OptionError(
-                f"{axis} must be a Signal or a WaveletVariance; got {type(item).__name__}",
-                argument="data",
-                advice=_MAKE_A_SIGNAL,
-            )
-    unknown = [name for name in wanted or () if name not in items and name not in map(sensor_of, items)]
-    if unknown:
-        raise OptionError(argument="axes", expected=f"some of {', '.join(items)}", got=unknown[0])
-    chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
-    for axis, item in chosen.items():
-        if item is not None:
-            _check_unit(axis, item.unit)
-    return chosen
-
-
-_MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
-
-
-def _check_unit(axis: str, unit: str) -> None:
-    """Raise an error if the name and the unit of an axis belong to different sensors."""
-    known = find_unit(unit)
-    named = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
-    if known is not None and named is not None and known.quantity != named:
-        raise OptionError(
-            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[named]}; got {unit}",
-            argument="data",
-            advice="Correct the unit, or give the axis another name.",
-        )
+def _read(steps: _Progress, name: str, text: str) -> None:
+    """Report the progress of reading one of several recordings."""
+    steps.read(f"{name}: {text}" if name else text)
 
 
 class _Progress:
@@ -343,22 +339,18 @@ class _Axis:
     """The calibration of one axis."""
 
     name: str
-    item: Measured
-    raw: Measured | None
+    parts: Mapping[str, Part]
     options: CalibrationOptions
     together: int
     steps: _Progress
-    conditions: Conditions
+    verdicts: dict[str, Verdict]
 
     def calibrated(self) -> AxisCalibration:
         """Calibrate the axis, and report each stage."""
         options, stages = self.options, iter(STAGES)
-        wv, verdict, spectrum = measured_axis(self.item, options, comparisons=self.together)
-        applied = self.conditions.applied(self.name)
-        if applied is not None:
-            wv = applied.corrected(wv)
-        if not np.any(wv.variance > 0):
-            raise DataError("the signal is constant", advice="Check whether the axis is connected.")
+        measured = measured_together(self.name, self.parts, options, comparisons=self.together)
+        wv, spectrum = measured.wv, measured.spectrum
+        self.verdicts.update(measured.verdicts)
         _require_scales(wv)
         self.steps.step(self.name, next(stages))
         found = self._searched(wv, spectrum)
@@ -376,25 +368,21 @@ class _Axis:
             test=_test(replace(fit, wavelet_variance=found.wavelet_variance)),
             datasheet=sheet,
             ranking=ranking,
-            verdict=verdict,
-            needed=needed(fit, options.weighting),
+            verdict=worst(measured.verdicts.values()),
+            needed=needed(replace(fit, wavelet_variance=replace(wv, recordings={})), options.weighting),
             spectrum=spectrum,
             misfit=relative_misfit(fit),
             model_error=found.error,
             tried=found.tried,
-            regression=self.conditions.found.get(self.name),
-            left_in=None if applied is None else self._left_in(fit),
+            regression=regression_of(self.name, self.parts),
+            left_in=None if measured.raw is None else self._left_in(fit, measured.raw),
         )
+        _ = fit.replicates  # computed here, where axes are in parallel
         self.steps.step(self.name, next(stages))
         return axis
 
-    def _left_in(self, fit: Fit) -> float | None:
+    def _left_in(self, fit: Fit, raw: WaveletVariance) -> float | None:
         """K (SI) of the model with a random walk if the effect of the conditions were left in; None if unknown."""
-        raw = self.conditions.raw.get(self.name)
-        if raw is None:
-            if not isinstance(self.raw, Signal):
-                return None
-            raw = signal_wavelet_variance(self.raw)
         walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
         model = fit.model if walks else Model((*fit.model.processes, RW()))
         try:

@@ -65,6 +65,7 @@ def document(found: Calibration) -> dict[str, Any]:
         "verdict": found.verdict.to_dict(),
         "remarks": [remark.to_dict() for remark in found.remarks],
         "recording": None if found.recording is None else found.recording.to_dict(),
+        "recordings": {name: one.to_dict() for name, one in found.recordings.items()},
     }
     plain: dict[str, Any] = _plain(content)
     return plain
@@ -85,6 +86,7 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "tried": list(found.tried),
         "regression": None if found.regression is None else found.regression.to_dict(),
         "left_in": found.left_in,
+        "replicates": None if found.replicates is None else found.replicates.to_dict(),
     }
 
 
@@ -120,6 +122,10 @@ def calibration(content: Any) -> Calibration:
         source=parsed["source"],
         recording_remarks=_read("recording_remarks", lambda: tuple(map(Remark.from_dict, parsed["recording_remarks"]))),
         recording=None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
+        recordings=_read(
+            "recordings",
+            lambda: {name: Recording.from_dict(one) for name, one in parsed.get("recordings", {}).items()},
+        ),
     )
     require_kinds(found, "")
     return found

@@ -17,6 +17,7 @@ from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
 from gmwm.inference.model_error import implausible_levels
 from gmwm.inference.planning import SEEN
+from gmwm.multiple_tests import holm
 from gmwm.outliers import excess_text
 from gmwm.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 
@@ -48,6 +49,7 @@ _RAMP = "R"
 def remarks_of(calibration: Calibration) -> list[Remark]:
     """All remarks on a calibration, the most severe ones first."""
     found = [*calibration.recording_remarks, *_failed(calibration), *_of_recording(calibration)]
+    found += equality_remarks(calibration)
     bad = set(rejected(calibration))
     for axis, one in calibration.axes.items():
         found += [*_of_axis(axis, one, axis in bad, calibration), *(remark.about(axis) for remark in one.remarks)]
@@ -96,6 +98,14 @@ def _of_recording(calibration: Calibration) -> Iterator[Remark]:
             yield _longest_scale(wv)
     if all(found.test is None for found in calibration.axes.values()):
         yield Remark.of("no-test")
+
+
+def equality_remarks(calibration: Calibration) -> list[Remark]:
+    """Whether the recordings of each axis agree, with p-values adjusted for the number of axes."""
+    every = {axis: one.replicates for axis, one in calibration.axes.items()}
+    known = {axis: one for axis, one in every.items() if one is not None}
+    pvalues = holm([one.pvalue for one in known.values()]).tolist() if known else []
+    return [one.remark(p).about(axis) for (axis, one), p in zip(known.items(), pvalues, strict=True)]
 
 
 def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: Calibration) -> Iterator[Remark]:
@@ -218,9 +228,10 @@ def _longest_scale(wv: WaveletVariance) -> Remark:
     usable = wv.tau[usable_levels(wv)]
     longest = float(usable[-1] if usable.size else wv.tau[0])
     unbroken = _longest_unbroken(wv) if wv.segments else 0.0
+    gaps = "several" if wv.recordings else "yes" if unbroken > longest else "no"
     return Remark.of(
-        "longest-scale", duration=Quantity(wv.samples / wv.rate, "s"), scale=Quantity(longest, "s"),
-        gaps="yes" if unbroken > longest else "no", unbroken=Quantity(unbroken, "s"),
+        "longest-scale", duration=Quantity(wv.samples / wv.rate, "s"), scale=Quantity(longest, "s"), gaps=gaps,
+        unbroken=Quantity(unbroken, "s"),
     )  # fmt: skip
 
 

@@ -89,8 +89,15 @@ class AxisSamples:
 
     def spectrum(self) -> PowerSpectrum | None:
         """The spectrum, smoothed away from lines; None if there are too few samples."""
+        return self.spectrum_with(())
+
+    def spectrum_with(self, others: Sequence[AxisSamples]) -> PowerSpectrum | None:
+        """The spectrum of this and of other recordings together."""
+        whole = self._spectrum
+        for other in others:
+            whole = whole.beside(other._spectrum)
         try:
-            return self._spectrum.result().smoothed()
+            return whole.result().smoothed()
         except DataError:
             return None
 

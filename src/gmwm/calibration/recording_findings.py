@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm._text import rounded
@@ -13,13 +13,16 @@ from gmwm.remarks import Quantity, Remark
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
     from gmwm.inspection import Inspection
+    from gmwm.outliers import Verdict
 
 _LINE = "linear-trend"
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
 
-def recording_remarks(inspection: Inspection, axes: Mapping[str, AxisCalibration]) -> Iterator[Remark]:
+def recording_remarks(
+    inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
+) -> Iterator[Remark]:
     """Name the numbers of the datasheets in remarks on trends and coarse outputs.
 
     A remark on a linear trend is left out for an axis whose model has a drift, which describes it. Remarks on knocks
@@ -30,9 +33,11 @@ def recording_remarks(inspection: Inspection, axes: Mapping[str, AxisCalibration
     inspection : Inspection
     axes : mapping of axis to AxisCalibration
         The calibrated axes.
+    verdicts : sequence of Verdict
+        The tests for outliers of the axes in this recording.
     """
     for remark in inspection.remarks:
-        if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, axes)):
+        if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, verdicts)):
             continue
         found = axes.get(remark.subject)
         if remark.code == "conditions-removed" and found is not None and found.regression is not None:
@@ -51,9 +56,8 @@ def recording_remarks(inspection: Inspection, axes: Mapping[str, AxisCalibration
         yield Remark.of(remark.code, remark.subject, **facts)
 
 
-def _is_replaced(remark: Remark, axes: Mapping[str, AxisCalibration]) -> bool:
+def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
     """Whether the samples of a motion were replaced, and no axis has large wavelet coefficients any more."""
-    verdicts = [one.verdict for one in axes.values() if one.verdict is not None]
     start, window = remark.facts["time"], remark.facts["window"]
     assert isinstance(start, Quantity)
     assert isinstance(window, Quantity)

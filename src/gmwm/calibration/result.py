@@ -23,6 +23,7 @@ from gmwm.inference.model_error import RelativeMisfit
 from gmwm.outliers import Verdict
 from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
+from gmwm.replicates import Replicates
 from gmwm.selection import Ranking
 from gmwm.spectrum import PowerSpectrum
 
@@ -87,6 +88,19 @@ class AxisCalibration:
     left_in: float | None = None
 
     @property
+    def replicates(self) -> Replicates | None:
+        """Several recordings, compared with each other; None for one."""
+        return self.fit.replicates
+
+    @property
+    def regressions(self) -> dict[str, Regression]:
+        """The regressions whose effect was removed, by recording; the name of a single recording is ""."""
+        if self.regression is not None:
+            return {"": self.regression} if self.regression.applied else {}
+        curves = self.fit.wavelet_variance.recordings
+        return {name: wv.regression for name, wv in curves.items() if wv.regression is not None}
+
+    @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the wavelet variance, the fit and its numbers."""
         # Remarks of the datasheet say which terms a number includes, so that no user counts a term twice.
@@ -110,7 +124,9 @@ class Calibration(Summarised, Mapping[str, Fit]):
     recording_remarks : tuple of Remark
         Remarks of the inspection of the recording: motion, knocks, gaps, units.
     recording : Recording or None
-        Length, time base and file of the recording; None if the data were not a recording.
+        Length, time base and file of the recording; None if the data were not a recording, or several.
+    recordings : mapping of name to Recording
+        The same for each of several recordings of the unit; empty for one.
 
     Examples
     --------
@@ -133,6 +149,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
     source: str = ""
     recording_remarks: tuple[Remark, ...] = ()
     recording: Recording | None = None
+    recordings: Mapping[str, Recording] = field(default_factory=dict)
 
     def __getitem__(self, axis: str) -> Fit:
         if axis in self.axes:
@@ -184,13 +201,13 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
         return verdict_of(self)
 
-    def of_file(self, path: str | os.PathLike[str]) -> Calibration:
-        """Return the calibration with name, size and SHA-256 of the file that the recording was read from.
+    def of_file(self, *paths: str | os.PathLike[str]) -> Calibration:
+        """Return the calibration with name, size and SHA-256 of the files that the recordings were read from.
 
         Parameters
         ----------
-        path : path
-            The recording: a file, or a folder. A folder has a name, but no size and no SHA-256.
+        *paths : path
+            The recordings in their order: files, or folders. A folder has a name, but no size and no SHA-256.
 
         Returns
         -------
@@ -200,8 +217,12 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Raises
         ------
         OSError
-            If the file cannot be opened.
+            If a file cannot be opened.
         """
+        if self.recordings:
+            found = {name: one.of_file(path) for (name, one), path in zip(self.recordings.items(), paths, strict=True)}
+            return replace(self, recordings=found)
+        (path,) = paths
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
     def summary(self, *, every: bool = False) -> str:

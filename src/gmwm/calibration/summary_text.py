@@ -10,10 +10,12 @@ import numpy as np
 from gmwm._tables import headed
 from gmwm._text import counted, duration_text
 from gmwm.axis_names import by_sensor
+from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, wrapped
 from gmwm.processes.ordered import Ordered
 from gmwm.remarks import Dialect, brief, texts
+from gmwm.replicates.result import RecordingNumber, short_spread
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -29,6 +31,8 @@ REST: Mapping[Dialect, str] = {
 
 HELD = "held lines"
 """Row of the number of lines whose frequency and power are held."""
+SPREAD_OF = ("N", "B", "K")
+"""The numbers whose spread between recordings is in the table."""
 _FIRST = "[1]"
 
 
@@ -44,11 +48,13 @@ def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, ever
     every : bool
         Show all remarks instead of the five most severe ones.
     """
+    equality = equality_remarks(calibration)
     parts = [_head(calibration), wrapped(calibration.verdict.text(dialect))]
+    parts += [wrapped(text) for text in texts(equality, dialect, codes=True)]
     for sensor, axes in by_sensor(calibration.axes).items():
         parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])
     parts.append(_legend(calibration))
-    found = calibration.remarks
+    found = [remark for remark in calibration.remarks if remark not in equality]
     remarks = texts(found, dialect, codes=True) if every else brief(found, dialect, rest=REST[dialect])
     parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bulleted(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
@@ -62,7 +68,9 @@ def _head(calibration: Calibration) -> list[str]:
     samples = _range([str(n) for n, _ in sorted(shapes)])
     rate = _range([f"{rate:g}" for rate in sorted(rate for _, rate in shapes)])
     duration = _range([duration_text(seconds) for seconds in sorted(n / rate for n, rate in shapes)])
-    lines = [f"Calibration{' of ' + calibration.source if calibration.source else ''}"]
+    count = len(calibration.recordings)
+    several = f"{count} recordings: " if count else ""
+    lines = [f"Calibration{' of ' + several + calibration.source if calibration.source else ''}"]
     settings = calibration.settings
     searched = "searched for the model" if settings.searched else f"best model within {settings.within}"
     lines.append(f"{samples} samples at {rate} Hz, {duration}; {searched}")
@@ -125,8 +133,31 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
         unit = next(entry.in_units("datasheet")[3] for entry in entries if entry is not None)
         title = symbol if unit == "1" else f"{symbol} ({unit})"
         rows.append([title, *("" if entry is None else number(entry) for entry in entries)])
+    rows += _spreads(found)
     held = [len(held_lines(one.fit.model)) for one in found]
     return [*rows, [HELD, *map(str, held)]] if any(held) else rows
+
+
+def _spreads(found: Sequence[AxisCalibration]) -> list[list[str]]:
+    """The spread of the main numbers between recordings, and the p-value of the test that they are equal."""
+    if all(one.replicates is None for one in found):
+        return []
+    rows = []
+    for symbol in SPREAD_OF:
+        numbers = [_number_of(one, symbol) for one in found]
+        if any(number is not None and number.spread is not None for number in numbers):
+            rows.append([f"{symbol} spread", *("" if n is None else short_spread(n) for n in numbers)])
+    tests = ["" if one.replicates is None else _p(one.replicates.pvalue) for one in found]
+    return [*rows, ["p of equality", *tests]]
+
+
+def _p(pvalue: float) -> str:
+    return f"{pvalue:.3f}" if pvalue >= 0.001 else "< 0.001"
+
+
+def _number_of(found: AxisCalibration, symbol: str) -> RecordingNumber | None:
+    numbers = () if found.replicates is None else found.replicates.numbers
+    return next((number for number in numbers if number.symbol == symbol), None)
 
 
 def held_lines(model: Model) -> list[str]:
@@ -168,6 +199,11 @@ def _legend(calibration: Calibration) -> list[str]:
     level = calibration.settings.confidence
     held = any(held_lines(found.fit.model) for found in calibration.axes.values())
     lines = f" {HELD}: number of lines with fixed frequency and amplitude; the datasheets list them." if held else ""
+    if calibration.recordings:
+        lines += (
+            " spread: standard deviation between recordings without estimation errors; intervals include it. p of "
+            "equality: p-value of the test that the recordings are equal."
+        )
     return wrapped(
         f"{named}. ±: half the {100 * level:g} % confidence interval. ≤: upper limit at {50 + 50 * level:g} %. "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +10,7 @@ import typer
 
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome, calibration_file, progress
+from gmwm.cli.read_options import names_of
 from gmwm.errors import OptionError
 
 EXAMPLES = (
@@ -98,14 +98,3 @@ def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
             advice="Add it, for example {--reference=gyro.N=2.0deg/√h}.",
         )
     return name, (value, match[2])
-
-
-def names_of(files: Sequence[Path]) -> list[str]:
-    """Unique names of files: their stems, the names of their folders, or their paths."""
-    for names in ([file.stem for file in files], [file.resolve().parent.name for file in files]):
-        if len(set(names)) == len(names):
-            return names
-    paths = [str(file) for file in files]
-    if len(set(paths)) == len(paths):
-        return paths
-    raise OptionError(f"a calibration is given twice: {', '.join(paths)}", argument="files", got=paths)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -28,7 +28,7 @@ from gmwm.cli.options import (
     parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
-from gmwm.cli.read_options import INPUT, Axes, File, chosen_names
+from gmwm.cli.read_options import INPUT, Axes, Files, chosen_names, document_of, names_of, only_file
 from gmwm.cli.topics import each_topic
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm calibrate static.csv --output results",
+    "gmwm calibrate monday.csv tuesday.csv wednesday.csv --output results",
     "gmwm calibrate log.txt --rate 100 --units gyro=deg/s,accel=g --output results",
     "gmwm calibrate static.csv --against temperature:2,lag --output results",
     "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes",
@@ -61,7 +62,7 @@ ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no
 
 @command
 def calibrate(
-    file: File,
+    files: Files,
     reading: ReadOptions,
     axis: Axes = None,
     within: Searched = SEARCHED,
@@ -103,6 +104,9 @@ def calibrate(
     K the rate random walk, R the rate ramp and Q the quantization noise; T_c and q_c describe Gauss-Markov processes,
     f_b, f_r and Q_r the filter and the resonance of the sensor.
 
+    Several files are several recordings of one unit. They get one model and one fit for each axis, a test whether they
+    are equal, and intervals that include the spread between them.
+
     --view and --datasheet apply to the plots. Calibration.load reads calibration.json in Python;
     docs/calibration-format.md describes it.
     """
@@ -121,29 +125,40 @@ def calibrate(
 
     def one(reading: ReadOptions, output: Path | None) -> Outcome:
         spread = scheduler is not None or workers is not None
-        recording = opened(file, reading, chunked, spread=spread, whole=memory_for(against))
+        if spread:
+            only_file(files, "--workers" if scheduler is None else "--scheduler")
+        names = names_of(files)
+        recordings = [opened(file, reading, chunked, spread=spread, whole=memory_for(against)) for file in files]
         if output is not None:
             made_directory(output)
-        wanted = replace(asked, axes=chosen_names(recording.axes, axis))
-        found = calibrated(recording, wanted, scheduler=scheduler, workers=workers).of_file(file)
-        return _outcome(found, file, output, view=view, datasheet=datasheet)
+        wanted = replace(asked, axes=chosen_names(list(dict.fromkeys(a for r in recordings for a in r.axes)), axis))
+        data = recordings[0] if len(files) == 1 else dict(zip(names, recordings, strict=True))
+        found = calibrated(data, wanted, scheduler=scheduler, workers=workers).of_file(*files)
+        return _outcome(found, files, output, view=view, datasheet=datasheet)
 
-    return each_topic(one, file, reading, output) if all_topics else one(reading, output)
+    if all_topics:
+        return each_topic(one, only_file(files, "--all-topics"), reading, output)
+    return one(reading, output)
 
 
 def _outcome(
-    found: Calibration, file: Path, output: Path | None, *, view: Literal["wavelet", "allan"], datasheet: bool
+    found: Calibration,
+    files: Sequence[Path],
+    output: Path | None,
+    *,
+    view: Literal["wavelet", "allan"],
+    datasheet: bool,
 ) -> Outcome:
     """The outcome of a calibration, with its files."""
-    files = () if output is None else calibration_files(found, output, view, datasheet)
+    made = () if output is None else calibration_files(found, output, view, datasheet)
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
-    written = file_names((*files, *kalibr.files))
+    written = file_names((*made, *kalibr.files))
     return Outcome(
         command="calibrate",
-        document={**found.to_dict(), "file": str(file), "written": written},
+        document={**found.to_dict(), **document_of(files), "written": written},
         text=summary(found, Dialect.SHELL),
         all_text=summary(found, Dialect.SHELL, every=True),
-        files=(*files, *kalibr.files),
+        files=(*made, *kalibr.files),
         together=True,
         obsolete=kalibr.obsolete,
         remarks=kalibr.remarks,
@@ -151,17 +166,18 @@ def _outcome(
 
 
 def calibrated(
-    recording: Imu | Stream,
+    recording: Imu | Stream | Mapping[str, Imu | Stream],
     options: CalibrationOptions,
     *,
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> Calibration:
-    """Calibrate a recording, with a progress bar."""
+    """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
     from gmwm.calibration.api import STAGES, calibrate_recording
 
     before = 0
-    with progress("calibrating", len(STAGES) * len(options.wanted or recording.axes)) as advance:
+    axes = options.wanted or (next(iter(recording.values())) if isinstance(recording, Mapping) else recording).axes
+    with progress("calibrating", len(STAGES) * len(axes)) as advance:
 
         def show(done: int, _: int, text: str) -> None:
             nonlocal before

@@ -12,7 +12,7 @@ from gmwm.cli.command import command
 from gmwm.cli.conditions import fitted_conditions, require_unused
 from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text, require_states
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
-from gmwm.cli.measuring import Chunked, memory_for, needs_memory, opened, signals_or_curves
+from gmwm.cli.measuring import Chunked, measured_together, memory_for, needs_memory, opened_together
 from gmwm.cli.options import (
     RESULT,
     AgainstOption,
@@ -36,7 +36,7 @@ from gmwm.cli.output import (
     text_file,
     units_text,
 )
-from gmwm.cli.read_options import Axes, File, chosen_axes
+from gmwm.cli.read_options import Axes, Files, chosen_axes, document_of, only_file
 from gmwm.options import ReadOptions
 from gmwm.processes import ordered_classes, registry
 from gmwm.regression.against import NONE
@@ -52,6 +52,7 @@ EXAMPLES = (
     "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
     "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
     "gmwm fit static.csv --axis gyro_x --model 'GM + WN + RW' --likelihood",
+    "gmwm fit monday.csv tuesday.csv --axis gyro_x --model 'WN + RW'",
     "gmwm fit turn.csv --model WN --conditions rates.csv --varies 'WN: 1 + rate**2'",
     "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
 )
@@ -63,7 +64,7 @@ _PROCESSES = ", ".join(
 
 @command
 def fit(
-    file: File,
+    files: Files,
     reading: ReadOptions,
     model: Annotated[
         str,
@@ -182,6 +183,9 @@ def fit(
     are needed: the fit is the global optimum. A certificate bounds by how many per cent other parameter values could
     lower the objective. Models with several shape parameters per process, such as AR(2), have no certificate; they
     start from a scan of all shapes.
+
+    Several files are several recordings of one unit. They get one fit, to the mean of their curves, and a test whether
+    they are equal; intervals include the spread between them.
     """
     from gmwm import Imu, Model
     from gmwm.estimation import Sampled
@@ -194,34 +198,42 @@ def fit(
     )  # fmt: skip
     if conditions is not None:
         return fitted_conditions(
-            file, reading, model=parsed, table=conditions, varies=varies or [], axis=axis, weighting=weighting,
-            robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
+            only_file(files, "--conditions"), reading, model=parsed, table=conditions, varies=varies or [], axis=axis,
+            weighting=weighting, robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
         )  # fmt: skip
     if likelihood:
         require_states(parsed, argument="likelihood")
+        only_file(files, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)
     whole = LIKELIHOOD[0] if likelihood else needs_memory(filter, transform)
-    recording = opened(file, reading, chunked, whole=memory_for(against, whole))
+    recordings = opened_together(files, reading, chunked, whole=memory_for(against, whole))
     if output is not None:
         made_directory(output)
-    signals = signals_or_curves(recording, axis, robust=robust, efficiency=strength, against=against)
+    signals = measured_together(
+        recordings, axis, robust=robust, efficiency=strength, against=against, filter=filter, transform=transform
+    )
     fits = fit_axes(
-        dict.fromkeys(recording.axes, parsed), signals, weighting=weighting, robust=robust,
+        dict.fromkeys(signals, parsed), signals, weighting=weighting, robust=robust,
         efficiency=strength, certify=certify, filter=filter, transform=transform,
         start=None if start_draws is None else Sampled(start_draws, seed),
     )  # fmt: skip
+    _tell_curves(fits)
+    carried = {}
+    if likelihood and isinstance(one := next(iter(recordings.values())), Imu):
+        carried = judged(likelihood_fits(fits, chosen_axes(one, axis), parsed), confidence)
+    content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
+    parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
+    return Outcome(
+        command="fit", document=content, in_text=tuple(_remarks(fits, carried)), text="\n\n".join(parts),
+        files=tuple(_files(fits, content, folder=output, plot=plot, view=view, datasheet=datasheet)),
+    )  # fmt: skip
+
+
+def _tell_curves(fits: Mapping[str, Fit]) -> None:
+    """Add the remarks on the curves to the warnings of the command."""
     for name, found in fits.items():
         for remark in found.wavelet_variance.remarks:
             tell(remark.about(name))
-    carried = {}
-    if likelihood and isinstance(recording, Imu):
-        carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed), confidence)
-    content = {"file": str(file), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
-    return Outcome(
-        command="fit", document=content, in_text=tuple(_remarks(fits, carried)),
-        text="\n\n".join([fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]),
-        files=tuple(_files(fits, content, folder=output, plot=plot, view=view, datasheet=datasheet)),
-    )  # fmt: skip
 
 
 def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
@@ -240,6 +252,8 @@ def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: 
     with progress("intervals and tests", len(fits)) as advance:
         for name, found in fits.items():
             axes[name] = found.to_dict() | inference(found, how)
+            if found.replicates is not None:
+                axes[name]["replicates"] = found.replicates.to_dict()
             if name in carried:
                 axes[name]["likelihood"] = likelihood_as_dict(carried[name])
             advance(f"intervals and tests: {name}")
@@ -312,6 +326,21 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
             plot_imu(fits, view=view, units=units, path=target)
 
     return NewFile(path, draw, f"plotting {path.name}")
+
+
+def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
+    """What several recordings say together, for each axis."""
+    for name, found in fits.items():
+        if found.replicates is not None:
+            lines = found.replicates.summary().splitlines()
+            yield "\n".join([*([name] if len(fits) > 1 else []), *(part for line in lines for part in _folded(line))])
+
+
+def _folded(line: str) -> list[str]:
+    """A line of text with at most the usual width; rows of a table, which are indented, are kept."""
+    from gmwm.calibration.tables import wrapped
+
+    return [line] if line.startswith(" ") or not line else wrapped(line)
 
 
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:

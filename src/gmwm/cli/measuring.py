@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load
+from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load, names_of
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.regression.against import NONE, Asked
@@ -163,3 +163,62 @@ def signals_or_curves(
         return {axis: conditions.curve(axis, signals[axis], robust, efficiency) for axis in signals}
     axes = chosen_names(recording.axes, wanted)
     return stream_curves(recording, axes, robust=robust, efficiency=efficiency, against=against)
+
+
+def opened_together(
+    files: Sequence[Path], reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, whole: str = ""
+) -> dict[str, Imu | Stream]:
+    """Open one recording, or several recordings of one unit, by name."""
+    return {
+        name: opened(file, reading, chunked, whole=whole) for name, file in zip(names_of(files), files, strict=True)
+    }
+
+
+def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
+    """The axes that --axis selects and that all recordings have.
+
+    Raises
+    ------
+    DataError
+        If the recordings have no axis in common.
+    """
+    from gmwm.calibration.data import common_axes
+
+    return common_axes({name: dict.fromkeys(chosen_names(one.axes, wanted)) for name, one in recordings.items()})[0]
+
+
+def measured_together(
+    recordings: Mapping[str, Imu | Stream],
+    wanted: Sequence[str] | None,
+    *,
+    robust: bool,
+    efficiency: float,
+    against: str = NONE,
+    filter: str = "haar",
+    transform: Literal["modwt", "dwt"] = "modwt",
+) -> Mapping[str, Signal | WaveletVariance]:
+    """The signals or curves of one recording, or the pooled curves of several, by axis.
+
+    Raises
+    ------
+    DataError
+        If several recordings cannot be pooled.
+    """
+    from gmwm.variance.api import wavelet_variance
+    from gmwm.variance.pooling import pooled
+    from gmwm.variance.result import WaveletVariance
+
+    axes = axes_together(recordings, wanted)
+    found = {
+        name: signals_or_curves(one, axes, robust=robust, efficiency=efficiency, against=against)
+        for name, one in recordings.items()
+    }
+    if len(found) == 1:
+        return next(iter(found.values()))
+
+    def curve(data: Signal | WaveletVariance) -> WaveletVariance:
+        if isinstance(data, WaveletVariance):
+            return data
+        return wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+
+    return {axis: pooled({name: curve(data[axis]) for name, data in found.items()}) for axis in axes}

@@ -29,6 +29,15 @@ File = Annotated[
         show_default=False,
     ),
 ]
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Recording, in any supported format; or a pattern in quotes, 'hour_*.csv', of files that continue one "
+        "another. Several files are several recordings of one unit, which get one fit; they may differ in length.",
+        metavar="FILE…",
+        show_default=False,
+    ),
+]
 Rate = Annotated[
     float | None,
     typer.Option(help="Sampling rate (Hz). Not needed if the file has time stamps.", rich_help_panel=INPUT),
@@ -300,3 +309,41 @@ def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str
             raise OptionError(argument="axis", expected=f"one of {', '.join(known)}", got=name)
         axes += triad or [name]
     return [axis for axis in known if axis in axes]
+
+
+def names_of(files: Sequence[Path]) -> list[str]:
+    """Unique names of files: their stems, the names of their folders, or their paths.
+
+    Raises
+    ------
+    OptionError
+        If a file is given twice.
+    """
+    for names in ([file.stem for file in files], [file.resolve().parent.name for file in files]):
+        if len(set(names)) == len(names):
+            return names
+    paths = [str(file) for file in files]
+    if len(set(paths)) == len(paths):
+        return paths
+    raise OptionError(f"a file is given twice: {', '.join(paths)}", argument="files", got=paths)
+
+
+def document_of(files: Sequence[Path]) -> dict[str, object]:
+    """The key "file" of a document, or "files" if there are several."""
+    return {"file": str(files[0])} if len(files) == 1 else {"files": list(map(str, files))}
+
+
+def only_file(files: Sequence[Path], option: str) -> Path:
+    """The only file.
+
+    Raises
+    ------
+    OptionError
+        If there are several, which `option` does not allow.
+    """
+    if len(files) > 1:
+        raise OptionError(
+            f"{option} needs one recording, but {len(files)} are given", argument="files",
+            got=[str(file) for file in files], advice="Pass one file, or leave the option out.",
+        )  # fmt: skip
+    return files[0]

@@ -7,10 +7,9 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli.agree import names_of
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome
-from gmwm.cli.read_options import Axes, chosen_axes, load
+from gmwm.cli.read_options import Axes, chosen_axes, load, names_of
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 

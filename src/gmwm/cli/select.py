@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, memory_for, opened, signals_or_curves
+from gmwm.cli.measuring import Chunked, axes_together, measured_together, memory_for, opened_together
 from gmwm.cli.options import (
     RESULT,
     AgainstOption,
@@ -24,7 +24,7 @@ from gmwm.cli.options import (
     parse_within,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, json_text, made_directory, text_file
-from gmwm.cli.read_options import Axes, File, chosen_names
+from gmwm.cli.read_options import Axes, Files, document_of
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.regression.against import NONE
@@ -40,13 +40,14 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm select static.csv --axis gyro_y --within '3*GM + WN + QN + RW'",
     "gmwm select static.csv --axis gyro_y --plot ranking.png",
+    "gmwm select monday.csv tuesday.csv wednesday.csv --axis gyro_y",
     "gmwm select static.csv --output results --json",
 )
 
 
 @command
 def select(
-    file: File,
+    files: Files,
     reading: ReadOptions,
     axis: Axes = None,
     against: AgainstOption = NONE,
@@ -80,11 +81,14 @@ def select(
     The wavelet information criterion (WIC) is the objective plus a penalty: the expected increase of the objective for
     another recording of the same noise. All models have the weights of the largest one. Models that the data cannot
     distinguish from the best one are marked, and the simplest of them is recommended.
+
+    Several files are several recordings of one unit. The models are then fitted to the mean of their curves, and ranked
+    by the loss on each recording of a fit to the others.
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     asked = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
-    recording = opened(file, reading, chunked, whole=memory_for(against))
-    names = chosen_names(recording.axes, axis)
+    recordings = opened_together(files, reading, chunked, whole=memory_for(against))
+    names = axes_together(recordings, axis)
     if plot is not None and len(names) > 1:
         raise OptionError(
             f"--plot needs one axis, but {', '.join(names)} are selected",
@@ -94,19 +98,19 @@ def select(
         )
     if output is not None:
         made_directory(output)
-    measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength, against=against)
+    measured = measured_together(recordings, axis, robust=robust, efficiency=strength, against=against)
     rankings = _ranked(largest, measured, options=asked, robust=robust, efficiency=strength)
     axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
-    content = {"file": str(file), "within": within, "axes": axes}
-    files = [] if output is None else _files(rankings, output, content)
+    content = {**document_of(files), "within": within, "axes": axes}
+    made = [] if output is None else _files(rankings, output, content)
     if plot is not None:
-        files.append(_picture(next(iter(rankings.values())), plot))
+        made.append(_picture(next(iter(rankings.values())), plot))
     parts = {name: ranking.summary(limit) for name, ranking in rankings.items()}
     return Outcome(
         command="select",
-        document={**content, "written": file_names(files)},
+        document={**content, "written": file_names(made)},
         text="\n\n".join(f"{name}\n{part}" if len(parts) > 1 else part for name, part in parts.items()),
-        files=tuple(files),
+        files=tuple(made),
     )
 
 

@@ -14,6 +14,9 @@ variance varies slowly, λ grows with B; longer blocks are used if their λ is l
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from gmwm import _core
@@ -230,3 +233,24 @@ def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector
     # A mean of n periodograms has squares that are too large by 1 / n; segments that overlap count for 1.9 / n.
     square = (density * weight) @ density.T / (1 + 1.9 / number)
     return np.asarray(2 * square / np.outer(curve, curve)), np.asarray(curve)
+
+
+def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, WaveletVariance]:
+    """The curves of recordings of the same noise, all with the covariance E if one shows it.
+
+    A recording that is too short to show heavy tails gets E of the longest recording that shows them, scaled to its own
+    length.
+    """
+    known = [wv for wv in curves.values() if wv.excess is not None]
+    if not known:
+        return dict(curves)
+    longest = max(known, key=lambda wv: wv.samples)
+    assert longest.excess is not None
+    found = {}
+    for name, wv in curves.items():
+        if wv.excess is None and not wv.robust:
+            reach, own = min(len(wv), len(longest)), np.zeros((len(wv), len(wv)))
+            own[:reach, :reach] = longest.excess[:reach, :reach] * (longest.samples / wv.samples)
+            wv = replace(wv, excess=own)
+        found[name] = wv
+    return found

@@ -78,7 +78,8 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     if least == 0:
         return None, Remark.of("no-bias-instability", wv.axis, reason="the model is zero")
     curve = None if z is None else Curve.of(fit).without_lines()
-    bounded = _bounded(model, n, last=last, rate=wv.rate, curve=curve, z=z)
+    judged = None if z is None else Curve.of(fit, sampling=True).without_lines()
+    bounded = _bounded(model, n, last=last, rate=wv.rate, curve=judged, z=z)
     reached = {"tau": Quantity((1 if bounded == "rises" else last) / wv.rate, "s")}
     remark = None if bounded is None else Remark.of("b-limit", wv.axis, because=bounded, source="model", **reached)
     value = factor * math.sqrt(least)

@@ -40,8 +40,12 @@ class Curve:
     rate: float
 
     @classmethod
-    def of(cls, fit: Fit) -> Curve:
-        """The curve of a fit that has no terms that act as another process."""
+    def of(cls, fit: Fit, *, sampling: bool = False) -> Curve:
+        """The curve of a fit that has no terms that act as another process.
+
+        With `sampling`, the covariance does not include the spread between recordings.
+        """
+        sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
         processes = dict(zip(model.terms, model.processes, strict=True))
         names, _ = columns_of(model, {})
@@ -60,7 +64,7 @@ class Curve:
         split = (name.rpartition(".") for name in names)
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
         moving += [(process, None) for process in unseen]
-        return cls(tuple(moving), gain @ fit.sandwich.wavelet @ gain.T, design.rate)
+        return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
 
     def without_lines(self) -> Curve:
         """The curve of the noise alone, without sinusoids."""

@@ -11,7 +11,8 @@ would then have too large a weight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Design, covariance
 from gmwm.estimation.linearised import columns_of, parameter_gain, relative_jacobian, unexplained
 from gmwm.estimation.weighting import precision, square_root
+from gmwm.processes.parameter import Parameter
 from gmwm.random_effects import Effects, confidence_of_mean, effects
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ LEAST_FREEDOM = 3.0
 SIZE = 0.05
 """Level of the test of one parameter above which its interval has the normal distribution (docs/validation/
 recordings.md)."""
+LONGEST = 5.0
+"""Largest step of the logarithm of a shape parameter: a recording that needs a larger one does not determine it."""
 LEVEL = 0.95
 """Confidence level at which the covariance gives the width of the t distribution."""
 
@@ -178,16 +182,30 @@ def _deviations(fit: Fit) -> Deviations:
     )  # fmt: skip
 
 
-def design_of(fit: Fit) -> Design:
-    """The design of the data of a fit, with the covariance that the spread between recordings adds.
+def spread_of_mean(fit: Fit) -> Matrix:
+    """What the spread between recordings adds to the covariance of the wavelet variance (J, J), in unit⁴.
 
     The spread is in the parameters: it moves the curve in the directions of its derivatives. The goodness-of-fit test
-    therefore does not depend on it.
+    does not depend on it.
     """
-    design = Design.of(fit.wavelet_variance)
-    if len(fit.wavelet_variance.recordings) < 2:
-        return design
     found = deviations(fit)
-    slopes = relative_jacobian(fit.model, design, found.names) / fit.implied[:, None]
-    added = slopes @ found.of_mean @ slopes.T
-    return replace(design, excess=added if design.excess is None else design.excess + added)
+    slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), found.names)
+    return np.asarray(slopes @ found.of_mean @ slopes.T)
+
+
+def stepped(parameter: Parameter, value: float, share: float) -> float:
+    """A value after a relative step, inside the domain of its parameter.
+
+    >>> from gmwm import WN
+    >>> stepped(WN.parameters[0], 4.0, 0.25), stepped(WN.parameters[0], 4.0, -1.5)
+    (5.0, 0.0)
+    """
+    if parameter.scale_power is not None and parameter.domain != "real":
+        return value * max(1.0 + share, 0.0)
+    if parameter.domain == "real":
+        return value * (1.0 + share)
+    if parameter.domain == "between":
+        low, high = parameter.limits
+        half, place = (high - low) / 2, (2 * value - low - high) / (high - low)
+        return low + half * (1 + math.tanh(math.atanh(place) + share * value / half / (1 - place * place)))
+    return value * math.exp(max(min(share, LONGEST), -LONGEST))

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from gmwm._text import listed
 from gmwm.exporters.reduction import Number
 from gmwm.inspection.findings import covariates_text, effect_text
 from gmwm.remarks import Remark, Severity, with_groups
@@ -25,18 +26,18 @@ _ASCII = {
 def recording(calibration: Calibration) -> str:
     """Source, length, rate and digest of the recording, and what was removed from it, for the head of a file."""
     source = f"{calibration.source}, " if calibration.source else ""
-    digest = calibration.recording.sha256 if calibration.recording is not None else None
+    one = calibration.recording
+    digests = [found.sha256 for found in ([one] if one else calibration.recordings.values()) if found.sha256]
     extent = next(iter(calibration.values())).wavelet_variance.extent
-    return f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}.{_conditions(calibration)}"
+    return f"Recording: {source}{extent}{f', SHA-256 {listed(digests)}' if digests else ''}.{_conditions(calibration)}"
 
 
 def _conditions(calibration: Calibration) -> str:
     """A sentence on the effects that were removed from the axes; "" if nothing was removed."""
-    removed = {
-        axis: found.regression for axis, found in calibration.axes.items()
-        if found.regression is not None and found.regression.applied
-    }  # fmt: skip
-    parts = [f"{covariates_text(one)} from {axis}, {effect_text(one)}" for axis, one in removed.items()]
+    parts = [
+        f"{covariates_text(one)} from {axis}{f' in {name}' if name else ''}, {effect_text(one)}"
+        for axis, found in calibration.axes.items() for name, one in found.regressions.items()
+    ]  # fmt: skip
     return f" Effects removed before the noise was measured: {'; '.join(parts)}." if parts else ""
 
 

@@ -7,7 +7,7 @@ V is the exact covariance (J, J) of ν̂² at the estimate, for any weights Ω. 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from gmwm._text import Named
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
 from gmwm.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
-from gmwm.estimation.recordings import design_of
+from gmwm.estimation.recordings import spread_of_mean
 from gmwm.processes.model import Model
 
 if TYPE_CHECKING:
@@ -39,12 +39,15 @@ class Sandwich:
     wavelet : (J, J) array, in unit⁴
         V, the covariance of the wavelet variance under the fitted model. Of several recordings, it includes the spread
         of the parameters between them.
+    without_spread : Sandwich or None
+        Of several recordings, the covariance without the spread between them. It decides whether a term can be zero.
     """
 
     names: tuple[str, ...]
     values: Vector
     relative: Matrix
     wavelet: Matrix
+    without_spread: Sandwich | None = None
 
     def __post_init__(self) -> None:
         for array in (self.values, self.relative, self.wavelet):
@@ -52,6 +55,11 @@ class Sandwich:
 
     def __repr__(self) -> str:
         return f"Sandwich({', '.join(self.names)}, {len(self.wavelet)} levels)"
+
+    @property
+    def sampling(self) -> Sandwich:
+        """The covariance without a spread between recordings."""
+        return self if self.without_spread is None else self.without_spread
 
     @property
     def covariance(self) -> Matrix:
@@ -67,9 +75,14 @@ class Sandwich:
 
 def sandwich(fit: Fit) -> Sandwich:
     """Covariance of the estimates: see `Fit.sandwich`."""
-    design = design_of(fit)
+    design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
     wavelet = noise_covariance(fit.model, design)
-    return sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
+    found = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
+    if len(fit.wavelet_variance.recordings) < 2:
+        return found
+    total = wavelet + spread_of_mean(fit)
+    both = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=total, acts_as=acts_as)
+    return replace(both, without_spread=found)
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:

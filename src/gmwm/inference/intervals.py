@@ -14,7 +14,6 @@ from gmwm.confidence_limits import chi_square_limits
 from gmwm.covariance import Design
 from gmwm.covariance import covariance as covariance_of
 from gmwm.errors import OptionError
-from gmwm.estimation.recordings import design_of
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
@@ -134,7 +133,7 @@ def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
     """Whether a scale parameter is zero, or its scale coefficient is less than z standard errors from zero."""
     if fit.parameters[name] == 0:
         return True
-    found, power = fit.sandwich, parameter.scale_power or 1.0
+    found, power = fit.sandwich.sampling, parameter.scale_power or 1.0
     place = found.names.index(name)
     return z * power * math.sqrt(found.relative[place, place]) >= 1
 
@@ -236,10 +235,11 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     estimate = process.scale
     # Start from a scale that contributes at most 0.1 % of the fitted curve.
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
+    power, spread = parameter.scale_power or 1.0, _spread(fit, name)
     tried: list[tuple[float, float]] = []
     for _ in range(_ROUNDS):
         relative = _relative_error(fit, fit.model.with_values({name: process.value_from(scale)}), name)
-        after = estimate + z * (parameter.scale_power or 1.0) * relative * scale
+        after = estimate + z * power * math.hypot(relative * scale, spread * estimate)
         if not after < largest:
             break
         if abs(after - scale) <= _SETTLED * after:
@@ -247,6 +247,15 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
         tried.append((math.log(scale), math.log(after)))
         scale = min(math.exp(_fixed_point(tried[-2:])), largest)
     return process.value_from(largest)
+
+
+def _spread(fit: Fit, name: str) -> float:
+    """What the spread between recordings adds to the relative standard error of a parameter, in squares."""
+    found = fit.sandwich
+    if found.without_spread is None or name not in found.names:
+        return 0.0
+    place = found.names.index(name)
+    return math.sqrt(max(found.relative[place, place] - found.without_spread.relative[place, place], 0.0))
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
@@ -263,7 +272,7 @@ def _relative_error(fit: Fit, model: Model, name: str) -> float:
     design = Design.of(fit.wavelet_variance)
     matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
     found = sandwich_of(
-        model, design, matrix=matrix, wavelet=covariance_of(model, design_of(fit)), acts_as=fit.diagnostics.acts_as
+        model, design, matrix=matrix, wavelet=covariance_of(model, design), acts_as=fit.diagnostics.acts_as
     )
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm._arrays import Matrix, Vector, as_rate, as_vector
+from gmwm._arrays import Vector, as_rate, as_vector
 from gmwm.covariance.api import variances
 from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import mixture
-from gmwm.covariance.tails import excess_covariance
+from gmwm.covariance.tails import excess_covariance, with_common_tails
 from gmwm.errors import DataError, OptionError
 from gmwm.joint.same_result import LevelRatio, SameNoise
 from gmwm.multiple_tests import holm
@@ -158,10 +158,11 @@ class _Curve(NamedTuple):
 
 def _rows(axis: str, signals: Mapping[str, Signal], *, confidence: float, tolerance: float) -> list[LevelRatio]:
     """The ratio of each level that all recordings have, with the p-value of its test alone."""
-    measured = {name: signal_wavelet_variance(signal) for name, signal in signals.items()}
-    tails = _tails(list(signals.values()), list(measured.values()))
-    curves = {name: replace(wv, excess=excess) for (name, wv), excess in zip(measured.items(), tails, strict=True)}
-    return level_ratios(curves, axis, confidence=confidence, tolerance=tolerance)
+    curves = {}
+    for name, signal in signals.items():
+        wv = signal_wavelet_variance(signal)
+        curves[name] = replace(wv, excess=excess_covariance(signal, wv))
+    return level_ratios(with_common_tails(curves), axis, confidence=confidence, tolerance=tolerance)
 
 
 def level_ratios(
@@ -219,30 +220,6 @@ def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: fl
     below = float(fdtr(*degrees, ratio * math.exp(2 * tolerance)))
     lower, upper = (math.sqrt(ratio / float(fdtri(*degrees, (1 + s * confidence) / 2))) for s in (1, -1))
     return LevelRatio(ratio=math.sqrt(ratio), lower=lower, upper=upper, pvalue=min(1.0, 2 * min(above, below)))
-
-
-def _tails(signals: Sequence[Signal], curves: Sequence[WaveletVariance]) -> list[Matrix | None]:
-    """The relative covariance (J, J) of each curve beyond a Gaussian signal.
-
-    A recording that is too short to show heavy tails gets the covariance of the longest recording that shows them,
-    scaled to its own length.
-    """
-    found = [excess_covariance(signal, wv) for signal, wv in zip(signals, curves, strict=True)]
-    known = [(wv.samples, excess) for wv, excess in zip(curves, found, strict=True) if excess is not None]
-    if not known:
-        return found
-    samples, longest = max(known, key=lambda one: one[0])
-    found = [_cut(longest, len(wv)) * samples / wv.samples if excess is None else excess
-             for wv, excess in zip(curves, found, strict=True)]  # fmt: skip
-    return list(found)
-
-
-def _cut(excess: Matrix, levels: int) -> Matrix:
-    """The matrix for a number of levels; levels beyond it have no excess."""
-    found = np.zeros((levels, levels))
-    reach = min(levels, len(excess))
-    found[:reach, :reach] = excess[:reach, :reach]
-    return found
 
 
 def _freedom(pooled: Vector, eta: Vector, wv: WaveletVariance) -> Vector:

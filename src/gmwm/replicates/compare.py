@@ -12,14 +12,10 @@ from gmwm._arrays import Vector
 from gmwm.covariance import Design, covariance
 from gmwm.datasheets import Datasheet, Entry, datasheet
 from gmwm.errors import GmwmError
-from gmwm.estimation.estimator import as_fit
-from gmwm.estimation.problem import pose
-from gmwm.estimation.recordings import deviations
+from gmwm.estimation.recordings import Deviations, deviations, stepped
 from gmwm.estimation.result import Fit
-from gmwm.estimation.reweighting import Settled
-from gmwm.estimation.solver import solve
 from gmwm.estimation.weighting import precision
-from gmwm.inference.intervals import with_quick_intervals
+from gmwm.inference.intervals import parameters_by_name, with_quick_intervals
 from gmwm.joint.same import level_ratios
 from gmwm.random_effects import effects, predicted, spread_limits
 from gmwm.replicates.result import RecordingNumber, Replicates
@@ -38,7 +34,7 @@ def compared(fit: Fit) -> Replicates | None:
     if len(wv.recordings) < 2:
         return None
     apart = deviations(fit)
-    own = {name: _own_fit(fit, curve) for name, curve in wv.recordings.items()}
+    own = {name: _own_fit(fit, curve, apart, k) for k, (name, curve) in enumerate(wv.recordings.items())}
     sheets = {name: _quick_sheet(one) for name, one in own.items() if one is not None}
     return Replicates(
         fit=fit,
@@ -49,14 +45,37 @@ def compared(fit: Fit) -> Replicates | None:
     )
 
 
-def _own_fit(fit: Fit, curve: WaveletVariance) -> Fit | None:
-    """The fit of the same model to one recording, with the weights of the pooled fit; None if it is too short."""
-    wv = shortened(curve, min(len(curve), len(fit.wavelet_variance)))
-    try:
-        problem = pose(fit.model, wv, precision(covariance(fit.model, Design.of(wv))))
-        return as_fit(Settled(problem, solve(problem, certify=False)), wv, "optimal")
-    except GmwmError:
+def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
+    """The fit to one recording, one step from the pooled fit; None if the recording is too short for the model.
+
+    A fit from the start would give terms another meaning: a slow Gauss-Markov term of all recordings can become a fast
+    one in a single recording.
+    """
+    if not np.all(np.isfinite(apart.values[place])):
         return None
+    wv = shortened(curve, min(len(curve), len(fit.wavelet_variance)))
+    parameters = parameters_by_name(fit.model)
+    steps = zip(apart.names, apart.values[place].tolist(), strict=True)
+    try:
+        model = fit.model.with_values({n: stepped(parameters[n], fit.parameters[n], share) for n, share in steps})
+    except GmwmError:  # coefficients of an AR process after the step may not be stationary
+        return None
+    matrix = precision(covariance(fit.model, Design.of(wv)))
+    implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
+    miss = wv.variance - implied
+    return Fit(
+        wavelet_variance=wv,
+        model=model,
+        parameters={name: value for name, value in model.parameters.items() if value is not None},
+        objective=float(miss @ matrix @ miss),
+        lower_bound=None,
+        relaxed_bound=0.0,
+        implied=implied,
+        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
+        weighting="optimal",
+        weighting_matrix=matrix,
+        diagnostics=fit.diagnostics,
+    )
 
 
 def _quick_sheet(fit: Fit) -> Datasheet:

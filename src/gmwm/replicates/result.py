@@ -15,7 +15,7 @@ from gmwm._tables import headed
 from gmwm._text import Summarised, listed, rounded
 from gmwm.datasheets import Entry
 from gmwm.datasheets.entry import significant
-from gmwm.estimation.recordings import Deviations
+from gmwm.estimation.recordings import Deviations, stepped
 from gmwm.estimation.result import Fit
 from gmwm.inference.intervals import parameters_by_name
 from gmwm.joint.same_result import LevelRatio
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 SIZE = 0.05
 """Level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
+MAIN = ("N", "B", "K", "Q")
+"""The numbers that a remark names; tables have all of them."""
 Use = Literal["mean", "high"]
 """Which noise a filter assumes: the mean over recordings, or the highest that a further recording may have."""
 
@@ -45,7 +47,7 @@ class RecordingNumber:
     pooled : Entry
         The number of all recordings together. Its confidence interval includes the spread.
     entries : mapping of recording to (Entry or None)
-        The number of each recording alone, with the same model; None if it has none.
+        The number of each recording alone, with the same model; None if the recording is too short for it.
     spread, spread_low, spread_high : float or None
         Standard deviation of its logarithm between recordings, without estimation errors, and its confidence limits:
         0.1 is 10 %. None if fewer than two recordings have a value.
@@ -91,7 +93,7 @@ class Replicates(Summarised):
     deviations : gmwm.estimation.recordings.Deviations
         The deviation of the parameters of each recording, with their covariances, and the test of equal parameters.
     fits : mapping of recording to Fit
-        The same model fitted to each recording alone, without a certificate.
+        The fit to each recording alone, one step from the pooled fit.
     numbers : tuple of RecordingNumber
         The numbers of the datasheet with their spread, without the ramp R, which belongs to one recording.
     levels : tuple of LevelRatio
@@ -174,14 +176,10 @@ class Replicates(Summarised):
         parameters = parameters_by_name(self.fit.model)
         values: dict[str, float] = {}
         for name, mean, end in zip(found.names, found.effects.mean, high, strict=True):
-            value = self.fit.parameters[name]
-            if not math.isfinite(mean):
-                continue
-            if parameters[name].scale_power is not None:
-                more = end if use == "high" and math.isfinite(end) else mean
-                values[name] = value * max(1.0 + float(more), 0.0)
-            elif parameters[name].domain == "positive":
-                values[name] = value * math.exp(float(mean))
+            raised = use == "high" and parameters[name].scale_power is not None and math.isfinite(end)
+            share = float(end if raised else mean)
+            if math.isfinite(share):
+                values[name] = stepped(parameters[name], self.fit.parameters[name], share)
         return self.fit.model.with_values(values)
 
     @property
@@ -194,20 +192,20 @@ class Replicates(Summarised):
         few = "yes" if len(self.recordings) < FEW else "no"
         if pvalue > SIZE:
             return Remark.of(
-                "recordings-agree", self.axis, count=len(self.recordings), numbers=self._within(), p=pvalue,
+                "recordings-agree", self.axis, count=len(self.recordings), numbers=self._within(), p=p_text(pvalue),
                 size=SIZE,
             )  # fmt: skip
         return Remark.of(
-            "recordings-differ", self.axis, count=len(self.recordings), numbers=self._spreads(), p=pvalue, few=few,
-            size=SIZE,
+            "recordings-differ", self.axis, count=len(self.recordings), numbers=self._spreads(), p=p_text(pvalue),
+            few=few, size=SIZE,
         )  # fmt: skip
 
     def _within(self) -> str:
-        known = [(number.symbol, number.apart) for number in self.numbers if number.apart is not None]
-        return listed([f"{symbol} within {_percent(apart)}" for symbol, apart in known]) or "curves only"
+        known = [(one.symbol, one.apart) for one in self.numbers if one.symbol in MAIN and one.apart is not None]
+        return listed([f"{symbol} within {_percent(apart)}" for symbol, apart in known]) or "no number has a value"
 
     def _spreads(self) -> str:
-        known = [(number.symbol, number.spread) for number in self.numbers if number.spread]
+        known = [(one.symbol, one.spread) for one in self.numbers if one.symbol in MAIN and one.spread]
         return listed([f"{symbol} by {_percent(spread)}" for symbol, spread in known]) or "only the curves"
 
     def table(self) -> list[list[str]]:
@@ -227,8 +225,8 @@ class Replicates(Summarised):
             lines += [*headed(self.table()), ""]
         lines += [
             "spread: standard deviation between recordings without estimation errors, with 95 % limits.",
-            f"Equal parameters: p = {self.parameter_pvalue:.2g}. Equal curves, without a model: p = "
-            f"{self.model_free_pvalue:.2g}.",
+            f"Test of equal parameters: {p_text(self.parameter_pvalue)}; of equal curves, without a model: "
+            f"{p_text(self.model_free_pvalue)}.",
         ]
         return "\n".join(lines)
 
@@ -272,9 +270,23 @@ FEW = 3
 """Recordings below which the spread is hardly known: the t distribution with one degree of freedom has no mean."""
 
 
+def p_text(pvalue: float) -> str:
+    """A p-value with its sign.
+
+    >>> p_text(0.234), p_text(1e-9)
+    ('p = 0.23', 'p < 0.001')
+    """
+    return f"p = {pvalue:.2g}" if pvalue >= 0.001 else "p < 0.001"
+
+
 def _percent(share: float) -> str:
     """A small relative amount in per cent; a large one as a factor."""
     return f"{rounded(100 * share)} %" if share < 1 else f"a factor of {rounded(1 + share)}"
+
+
+def short_spread(number: RecordingNumber) -> str:
+    """The spread of a number, without its limits."""
+    return "" if number.spread is None else f"{rounded(100 * number.spread)} %"
 
 
 def spread_text(number: RecordingNumber) -> str:

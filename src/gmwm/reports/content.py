@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gmwm._text import duration_text
 from gmwm.axis_names import by_sensor
 from gmwm.calibration.findings import SIZE, rejected
 from gmwm.calibration.summary_text import rows_of
@@ -20,7 +19,14 @@ from gmwm.regression.against import WARM_UP
 from gmwm.remarks import Dialect, Remark, texts
 from gmwm.reports.citation import citation
 from gmwm.reports.configurations import configurations
-from gmwm.reports.figures import axis_pictures, regression_pictures, sensor_pictures, spectrum_pictures
+from gmwm.reports.figures import (
+    axis_pictures,
+    recordings_pictures,
+    regression_pictures,
+    sensor_pictures,
+    spectrum_pictures,
+)
+from gmwm.reports.recording_facts import Facts, recording_facts
 from gmwm.reports.spectrum_tables import spectrum_tables
 from gmwm.reports.verdict import notes, verdict
 from gmwm.selection.ranking import LISTED
@@ -29,9 +35,6 @@ if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.regression import Regression
     from gmwm.selection import Ranking
-
-Facts = list[tuple[str, str]]
-"""Pairs of name and value, in the order of the page."""
 
 
 def report_data(calibration: Calibration) -> dict[str, Any]:
@@ -87,16 +90,19 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         regression = f"regression{k}" if found.regression is not None else ""
         if found.regression is not None:
             pictures[regression] = regression_pictures(found.regression)
+        recordings = f"recordings{k}" if found.replicates is not None else ""
+        if found.replicates is not None:
+            pictures[recordings] = recordings_pictures(found.replicates)
         names = {
             "id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", "spectrum": spectrum,
-            "regression": regression,
+            "regression": regression, "recordings": recordings,
         }  # fmt: skip
         axes.append({**names, **_axis(axis, found, axis in bad)})
     return {
         "title": _title(calibration),
         "verdict": verdict(calibration),
         "notes": notes(calibration),
-        "recording": _recording(calibration),
+        "recording": recording_facts(calibration),
         "settings": _settings(calibration),
         "tables": [
             {"title": SENSORS.get(sensor, sensor or "Axes"), "rows": rows_of(members)}
@@ -121,40 +127,6 @@ def _title(calibration: Calibration) -> str:
 
 
 # --- the recording and the settings -----------------------------------------------------------------
-
-
-def _recording(calibration: Calibration) -> dict[str, Any]:
-    found = calibration.recording
-    wv = next(iter(calibration.axes.values())).fit.wavelet_variance
-    samples, rate = (wv.samples, wv.rate) if found is None else (found.samples, found.rate)
-    facts: Facts = [("Source", calibration.source)] if calibration.source else []
-    if found is not None and found.sha256:
-        facts += [("File", f"{found.file}, {found.size} bytes"), ("SHA-256", found.sha256)]
-    facts += [
-        ("Sampling rate", f"{rate:.10g} Hz"),
-        ("Length", f"{samples} samples, {duration_text(samples / rate)}"),
-        ("Axes", ", ".join([*calibration.axes, *calibration.failed])),
-        ("Units", _units(calibration)),
-    ]
-    if found is None:
-        return {"facts": facts}
-    gaps = found.segments - 1
-    lost = f"{gaps}, {duration_text(found.missing)} missing" if found.missing > 0 else str(gaps)
-    facts.append(("Gaps", lost if gaps else "none"))
-    stamps = "none" if found.jitter is None else f"jitter {significant(found.jitter, 3)} s (root mean square)"
-    facts += [("Time stamps", stamps), ("At rest", "yes" if found.static else "no"), ("Knocks", str(found.knocks))]
-    if found.gravity is not None:
-        facts.append(("Specific force", f"{found.gravity:.5g} m/s²"))
-    low_high = found.temperature
-    temperature = "not recorded" if low_high is None else f"{low_high[0]:.4g} to {low_high[1]:.4g} °C"
-    return {"facts": [*facts, ("Temperature", temperature)]}
-
-
-def _units(calibration: Calibration) -> str:
-    units: dict[str, list[str]] = {}
-    for axis, found in calibration.axes.items():
-        units.setdefault(found.fit.wavelet_variance.unit or "not known", []).append(axis)
-    return "; ".join(f"{unit}: {', '.join(axes)}" for unit, axes in units.items())
 
 
 def _settings(calibration: Calibration) -> Facts:
@@ -190,6 +162,7 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
         "peaks": spectrum_tables(found.spectrum),
         "conditions": regression_table(found.regression),
+        "replicates": [] if found.replicates is None else found.replicates.table(),
     }
 
 

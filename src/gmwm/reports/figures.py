@@ -13,6 +13,7 @@ from gmwm.plots.fit import fit_panel
 from gmwm.plots.labels import sensor_and_letter, sensor_title
 from gmwm.plots.overlay import overlay_panel
 from gmwm.plots.ranking import ranking_figure
+from gmwm.plots.recordings import recordings_figure
 from gmwm.plots.regression import regression_panel
 from gmwm.plots.spectrum import spectrum_panel
 from gmwm.plots.style import curve_stroke, letter_stroke
@@ -22,6 +23,7 @@ from gmwm.reports.plotly import plotly_panel
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.regression import Regression
+    from gmwm.replicates import Replicates
 
 VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
 """Views of a curve; the first one, which users of inertial sensors know best, is shown initially."""
@@ -92,6 +94,12 @@ def regression_pictures(found: Regression) -> Variants:
         return regression_panel(found, units=units)
 
     return {key: picture for key, picture in _variants(panel).items() if key.startswith("wavelet-")}
+
+
+def recordings_pictures(found: Replicates) -> Variants:
+    """Each recording over the mean of all, by scale; there is no view and no unit."""
+    (panel,) = recordings_figure(found).panels
+    return {"wavelet-si": plotly_panel(replace(panel, title=""))}
 
 
 def _variants(panel: Callable[[ViewName, UnitSystem], Panel]) -> Variants:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm._text import duration_text
 from gmwm.axis_names import by_sensor
-from gmwm.calibration.findings import rejected, unusable
+from gmwm.calibration.findings import equality_remarks, rejected, unusable
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.remarks import Dialect, Remark, Severity, with_groups
@@ -37,8 +37,9 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     Texts are HTML. The remarks that affect a number come first, then the main results.
     """
     head = calibration.verdict
-    cautions = [remark for remark in calibration.remarks if remark.severity is not Severity.INFO]
-    points = [*cautions, *_results(calibration)]
+    equality = equality_remarks(calibration)
+    cautions = [one for one in calibration.remarks if one.severity is not Severity.INFO and one not in equality]
+    points = [*equality, *cautions, *_results(calibration)]
     return {
         "state": _STATES[head.severity],
         "code": head.code,
@@ -49,7 +50,8 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
     """Remarks that affect no number, as points."""
-    return _points([remark for remark in calibration.remarks if remark.severity is Severity.INFO])
+    equality = equality_remarks(calibration)
+    return _points([one for one in calibration.remarks if one.severity is Severity.INFO and one not in equality])
 
 
 def _points(remarks: list[Remark]) -> list[dict[str, Any]]:
@@ -77,7 +79,8 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     # Axes that could not be tested have a remark of their own.
     if calibration.verdicts and all(_is_clean(found) for found in calibration.verdicts.values()):
         yield Remark.of("no-outliers")
-    if calibration.recording is not None and calibration.recording.static:
+    recordings = [calibration.recording, *calibration.recordings.values()]
+    if any(recordings) and all(one.static for one in recordings if one is not None):
         yield Remark.of("at-rest")
     gaps = [found.fit.gap for found in calibration.axes.values()]
     certified = [gap for gap in gaps if gap is not None]

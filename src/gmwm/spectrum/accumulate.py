@@ -182,6 +182,15 @@ class SpectrumAccumulator:
         following._fold()
         return self._joined(following)
 
+    def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
+        """Return an accumulator of this and of another, independent recording; no block has samples of both.
+
+        Both need the same options. The rate is that of this recording.
+        """
+        self.gap()
+        other.gap()
+        return self._joined(other)
+
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
         """Return the power spectral density so far; more samples may follow.
 

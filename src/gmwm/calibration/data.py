@@ -1,0 +1,132 @@
+"""What `calibrate` accepts: the recordings by name, and the axes of each."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from gmwm.axis_names import sensor_of
+from gmwm.calibration.measurement import Measured
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.errors import DataError, OptionError
+from gmwm.readers.streams import Stream
+from gmwm.signals import Imu, Signal
+from gmwm.units import SI_UNIT, find_unit
+
+_MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
+
+
+def named(data: Any) -> dict[str, Any]:
+    """The recordings by name; a single one has the name "".
+
+    Names are the keys of a mapping of recordings. Those of a list are the names of the files without extension, or
+    numbers if these are not unique.
+
+    Raises
+    ------
+    OptionError
+        If an item of a list is not a recording.
+    """
+    if isinstance(data, Mapping) and len(data) > 1 and all(isinstance(item, Imu | Stream) for item in data.values()):
+        return dict(data)
+    if not isinstance(data, list | tuple):
+        return {"": data}
+    items = [Imu({item.axis or "signal": item}) if isinstance(item, Signal) else item for item in data]
+    for item in items:
+        if not isinstance(item, Imu | Stream):
+            raise OptionError(
+                argument="data", expected="recordings in the list, each an Imu, a Signal or a Stream", got=item,
+                advice="Read each file: `calibrate([gmwm.read(path) for path in paths])`."
+                if isinstance(item, str | os.PathLike) else _MAKE_A_SIGNAL,
+            )  # fmt: skip
+    if not items:
+        raise OptionError(argument="data", expected="at least one recording", got=data)
+    if len(items) == 1:
+        return {"": items[0]}
+    stems = [PurePath(item.source).stem for item in items]
+    unique = all(stems) and len(set(stems)) == len(stems)
+    return dict(zip(stems if unique else map(str, range(1, len(items) + 1)), items, strict=True))
+
+
+def require_one(options: CalibrationOptions, **processes: object) -> None:
+    """Raise an error for options that belong to a single recording."""
+    for name, value in processes.items():
+        if value is not None:
+            raise OptionError(
+                f"{name} can be given for one recording only, and there are several", argument=name, got=value,
+                advice="Leave {--" + name + "} out.",
+            )  # fmt: skip
+    if options.conditions.arrays:
+        raise OptionError(
+            "against has arrays, which belong to one recording, and there are several", argument="against",
+            advice="Use the temperature of the files, {--against=temperature}, or calibrate each recording by itself.",
+        )  # fmt: skip
+
+
+def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
+    """The data of each axis to calibrate; None for the axes of a stream, which is not read yet."""
+    items: dict[str, Measured | None]
+    if isinstance(data, Signal):
+        items = {data.axis or "signal": data}
+    elif isinstance(data, Stream):
+        items = dict.fromkeys(data.axes)
+    elif isinstance(data, Imu):
+        items = dict(data.signals)
+    elif isinstance(data, Mapping) and data:
+        items = dict(data)
+    else:
+        advice = "Read the file first: `calibrate(gmwm.read(path))`." if isinstance(data, str | os.PathLike) else ""
+        raise OptionError(
+            "data must be an Imu, a Signal, a Stream, or a mapping of axis to Signal or WaveletVariance; got "
+            f"{'an empty mapping' if isinstance(data, Mapping) else type(data).__name__}",
+            argument="data",
+            advice=_MAKE_A_SIGNAL if isinstance(data, np.ndarray) else advice,
+        )
+    for axis, item in items.items():
+        if not isinstance(item, Measured | None):
+            raise OptionError(
+                f"{axis} must be a Signal or a WaveletVariance; got {type(item).__name__}",
+                argument="data",
+                advice=_MAKE_A_SIGNAL,
+            )
+    unknown = [name for name in wanted or () if name not in items and name not in map(sensor_of, items)]
+    if unknown:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(items)}", got=unknown[0])
+    chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
+    for axis, item in chosen.items():
+        if item is not None:
+            _check_unit(axis, item.unit)
+    return chosen
+
+
+def _check_unit(axis: str, unit: str) -> None:
+    """Raise an error if the name and the unit of an axis belong to different sensors."""
+    known = find_unit(unit)
+    named = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
+    if known is not None and named is not None and known.quantity != named:
+        raise OptionError(
+            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[named]}; got {unit}",
+            argument="data",
+            advice="Correct the unit, or give the axis another name.",
+        )
+
+
+def common_axes(chosen: Mapping[str, Mapping[str, object]]) -> tuple[list[str], dict[str, str]]:
+    """The axes that all recordings have, and for the others the reason why they are not calibrated.
+
+    Raises
+    ------
+    DataError
+        If there is no such axis.
+    """
+    every = list(dict.fromkeys(axis for axes in chosen.values() for axis in axes))
+    lacking = {axis: [name for name, axes in chosen.items() if axis not in axes] for axis in every}
+    missing = {axis: f"{', '.join(names)} does not have this axis" for axis, names in lacking.items() if names}
+    if len(missing) == len(every):
+        axes_of = "; ".join(f"{name}: {', '.join(axes)}" for name, axes in chosen.items())
+        raise DataError(f"the recordings have no axis in common: {axes_of}", argument="data")
+    return [axis for axis in every if axis not in missing], missing
