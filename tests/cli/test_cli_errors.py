@@ -10,7 +10,7 @@ CASES = {
     "foreign file": (["info", "{foreign}"], ["{foreign}"]),
     "no command of this name": (["ranking"], ["'ranking'", "gmwm --help"]),
     "no option of this name": (["wv", "{file}", "--bad"], ["--bad", "gmwm wv --help"]),
-    "missing file": (["fit", "--model", "WN"], ["'FILE'", "gmwm fit --help"]),
+    "missing file": (["fit", "--model", "WN"], ["'FILE…'", "gmwm fit --help"]),
     "missing model": (["fit", "{file}"], ["'--model'", "gmwm fit --help"]),
     "rate is no number": (["wv", "{file}", "--rate", "fast"], ["--rate must be ", "; got 'fast'", "gmwm wv --help"]),
     "seed is no number": (["demo", "--seed", "1.5"], ["--seed must be ", "; got '1.5'", "gmwm demo --help"]),

@@ -332,15 +332,8 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
     """What several recordings say together, for each axis."""
     for name, found in fits.items():
         if found.replicates is not None:
-            lines = found.replicates.summary().splitlines()
-            yield "\n".join([*([name] if len(fits) > 1 else []), *(part for line in lines for part in _folded(line))])
-
-
-def _folded(line: str) -> list[str]:
-    """A line of text with at most the usual width; rows of a table, which are indented, are kept."""
-    from gmwm.calibration.tables import wrapped
-
-    return [line] if line.startswith(" ") or not line else wrapped(line)
+            summary = found.replicates.summary()
+            yield f"{name}\n{summary}" if len(fits) > 1 else summary
 
 
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -28,6 +29,7 @@ from gmwm.remarks import Remark, texts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
+WIDTH = 80
 SIZE = 0.05
 """Level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
 MAIN = ("N", "B", "K", "Q")
@@ -220,14 +222,14 @@ class Replicates(Summarised):
 
     def summary(self) -> str:
         """Format the remarks, the numbers of each recording with their spread, and the tests."""
-        lines = [*texts(self.remarks), ""]
+        lines = [line for text in texts(self.remarks) for line in wrap(text, WIDTH)]
         if self.numbers:
-            lines += [*headed(self.table()), ""]
-        lines += [
-            "spread: standard deviation between recordings without estimation errors, with 95 % limits.",
-            f"Test of equal parameters: {p_text(self.parameter_pvalue)}; of equal curves, without a model: "
-            f"{p_text(self.model_free_pvalue)}.",
-        ]
+            lines += ["", *headed(self.table())]
+        lines += ["", *wrap(
+            "spread: standard deviation between recordings without estimation errors, with 95 % limits. Test of equal "
+            f"parameters: {p_text(self.parameter_pvalue)}; of equal curves, without a model: "
+            f"{p_text(self.model_free_pvalue)}.", WIDTH,
+        )]  # fmt: skip
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
