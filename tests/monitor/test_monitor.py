@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -243,3 +244,24 @@ def test_events_are_numbers_and_one_line() -> None:
     for wrong in ({"kind": "jump"}, {"kind": "other", "time": 0.0, "began": 0.0}):
         with pytest.raises(ReadError):
             Event.from_dict(wrong)
+
+
+@pytest.mark.slow
+def test_a_calibration_has_the_baseline_of_a_monitor(tmp_path: Path) -> None:
+    imu = gmwm.simulate(dict.fromkeys(AXES, TEXT), rate=RATE, samples=100_000, rng=36)
+    calibration = gmwm.calibrate(imu.between(0.0, 600.0), within="GM + WN + RW")
+    assert set(calibration.baselines) == set(AXES)
+    calibration.save(tmp_path / "calibration.json")
+    again = gmwm.Calibration.load(tmp_path / "calibration.json")
+    assert {axis: one.to_dict() for axis, one in again.baselines.items()} == {
+        axis: one.to_dict() for axis, one in calibration.baselines.items()
+    }
+    made = Monitor(again, "10d")
+    assert made.remarks == ()
+    assert list(made.watch(imu.between(600.0, 1000.0))) == []
+    imu.write(tmp_path / "static.csv")
+    streamed = gmwm.calibrate(gmwm.stream(tmp_path / "static.csv"), within="GM + WN + RW")
+    whole = gmwm.calibrate(gmwm.read(tmp_path / "static.csv"), within="GM + WN + RW")
+    assert {a: b.to_dict() for a, b in streamed.baselines.items()} == {
+        a: b.to_dict() for a, b in whole.baselines.items()
+    }

@@ -14,6 +14,7 @@ import numpy as np
 from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
+from gmwm.calibration.baselines import with_baselines
 from gmwm.calibration.data import chosen_axes, common_axes, named, require_one
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.measurement import Measured, measured_recording
@@ -92,7 +93,8 @@ def calibrate(
         unit. Several recordings get one model and one fit for each axis, to the mean of their curves; intervals include
         the spread between them. `calibration.axes[axis].replicates` compares them. The result is the same
         for a recording in memory and a Stream, which is read in bounded memory: twice if it has more than 2.1 million
-        samples, and once more for its temperature.
+        samples, and once more for its temperature. The first 2.1 million samples are read again for the baseline of
+        `Monitor`.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
         rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the
@@ -223,7 +225,7 @@ def calibrate_recording(
     one = recordings.get("")
     source = one.source if isinstance(one, Imu | Stream) else ""
     return Calibration(
-        axes=done,
+        axes=with_baselines(done, recordings.values(), threads),
         failed=missing | {axis: error.reason for axis, error in failed.items()},
         settings=options,
         source=", ".join(recordings) if several else source,

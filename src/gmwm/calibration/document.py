@@ -25,6 +25,7 @@ from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.inference.model_error import RelativeMisfit
+from gmwm.monitor import Baseline
 from gmwm.outliers import Verdict
 from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
@@ -87,6 +88,7 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "regression": None if found.regression is None else found.regression.to_dict(),
         "left_in": found.left_in,
         "replicates": None if found.replicates is None else found.replicates.to_dict(),
+        "baseline": None if found.baseline is None else found.baseline.to_dict(),
     }
 
 
@@ -136,7 +138,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
-    removed = content["regression"]
+    removed, known = content["regression"], content.get("baseline")
     spectrum, misfit = content["spectrum"], content["misfit"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
@@ -153,6 +155,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         tried=tuple(content["tried"]),
         regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
         left_in=content["left_in"],
+        baseline=None if known is None else _read(f"{axis}.baseline", lambda: Baseline.from_dict(known)),
     )
 
 

@@ -20,6 +20,7 @@ from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.inference.model_error import RelativeMisfit
+from gmwm.monitor import Baseline
 from gmwm.outliers import Verdict
 from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
@@ -71,6 +72,9 @@ class AxisCalibration:
         Regression on the temperature or on other conditions, also if the axis does not follow them.
     left_in : float or None
         K (SI) if the effect of the conditions were not removed; None if nothing is removed, or without an estimate.
+    baseline : Baseline or None
+        What the innovations of the model are in the recording, for `gmwm.Monitor`; None if the data were a wavelet
+        variance, or if the recording is too short.
     """
 
     fit: Fit
@@ -86,6 +90,7 @@ class AxisCalibration:
     spectrum: PowerSpectrum | None = None
     regression: Regression | None = None
     left_in: float | None = None
+    baseline: Baseline | None = None
 
     @property
     def replicates(self) -> Replicates | None:
@@ -181,6 +186,11 @@ class Calibration(Summarised, Mapping[str, Fit]):
     def datasheets(self) -> dict[str, Datasheet]:
         """N, Q, B, K, R and Gauss-Markov numbers, by axis."""
         return self._each(lambda found: found.datasheet)
+
+    @property
+    def baselines(self) -> dict[str, Baseline]:
+        """What the innovations are while the sensor is good, by axis, for the axes that have a baseline."""
+        return {axis: found.baseline for axis, found in self.axes.items() if found.baseline is not None}
 
     @property
     def verdicts(self) -> dict[str, Verdict]:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
+import typer
+
 from gmwm._files import write_text, written_together
 from gmwm.errors import FitWarning, GmwmError, GmwmWarning, OptionError
 from gmwm.regression.against import NONE
@@ -65,6 +67,10 @@ class Outcome:
         Remarks that the text contains; --json lists them with the other remarks.
     failure : GmwmError or None
         The error to raise after the result is printed.
+    status : int
+        Exit code if there is no failure.
+    in_one_line : bool
+        Whether --json prints the document in one line, after lines of its own.
     """
 
     command: str
@@ -80,6 +86,8 @@ class Outcome:
     remarks: tuple[Remark, ...] = ()
     in_text: tuple[Remark, ...] = ()
     failure: GmwmError | None = None
+    status: int = 0
+    in_one_line: bool = False
 
     @property
     def paths(self) -> list[Path]:
@@ -94,7 +102,8 @@ def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False)
     _write_files(outcome)
     warned.show()
     if json:
-        print_json(outcome.command, outcome.document, [*outcome.in_text, *warned.remarks])
+        remarks = [*outcome.in_text, *warned.remarks]
+        print_json(outcome.command, outcome.document, remarks, in_one_line=outcome.in_one_line)
     else:
         text = outcome.all_text if every and outcome.all_text else outcome.text
         if text:
@@ -105,6 +114,8 @@ def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False)
             print(outcome.closing)
     if outcome.failure is not None:
         raise outcome.failure
+    if outcome.status:
+        raise typer.Exit(outcome.status)
 
 
 def _write_files(outcome: Outcome) -> None:
@@ -138,7 +149,9 @@ class Advance(Protocol):
         """Advance the bar."""
 
 
-def print_json(command: str, content: Mapping[str, Any], remarks: Iterable[Remark]) -> None:
+def print_json(
+    command: str, content: Mapping[str, Any], remarks: Iterable[Remark], *, in_one_line: bool = False
+) -> None:
     """Print the result of a command as JSON. If the encoding of stdout is not UTF-8, the JSON is ASCII.
 
     The remarks of the document come first, followed by the other remarks.
@@ -146,10 +159,10 @@ def print_json(command: str, content: Mapping[str, Any], remarks: Iterable[Remar
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
     known = list(content.get("remarks", ()))
     known += [one for one in (remark.to_dict() for remark in dict.fromkeys(remarks)) if one not in known]
-    print(json_text(command, {**content, "remarks": known}, escaped=escaped))
+    print(json_text(command, {**content, "remarks": known}, escaped=escaped, in_one_line=in_one_line))
 
 
-def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False) -> str:
+def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False, in_one_line: bool = False) -> str:
     """Format the result of a command as JSON, with the version of gmwm. NaN and infinities become null.
 
     If `escaped`, the text is ASCII: ² becomes \\u00b2.
@@ -167,7 +180,7 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
     from gmwm import __version__
 
     document = _plain({"gmwm": __version__, "command": command, **content})
-    return json.dumps(document, allow_nan=False, ensure_ascii=escaped, indent=1)
+    return json.dumps(document, allow_nan=False, ensure_ascii=escaped, indent=None if in_one_line else 1)
 
 
 def _plain(value: Any) -> Any:

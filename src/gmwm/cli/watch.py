@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gmwm.cli.command import command
+from gmwm.cli.growing_source import growing_source, interruptible
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
     from gmwm.chunks import Chunk
     from gmwm.processes.model import Model
-    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
     from gmwm.readers.streams import Stream
     from gmwm.variance.accumulate import WaveletAccumulator
 
@@ -95,7 +93,7 @@ def watch(
     if seconds <= 0:
         raise OptionError(argument="every", expected="longer than 0 s", got=every)
     reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parsed()
-    with _source(file) as (take, name), _interruptible() as stopped:
+    with growing_source(file) as (take, name), interruptible() as stopped:
         view = _View(
             every=seconds, idle=patience, stopped=stopped, model=parsed, accuracy=wanted, datasheet=datasheet, json=json
         )
@@ -213,40 +211,3 @@ class _View:
 def _unwrapped(text: Text) -> Text:
     text.no_wrap = True
     return text
-
-
-@contextmanager
-def _source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
-    """Open the file or standard input, with its name."""
-    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
-
-    if file != "-" and not Path(file).is_file():
-        problem = "is not a file" if Path(file).exists() else "does not exist"
-        raise OptionError(
-            f"{file} {problem}",
-            argument="file",
-            got=file,
-            advice="Pass a text file that is being written, or - for standard input.",
-        )
-    take = GrowingPipe(sys.stdin.buffer) if file == "-" else GrowingFile(Path(file))
-    try:
-        yield take, Path("standard input" if file == "-" else file)
-    finally:
-        take.close()
-
-
-@contextmanager
-def _interruptible() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether Ctrl-C was pressed. A second Ctrl-C raises KeyboardInterrupt."""
-    pressed = False
-
-    def note(*_: Any) -> None:
-        nonlocal pressed
-        pressed = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield lambda: pressed
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -3,5 +3,7 @@
 from gmwm.monitor.api import Monitor
 from gmwm.monitor.baseline import Baseline
 from gmwm.monitor.events import Event
+from gmwm.monitor.reference import baselines
+from gmwm.monitor.trace import Trace
 
-__all__ = ["Baseline", "Event", "Monitor"]
+__all__ = ["Baseline", "Event", "Monitor", "Trace", "baselines"]

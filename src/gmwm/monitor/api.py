@@ -170,6 +170,10 @@ class Monitor:
         """Whether the charts rest because the unit was moved and is not still yet."""
         return self._moved is not None
 
+    def heights(self) -> dict[str, dict[str, float]]:
+        """Height of the highest chart of each family now, as a share of its threshold, by axis."""
+        return {axis: one.charts.heights() for axis, one in self._axes.items()}
+
     def update(self, values: Mapping[str, ArrayLike] | Chunk) -> list[Event]:
         """Add the next samples of all axes, in rad/s and m/s².
 

@@ -44,7 +44,7 @@ class Baseline:
         Mean square of the standardised Haar coefficients at levels 1 … J; 1 if the model is right.
     shapes : (J,) array
         Shape k of the Gamma distribution of the mean squares of a block.
-    scatter : (L,) array
+    scatter : tuple of float
         Standard deviation of the standardised block means at levels 0 … L − 1; at least 1.
     largest : float
         Largest absolute innovation.
@@ -57,14 +57,14 @@ class Baseline:
     samples: int
     ratios: Vector
     shapes: Vector
-    scatter: Vector
+    scatter: tuple[float, ...]
     largest: float
     equal: int
     lowest: float
     highest: float
 
     def __post_init__(self) -> None:
-        for values in (self.ratios, self.shapes, self.scatter):
+        for values in (self.ratios, self.shapes):
             freeze(values)
 
     @classmethod
@@ -99,7 +99,7 @@ class Baseline:
         largest = max((float(np.max(np.abs(e))) for e in errors if e.size), default=0.0)
         ratios, shapes = _mean_squares(errors)
         scatter = _block_means(errors)
-        if not ratios.size or not scatter.size:
+        if not ratios.size or not scatter:
             total = sum(e.size for e in errors)
             raise DataError(
                 f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS} without a gap",
@@ -124,7 +124,7 @@ class Baseline:
         return ChartSettings(
             self.ratios,
             self.shapes,
-            scatter=self.scatter,
+            scatter=np.array(self.scatter),
             band=BAND,
             tail=max(1.0, self.largest / usual),
             equal=max(2 * self.equal, LEAST_EQUAL),
@@ -136,7 +136,7 @@ class Baseline:
             "samples": self.samples,
             "ratios": self.ratios.tolist(),
             "shapes": self.shapes.tolist(),
-            "scatter": self.scatter.tolist(),
+            "scatter": list(self.scatter),
             "largest": self.largest,
             "equal": self.equal,
             "lowest": self.lowest,
@@ -171,7 +171,8 @@ class Baseline:
                 "not a baseline: ratios, shapes and scatter must be lists of numbers above zero",
                 advice="Measure the baseline again.",
             )
-        return cls(**arrays, **numbers, **counts)  # type: ignore[arg-type]
+        scatter = tuple(arrays.pop("scatter").tolist())
+        return cls(**arrays, scatter=scatter, **numbers, **counts)  # type: ignore[arg-type]
 
 
 def longest_run(values: Vector) -> int:
@@ -222,12 +223,12 @@ def _blocks(sums: Vector, m: int, level: int) -> Vector:
     return np.asarray(w[: count * BLOCKS * m].reshape(count, BLOCKS * m).mean(axis=1))
 
 
-def _block_means(errors: Sequence[Vector]) -> Vector:
+def _block_means(errors: Sequence[Vector]) -> tuple[float, ...]:
     scatter: list[float] = []
     while True:
         level = len(scatter)
         z = np.concatenate([_sums(e, level) for e in errors]) / 2.0 ** (level / 2.0)
         if z.size < LEAST_MEANS:
             # A chart adds up about 2^REACH blocks before it alarms, so the scatter of longer blocks counts too.
-            return np.array([max(scatter[k : k + REACH + 1]) for k in range(len(scatter))])
+            return tuple(max(scatter[k : k + REACH + 1]) for k in range(len(scatter)))
         scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))

@@ -302,6 +302,13 @@ class Charts:
             rests[place], sums[place], zeros[place] = sample + pauses[place], 0, sample
             at += over + 1
 
+    def heights(self) -> dict[str, float]:
+        """Height of the highest chart of each family, as a share of its threshold."""
+        found: dict[str, float] = {}
+        for (family, _, _), height, limit in zip(self.names, self.sums, self.limits, strict=True):
+            found[family] = max(found.get(family, 0.0), height / limit if limit else 0.0)
+        return found
+
     def save(self) -> dict[str, Any]:
         """The state; its arrays are never changed in place."""
         return {name: getattr(self, name) for name in self.STATE}

@@ -23,10 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
+from gmwm.errors import ModelError
 from gmwm.monitor.finite_state import Finite
 
 FRAME = 1024
 """Number of samples for which the response to the initial state is computed at once."""
+SMALL = 1 << 17
+"""Largest number of multiplications in one product of matrices."""
 DIFFUSE = 1e-12
 """Prior information on a diffuse level, in units of one sample: the exact limit to 12 digits."""
 FORGOTTEN = 1e-6
@@ -79,7 +82,10 @@ class Gain:
         P = np.zeros((p, p))
         at = np.ix_(moving, moving)
         if np.any(moving):
-            P[at] = scale * _riccati(F[at], H[moving], Q[at] / scale, R / scale)
+            try:
+                P[at] = scale * _riccati(F[at], H[moving], Q[at] / scale, R / scale)
+            except np.linalg.LinAlgError as error:
+                raise ModelError("the Kalman filter of the model has no constant gain") from error
         S = float(H @ P @ H) + R
         K = F @ P @ H / S
         K[~moving] = 0.0
@@ -231,7 +237,7 @@ class Whitener:
     def _corrected(self, e: Vector) -> Vector:
         """Innovations of samples within a frame, without what the initial state adds to them."""
         if self._rows is None:
-            self._rows = self.gain.responses @ self.power
+            self._rows = self._responses()
         first = self.count % FRAME
         g = self._rows[first : first + e.size]
         m = self.columns
@@ -250,7 +256,7 @@ class Whitener:
 
     def _next_frame(self) -> None:
         self.power = self.gain.frame_step @ self.power
-        self._rows = self.gain.responses @ self.power
+        self._rows = self._responses()
         # A part of the initial state that has decayed is integrated out.
         covariance = np.linalg.inv(self.information)
         size = np.max(self._rows**2, axis=0) * np.diag(covariance)
@@ -264,6 +270,13 @@ class Whitener:
         self.moments = self.information @ mean[kept]
         # One layout in memory: the order of sums in products of matrices depends on it.
         self.power, self._rows = np.ascontiguousarray(self.power[:, kept]), None
+
+    def _responses(self) -> Matrix:
+        """Responses (FRAME, m) of the innovations of this frame to the parts of the initial state."""
+        # Larger products start BLAS threads, which is slower here.
+        rows = max(SMALL // max(self.power.size, 1), 1)
+        parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
+        return np.concatenate(parts)
 
     def gap(self, samples: int | None) -> None:
         """Skip missing samples; None if their number is unknown."""

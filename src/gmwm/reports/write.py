@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import json
 import os
 import re
 from functools import cache
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,27 +39,33 @@ def page(data: dict[str, Any]) -> str:
     The content security policy allows only the scripts of the report, by their SHA-256, and no network request. So a
     name from a file cannot run a script, even if the escaping of the template fails.
     """
-    import jinja2
-
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["worded"] = _worded
-    environment.filters["rendered"] = _ours  # remarks are rendered for HTML, with everything from a file escaped
-    scripts = [_part("vendor/plotly-basic.min.js"), _part("page/report.js")]
+    scripts = [part("vendor/plotly-basic.min.js"), part("page/report.js")]
     allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
     policy = (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
         "form-action 'none'"
     )
     words = {key: value for key, value in data.items() if key != "pictures"}
-    return environment.from_string(_part("page/report.html")).render(
+    template = environment().from_string(part("page/report.html"))
+    found: str = template.render(
         **words,
         policy=policy,
-        style=_ours(_part("page/report.css")),
+        style=_ours(part("page/report.css")),
         scripts=[_ours(script) for script in scripts],
         pictures=_ours(as_json(data["pictures"])),
     )
+    return found
+
+
+def environment() -> Any:
+    """The environment of the templates: everything is escaped, except what a filter marks as safe."""
+    import jinja2
+
+    made = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    made.filters["worded"] = _worded
+    made.filters["rendered"] = _ours  # remarks are rendered for HTML, with everything from a file escaped
+    made.filters["trusted"] = _ours
+    return made
 
 
 def as_json(value: Any) -> str:
@@ -77,11 +83,12 @@ def _ours(text: str) -> Any:
 
 def _worded(text: str) -> Any:
     """Escape a text, and show the parts between backticks as code."""
-    return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", html.escape(text)))
+    return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
 
 
 @cache
-def _part(name: str) -> str:
+def part(name: str) -> str:
+    """The text of a file of the page."""
     return files("gmwm.reports").joinpath(name).read_text(encoding="utf-8")
 
 

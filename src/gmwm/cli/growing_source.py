@@ -1,0 +1,52 @@
+"""A text that is being written: a file or standard input, and Ctrl-C as its end."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
+
+
+@contextmanager
+def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
+    """Open the file or standard input, with its name."""
+    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
+
+    if file != "-" and not Path(file).is_file():
+        problem = "is not a file" if Path(file).exists() else "does not exist"
+        raise OptionError(
+            f"{file} {problem}",
+            argument="file",
+            got=file,
+            advice="Pass a text file that is being written, or - for standard input.",
+        )
+    take = GrowingPipe(sys.stdin.buffer) if file == "-" else GrowingFile(Path(file))
+    try:
+        yield take, Path("standard input" if file == "-" else file)
+    finally:
+        take.close()
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns whether Ctrl-C was pressed. A second Ctrl-C raises KeyboardInterrupt."""
+    pressed = False
+
+    def note(*_: Any) -> None:
+        nonlocal pressed
+        pressed = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield lambda: pressed
+    finally:
+        signal.signal(signal.SIGINT, before)

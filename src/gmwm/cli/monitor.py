@@ -1,0 +1,232 @@
+"""gmwm monitor: report when a sensor at rest has changed."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gmwm.cli.command import command
+from gmwm.cli.growing_source import growing_source, interruptible
+from gmwm.cli.options import RESULT, Json
+from gmwm.cli.output import NewFile, Outcome, file_names, tell
+from gmwm.cli.read_options import Axes, chosen_names
+from gmwm.durations import parse_length
+from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+from gmwm.remarks import Remark
+
+if TYPE_CHECKING:
+    from gmwm.monitor import Baseline, Event, Trace
+    from gmwm.readers.streams import Stream
+
+EXAMPLES = (
+    "gmwm monitor night.csv --from-fits results --every 30d",
+    "logger | gmwm monitor - --rate 100 --from-fits results/calibration.json --json",
+    "gmwm monitor log.csv --follow --from-fits results --plot soak.png",
+    "gmwm monitor unit.bag --from-fits fits.json --reference good.bag --axis gyro",
+)
+
+CHANGED = 1
+"""Exit code if there was an event."""
+
+
+@command
+def monitor(
+    file: Annotated[
+        str,
+        typer.Argument(
+            help="Recording in any supported format, or - for text on standard input.",
+            metavar="FILE|-",
+            show_default=False,
+        ),
+    ],
+    reading: ReadOptions,
+    from_fits: Annotated[
+        Path,
+        typer.Option(
+            help="Models of the sensor: the folder or calibration.json of gmwm calibrate, or a fits.json of gmwm fit.",
+            show_default=False,
+        ),
+    ],
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            help="Recording of the good sensor at rest, which the charts compare with. Default: the baseline in "
+            "calibration.json.",
+            show_default=False,
+        ),
+    ] = None,
+    every: Annotated[
+        str,
+        typer.Option(help="Average time between false alarms of a good sensor, all axes together.", metavar="LENGTH"),
+    ] = "30d",
+    axis: Axes = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Wait for more data at the end of a text file that is being written.")
+    ] = False,
+    idle: Annotated[
+        str | None,
+        typer.Option(
+            help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
+            metavar="LENGTH",
+            show_default=False,
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            help="Plot the signals with the events, and the charts, to this .png, .pdf or .svg file.",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Write a summary to this .html file.", rich_help_panel=RESULT, show_default=False
+        ),
+    ] = None,
+    json: Json = False,
+) -> Outcome:
+    """Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, lost samples.
+
+    Prints one line for each event as soon as it is named: one second after the first alarm, up to a minute for slow
+    changes of the level. With --json, each event is one line of JSON, and the last line is a summary.
+
+    The charts compare the innovations of the calibrated models with a baseline. The sensor must be at rest. If three
+    axes change within a second, the unit was moved, and the charts rest until it is still again.
+
+    Exit codes: 0 no event, 1 at least one event, 2 error.
+    """
+    patience = None if idle is None else parse_length(idle, "idle")
+    seconds = parse_length(every, "every")
+    with _opened(file, reading, follow, patience) as (stream, ended):
+        trace = _trace(
+            from_fits,
+            stream,
+            reference=reference,
+            reading=reading,
+            every=seconds,
+            axes=axis,
+            pictures=plot is not None or output is not None,
+        )
+        _shown(_watched(stream, trace), json)
+    remarks = ended()
+    files = []
+    if plot is not None:
+        files.append(NewFile(plot, lambda path: trace.plot(path=path), f"plotting {plot.name}"))
+    if output is not None:
+        files.append(NewFile(output, trace.report, f"writing {output.name}"))
+    summary = trace.to_dict()
+    return Outcome(
+        command="monitor",
+        document={"file": file, **summary, "written": file_names(files)},
+        text=trace.summary(),
+        files=tuple(files),
+        remarks=remarks,
+        status=CHANGED if trace.events else 0,
+        in_one_line=True,
+    )
+
+
+@contextmanager
+def _opened(
+    file: str, reading: ReadOptions, follow: bool, idle: float | None
+) -> Iterator[tuple[Stream, Callable[[], tuple[Remark, ...]]]]:
+    """The samples of a file or of growing text, and a function that says how the text ended."""
+    from gmwm.readers.api import stream_file
+    from gmwm.readers.growing_files import Lines, growing_stream
+
+    if file != "-" and not follow:
+        if idle is not None:
+            raise OptionError(
+                "--idle needs a file that is being written",
+                argument="idle",
+                got=idle,
+                advice="Add {--follow}, or leave {--idle} out.",
+            )
+        yield stream_file(file, reading), tuple
+        return
+    with growing_source(file) as (take, name), interruptible() as stopped:
+        came = time.monotonic()
+
+        def noted() -> bytes | None:
+            nonlocal came
+            data = take()
+            if data:
+                came = time.monotonic()
+            return data
+
+        lines = Lines(noted, lambda: not stopped() and (idle is None or time.monotonic() - came < idle))
+
+        def ended() -> tuple[Remark, ...]:
+            found = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
+            return (*found, *([Remark.of("last-line-left-out", str(name))] if lines.rest else []))
+
+        yield growing_stream(lines, name, reading), ended
+
+
+def _trace(
+    from_fits: Path, stream: Stream, *, reference: Path | None, reading: ReadOptions, every: float,
+    axes: list[str] | None, pictures: bool,
+) -> Trace:  # fmt: skip
+    """The monitor of a stream. What a user needs to know about it becomes warnings."""
+    from gmwm.monitor import Monitor, Trace, baselines
+    from gmwm.monitor.setup import check_rate
+    from gmwm.readers.api import stream_file
+
+    models = _models(from_fits)
+    both = [axis for axis in stream.axes if axis in models]
+    if not both:
+        raise OptionError(
+            f"the models and the recording have no axis in common: {from_fits} has {', '.join(models)}, the recording "
+            f"has {', '.join(stream.axes)}",
+            argument="from_fits",
+            got=str(from_fits),
+        )
+    names = chosen_names(both, axes)
+    rate = next(iter(models.values())).wavelet_variance.rate
+    check_rate(stream.rate, rate)
+    known: Mapping[str, Baseline] | None = None
+    if reference is not None:
+        known = baselines(models, stream_file(reference, reading), names)
+    made = Monitor(models, every, baseline="auto" if known is None else known, axes=names)
+    for remark in made.remarks:
+        tell(remark)
+    return Trace(made, pictures=pictures)
+
+
+def _models(path: Path) -> Mapping[str, Any]:
+    """The calibration at a path, or the fits."""
+    from gmwm import Calibration, Fit
+    from gmwm.cli.output import calibration_file
+    from gmwm.cli.plan import fits_in
+
+    file = calibration_file(path)
+    if file.is_file() and '"gmwm-calibration"' in file.read_text(encoding="utf-8", errors="replace")[:200]:
+        return Calibration.load(file)
+    _, fits = fits_in(path)
+    return {axis: Fit.from_dict(content) for axis, content in fits.items()}
+
+
+def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
+    """The events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end."""
+    try:
+        for chunk in stream:
+            yield from trace.update(chunk)
+    except KeyboardInterrupt:
+        pass
+    yield from trace.finish()
+
+
+def _shown(events: Iterable[Event], json: bool) -> None:
+    """Print each event when it is named."""
+    for event in events:
+        print(json_module.dumps(event.to_dict()) if json else event, file=sys.stdout, flush=True)

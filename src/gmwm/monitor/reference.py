@@ -1,0 +1,81 @@
+"""Baselines from a reference recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.errors import DataError
+from gmwm.monitor.baseline import Baseline
+from gmwm.monitor.setup import check_rate, chunks_of, common_rate, models_of
+
+if TYPE_CHECKING:
+    from gmwm.readers.streams import Stream
+    from gmwm.signals import Imu
+
+LONGEST = 1 << 21
+"""Largest number of samples of a reference that are used, the first ones."""
+
+
+def baselines(
+    calibration: Mapping[str, Any], recording: Imu | Stream, axes: Sequence[str] | None = None
+) -> dict[str, Baseline]:
+    """Measure the baseline of each axis in a recording of a good sensor at rest, which `Monitor` compares with.
+
+    `calibrate` does this with the recording that it calibrates.
+
+    Parameters
+    ----------
+    calibration : Calibration, or mapping of axis to Fit or Model
+        The models.
+    recording : Imu or Stream
+        The reference; its first 2.1 million samples are used.
+    axes : sequence of str, optional
+        The axes; all axes of the calibration by default.
+
+    Returns
+    -------
+    mapping of axis to Baseline
+
+    Raises
+    ------
+    DataError
+        If an axis is missing in the recording, or the recording is too short.
+    OptionError
+        If the sampling rate is not that of the calibration.
+
+    Examples
+    --------
+    >>> from gmwm import Model, simulate
+    >>> model = "WN(sigma2=1e-6) + RW(gamma2=1e-14)"
+    >>> quiet = simulate({"gyro_x": model}, rate=100.0, samples=60_000, rng=1)
+    >>> found = baselines({"gyro_x": model}, quiet)["gyro_x"]
+    >>> found.ratios[:3].round(1).tolist(), found.equal
+    ([1.0, 1.0, 1.0], 1)
+    """
+    models = models_of(calibration, axes)
+    missing = [axis for axis in models if axis not in recording.axes]
+    if missing:
+        raise DataError(
+            f"the reference has no {missing[0]}; it has {', '.join(recording.axes)}",
+            argument="reference",
+            advice="Choose the axes to monitor with {--axis}.",
+        )
+    rate = common_rate(calibration, recording.rate)
+    check_rate(recording.rate, rate)
+    parts: dict[str, list[list[Vector]]] = {axis: [] for axis in models}
+    segment, total = -1, 0
+    for chunk in chunks_of(recording):
+        for axis, found in parts.items():
+            if chunk.segment != segment:
+                found.append([])
+            found[-1].append(chunk.values[axis])
+        segment, total = chunk.segment, total + len(chunk)
+        if total >= LONGEST:
+            break
+    return {
+        axis: Baseline.of(models[axis], [np.concatenate(part) for part in found], rate) for axis, found in parts.items()
+    }

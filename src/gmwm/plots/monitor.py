@@ -1,0 +1,92 @@
+"""The picture of a monitor: each signal with its events, and the heights of its charts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.axis_names import AXES, axis_quantity
+from gmwm.errors import DataError
+from gmwm.monitor import Event, Trace
+from gmwm.plots.axes import quiet
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.plots.labels import axis_title
+from gmwm.plots.linear import even_axis, time_unit
+from gmwm.plots.series import PAGE
+from gmwm.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMILLION
+from gmwm.plots.view import view_of
+from gmwm.units import SI_UNIT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+_CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
+HEIGHT = 30.0
+"""Height of a row (mm)."""
+
+
+def trace_figure(trace: Trace) -> Figure:
+    """Return the plot of `plot_trace` as data: a row for each axis, with its signal and its charts.
+
+    Raises
+    ------
+    DataError
+        If there are no samples.
+    """
+    axes = trace.monitor.axes
+    times = [trace.signal(axis)[0] for axis in axes]
+    if not times[0].size:
+        raise DataError("the monitor has no samples to draw", advice="Pass samples to the trace first.")
+    first, last = float(times[0][0]), float(times[0][-1])
+    unit, size = time_unit(max(last - first, 1.0 / trace.monitor.rate))
+    rows = []
+    for axis in axes:
+        below = axis == axes[-1]
+        x = even_axis(first / size, max(last, first + 1e-9) / size, f"Time ({unit})", margin=0.01, at_most=6)
+        x = x if below else quiet(x)
+        own = [event for event in trace.events if event.axis in (axis, "")]
+        rows.append((_signal(trace, axis, own, x=x, size=size), _charts(trace, axis, x=x, size=size)))
+    return Figure(tuple(rows), width=PAGE, height=18.0 + HEIGHT * len(rows), legend_columns=3)
+
+
+def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, size: float) -> Panel:
+    times, extremes = trace.signal(axis)
+    shown = view_of(SI_UNIT[axis_quantity(axis)] if axis in AXES else "", "allan", "si")
+    low, high = shown.factor * extremes[:, 0], shown.factor * extremes[:, 1]
+    middle = float(np.median(0.5 * (low + high)))
+    low, high = low - middle, high - middle
+    y = even_axis(float(low.min()), float(high.max()), shown.unit, margin=0.1, at_most=4)
+    marks: list[Mark] = [Band(times / size, low, high, BLUE, opacity=0.8, label="Signal less its median")]
+    if events:
+        at, height = _uprights(np.array([event.time for event in events]) / size, y.limits)
+        marks.append(Line(at, height, Stroke(VERMILLION, 1.0), label="Event", layer=2))
+    return Panel(x, y, tuple(marks), axis_title(axis))
+
+
+def _charts(trace: Trace, axis: str, *, x: Axis, size: float) -> Panel:
+    times, heights = trace.heights(axis)
+    marks: list[Mark] = [
+        Line(times / size, heights[family], Stroke(colour, 0.9), label=label)
+        for family, (label, colour) in _CHARTS.items()
+    ]
+    ends = np.array(x.limits)
+    marks.append(Line(ends, np.ones(2), Stroke(VERMILLION, 0.9, DASHED), label="Threshold"))
+    return Panel(x, even_axis(0.0, 1.1, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
+
+
+def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vector]:
+    """Vertical lines as one interrupted curve."""
+    x = np.repeat(places, 3)
+    y = np.tile(np.array([limits[0], limits[1], np.nan]), places.size)
+    return x, y
+
+
+def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+    """Draw the signals with the events, and the heights of the charts: see `Trace.plot`."""
+    from gmwm.plots.matplotlib import draw
+
+    return draw(trace_figure(trace), path=path)

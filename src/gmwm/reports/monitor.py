@@ -1,0 +1,65 @@
+"""The summary of a monitor as one self-contained HTML page."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from gmwm._files import write_text
+from gmwm._text import duration_text
+from gmwm.errors import OptionError
+from gmwm.monitor import Trace
+from gmwm.reports.write import environment, part
+
+
+def monitor_data(trace: Trace) -> dict[str, Any]:
+    """The content of the page, without the picture, as numbers and texts."""
+    one = trace.monitor
+    rows = [["Time (s)", "Began (s)", "Axis", "Kind", "Event"]]
+    rows += [
+        [f"{event.time:.2f}", f"{event.began:.2f}", event.axis or "unit", event.kind, event.description]
+        for event in trace.events
+    ]
+    facts = [
+        ("Axes", ", ".join(one.axes)),
+        ("Duration", duration_text(one.samples / one.rate)),
+        ("Samples", str(one.samples)),
+        ("Sampling rate", f"{one.rate:g} Hz"),
+        ("Time between false alarms", duration_text(one.every)),
+        ("Baseline", ", ".join(one.baselines) or "none: the models alone"),
+    ]
+    return {
+        "title": "Monitor of a sensor at rest",
+        "gmwm": metadata.version("gmwm"),
+        "state": "bad" if trace.events else "good",
+        "headline": trace.summary(),
+        "facts": facts,
+        "rows": rows,
+    }
+
+
+def monitor_report(trace: Trace, path: str | os.PathLike[str]) -> Path:
+    """Write the summary: see `Trace.report`."""
+    file = Path(path)
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(argument="path", expected="a file name that ends in .html", got=str(path))
+    write_text(file, page(trace))
+    return file
+
+
+def page(trace: Trace) -> str:
+    """Render the summary as HTML, with the picture in it."""
+    buffer = io.BytesIO()
+    trace.plot().savefig(buffer, format="png", dpi=120)
+    template = environment().from_string(part("page/monitor.html"))
+    html: str = template.render(
+        **monitor_data(trace),
+        policy="default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
+        style=part("page/report.css"),
+        picture=base64.b64encode(buffer.getvalue()).decode(),
+    )
+    return html

@@ -1,0 +1,176 @@
+"""gmwm monitor: events of files, growing files and standard input; exit codes; pictures; errors."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import gmwm as library
+from gmwm.cli.main import app
+from gmwm.readers import growing_files
+
+RATE = 100.0
+SIGMA = 4.4e-4
+MODEL = f"WN(sigma2={SIGMA**2}) + RW(gamma2=1e-14)"
+AXES = ("gyro_x", "gyro_y")
+HEAD = "time [s],gyro_x [rad/s],gyro_y [rad/s]\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A calibration, a good recording, and one in which gyro_x jumps at 150 s and gyro_y gets noisier at 200 s."""
+    where = tmp_path_factory.mktemp("monitor")
+    imu = library.simulate(dict.fromkeys(AXES, MODEL), rate=RATE, samples=60_000, rng=1)
+    library.calibrate(imu, within="WN + RW").save(where / "calibration.json")
+    good = library.simulate(dict.fromkeys(AXES, MODEL), rate=RATE, samples=25_000, rng=2)
+    good.write(where / "good.parquet")
+    x = {axis: good[axis].values.copy() for axis in AXES}
+    x["gyro_x"][15_000:] += 5 * SIGMA
+    x["gyro_y"][20_000:] += 2 * SIGMA * np.random.default_rng(3).standard_normal(5000)
+    library.Imu.from_arrays(x, rate=RATE).write(where / "bad.csv")
+    return where
+
+
+def invoke(*words, text=None):
+    return CliRunner().invoke(app, ["monitor", *map(str, words)], input=text, prog_name="gmwm")
+
+
+def kinds(lines):
+    return [(event["kind"], event["axis"]) for event in map(json.loads, lines)]
+
+
+def test_a_good_recording_gives_exit_code_0(folder):
+    found = invoke(folder / "good.parquet", "--from-fits", folder)
+    assert found.exit_code == 0
+    assert found.stdout.startswith("no event in 4.2 min (25000 samples) of gyro_x, gyro_y")
+
+
+def test_events_are_lines_and_give_exit_code_1(folder):
+    found = invoke(folder / "bad.csv", "--from-fits", folder / "calibration.json")
+    assert found.exit_code == 1
+    first, second, last = found.stdout.splitlines()
+    assert first.startswith("150.0 s  gyro_x  level jumped by 0.13 deg/s")
+    assert "gyro_y  noise rose by a factor of 2" in second
+    assert last.startswith("2 events in")
+
+
+def test_json_is_one_event_in_each_line_and_a_summary(folder):
+    found = invoke(folder / "bad.csv", "--from-fits", folder, "--json", "--every", "3d")
+    *lines, last = found.stdout.splitlines()
+    assert kinds(lines) == [("jump", "gyro_x"), ("noise-up", "gyro_y")]
+    event = json.loads(lines[0])
+    assert event["unit"] == "rad/s"
+    assert event["size"] == pytest.approx(5 * SIGMA, rel=0.2)
+    assert event["began"] == pytest.approx(150.0, abs=0.1)
+    summary = json.loads(last)
+    assert summary["command"] == "monitor"
+    assert summary["every"] == 3 * 86_400
+    assert summary["samples"] == 25_000
+    assert summary["events"] == [json.loads(line) for line in lines]
+
+
+def test_a_reference_is_measured(folder):
+    found = invoke(folder / "bad.csv", "--from-fits", folder, "--reference", folder / "good.parquet", "--json")
+    assert found.exit_code == 1
+    assert json.loads(found.stdout.splitlines()[0])["kind"] == "jump"
+
+
+def test_standard_input(folder):
+    text = (folder / "bad.csv").read_text()
+    found = invoke("-", "--from-fits", folder, "--axis", "gyro_y", "--json", text=text)
+    assert found.exit_code == 1
+    *lines, last = found.stdout.splitlines()
+    assert kinds(lines) == [("noise-up", "gyro_y")]
+    assert json.loads(last)["axes"] == ["gyro_y"]
+
+
+@pytest.mark.slow
+def test_a_process_writes_a_growing_file_with_a_fault_and_the_command_reports_it(folder, tmp_path):
+    path = tmp_path / "log.csv"
+    lines = (folder / "bad.csv").read_text().splitlines(keepends=True)
+    writer = (
+        "import sys, time\n"
+        f"lines = open({str(folder / 'bad.csv')!r}).readlines()\n"
+        f"file = open({str(path)!r}, 'w')\n"
+        "for k in range(0, len(lines), 500):\n"
+        "    file.write(''.join(lines[k : k + 500])); file.flush(); time.sleep(0.02)\n"
+    )
+    path.write_text("")
+    with subprocess.Popen([sys.executable, "-c", writer]) as process:
+        time.sleep(0.1)
+        command = [
+            sys.executable, "-m", "gmwm", "monitor", str(path), "--follow", "--idle", "3s", "--from-fits", str(folder),
+            "--json",
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert process.wait() == 0
+    assert done.returncode == 1, done.stderr
+    *events, last = done.stdout.splitlines()
+    assert kinds(events) == [("jump", "gyro_x"), ("noise-up", "gyro_y")]
+    assert json.loads(last)["samples"] == len(lines) - 1
+
+
+def test_events_are_printed_before_the_input_ends(folder, monkeypatch):
+    """The command must not wait for the end of standard input."""
+    monkeypatch.setattr(growing_files, "POLL", 0.005)
+    command = [sys.executable, "-m", "gmwm", "monitor", "-", "--from-fits", str(folder), "--json"]
+    lines = (folder / "bad.csv").read_text().splitlines(keepends=True)
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write("".join(lines[:18_000]))
+        process.stdin.flush()
+        guard = threading.Timer(60.0, process.kill)
+        guard.start()
+        first = process.stdout.readline()
+        guard.cancel()
+        assert json.loads(first)["kind"] == "jump"
+        process.stdin.close()
+        assert json.loads(process.stdout.read().splitlines()[-1])["samples"] == 18_000 - 1
+    assert process.returncode == 1
+
+
+@pytest.mark.slow
+def test_pictures_and_a_page_are_written(folder, tmp_path):
+    picture, page = tmp_path / "soak.png", tmp_path / "soak.html"
+    found = invoke(folder / "bad.csv", "--from-fits", folder, "--plot", picture, "--output", page)
+    assert found.exit_code == 1
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    html = page.read_text(encoding="utf-8")
+    assert "level jumped by 0.13 deg/s" in html
+    assert "Content-Security-Policy" in html
+    assert html.count("<tr>") == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (("missing.csv", "--from-fits", "{folder}"), "missing.csv"),
+        (("{folder}/bad.csv", "--from-fits", "missing"), "missing"),
+        (("{folder}/bad.csv", "--from-fits", "{folder}", "--every", "soon"), "--every"),
+        (("{folder}/bad.csv", "--from-fits", "{folder}", "--idle", "3s"), "--idle"),
+        (("{folder}/bad.csv", "--from-fits", "{folder}", "--axis", "accel"), "--axis"),
+        (("{folder}/bad.csv", "--from-fits", "{folder}", "--output", "a.txt"), ".html"),
+        (("{folder}/bad.csv", "--from-fits", "{folder}", "--rate", "250", "--columns", "time="), "--rate"),
+    ],
+)
+def test_wrong_use_is_one_line_and_exit_code_2(folder, words, part):
+    found = invoke(*(word.format(folder=folder) for word in words))
+    assert found.exit_code == 2
+    assert part in found.stderr.splitlines()[-1]
+    assert "Traceback" not in found.stderr
+
+
+def test_a_recording_without_the_axes_of_the_calibration_is_refused(folder, tmp_path: Path):
+    library.simulate({"accel_x": "WN(sigma2=1e-4)"}, rate=RATE, samples=1000, rng=1).write(tmp_path / "a.csv")
+    found = invoke(tmp_path / "a.csv", "--from-fits", folder)
+    assert found.exit_code == 2
+    assert "accel_x" in found.stderr
