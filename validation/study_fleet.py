@@ -10,11 +10,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from numpy.typing import NDArray
 from scipy.stats import t
 
 from gmwm.fleets.outlier_units import deviants
+from gmwm.random_effects import effects, predicted, spread_limits
 
 NAME = "fleet"
 SEED = 20270322
