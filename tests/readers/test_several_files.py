@@ -7,7 +7,7 @@ import gmwm
 from gmwm.errors import OptionError, ReadError
 from gmwm.readers import read, stream
 from gmwm.signals import Imu
-from tests.helpers import only, raises, warns
+from tests.helpers import only, raises
 
 ROWS = 1200
 VALUES = np.random.default_rng(1).normal(size=ROWS).round(6)
@@ -47,11 +47,29 @@ def test_one_recording(tmp_path, form, lost):
     assert {chunk.segment for chunk in chunks} == ({0, 1} if lost else {0})
 
 
-def test_without_time_stamps_a_sample_is_lost_between_files(tmp_path):
-    with warns("samples-lost", count=2):
-        imu = read(hours(tmp_path, stamped=False), 100)
+def test_without_time_stamps_the_recording_is_cut_between_files(tmp_path):
+    files = hours(tmp_path, stamped=False)
+    imu = read(files, 100)
     assert imu.segments == ((0, 400), (400, 800), (800, ROWS))
-    assert imu["gyro_x"].starts == pytest.approx((0, 4.01, 8.02))
+    assert imu["gyro_x"].starts == pytest.approx((0, 4, 8))
+    assert imu.time_base.lost == 0
+    assert imu["gyro_x"].fill_gaps().filled == 0
+    assert only(gmwm.inspect(imu).remarks, "gaps").facts["length"] == "unknown"
+    for chunk in (90, 400, 5_000):
+        parts = list(stream(files, 100, chunk=chunk))
+        assert {part.segment for part in parts} == {0, 1, 2}
+        np.testing.assert_array_equal(np.concatenate([part.values["gyro_x"] for part in parts]), imu["gyro_x"].values)
+
+
+def test_files_are_not_filled_where_the_mean_differs(tmp_path):
+    paths = []
+    for k in range(3):
+        values = np.random.default_rng(k).normal(3.0 * k, 1e-3, 3_000)
+        paths.append(tmp_path / f"{k}.csv")
+        np.savetxt(paths[-1], values, header="gyro_x [rad/s]", comments="")
+    wv = gmwm.wavelet_variance(read(paths, 100))["gyro_x"]
+    assert wv.segments == (3_000, 3_000, 3_000)
+    assert wv.variance.max() < 1e-6
 
 
 def test_files_of_several_formats(tmp_path):

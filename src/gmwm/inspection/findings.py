@@ -49,7 +49,9 @@ def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
     filled, count = extent.filled
     if len(extent.joined) > 1:
         missing = sum(duration - 1 / base.rate for _, duration in base.gaps) - filled / base.rate
-        yield Remark.of("gaps", segments=len(extent.joined), missing=Quantity(max(float(missing), 0.0), "s"))
+        length = "known" if missing > 0.5 / extent.rate else "unknown"
+        span = Quantity(max(float(missing), 0.0), "s")
+        yield Remark.of("gaps", segments=len(extent.joined), missing=span, length=length)
     if count:
         yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)
     if base.lost:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from gmwm.readers.base import Rows
 from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase
 
+CUT = -1
+"""Key of a column of bool among rows: the recording is cut before these rows, and what is missing is not known."""
 MISSING = int(np.iinfo(np.int64).min)
 """A missing integer, which is also the missing time of NumPy (NaT)."""
 
@@ -54,7 +56,8 @@ class Sifted:
     lost : (n,) array of bool, or None
         Rows without a value in some axis; None if there is none.
     cut : (n + 1,) array of bool, or None
-        Rows before which a row that cannot be placed was left out; the last entry is for the row that follows.
+        Rows before which the recording is cut, or a row that cannot be placed was left out; the last entry is for the
+        row that follows.
     unplaced, other : int
         Number of rows that were left out because they have no time stamp, and because they have no value in any axis.
     """
@@ -78,6 +81,11 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
     axes : iterable of str
         The axes among the roles.
     """
+    marked = rows.get(CUT)
+    if marked is not None:
+        rest = sift({k: column for k, column in rows.items() if k != CUT}, columns, axes)
+        assert rest.cut is None, "rows with time stamps are not marked"
+        return replace(rest, cut=np.append(marked, False))
     missing = [is_missing(rows[columns[axis]]) for axis in axes]
     unstamped = is_missing(rows[columns["time"]]) if "time" in columns else None
     if unstamped is None and not any(one is not None for one in missing):

@@ -1,8 +1,8 @@
 """Several files that continue one another, such as a file for each hour, as one recording.
 
 They are a sequence of paths, or a pattern such as logs/hour_*.csv, whose files are in the order of the numbers in their
-names. The time stamps show how much is missing between two files. Without time stamps this is not known, and one sample
-counts as lost.
+names. The time stamps show how much is missing between two files. Without time stamps this is not known: the recording
+is cut there, and nothing is filled.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
-from gmwm.readers.lost_samples import MISSING
+from gmwm.readers.lost_samples import CUT
 from gmwm.remarks import Remark
 
 Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
@@ -93,11 +92,10 @@ class SeveralFiles(Reader):
         """The rows of all files."""
         for k, (file, reader) in enumerate(zip(self._files, self._readers, strict=True)):
             own = layout if k == 0 else self._alike(file, reader, layout, wanted)
-            last: Rows = {}
-            for last in reader.chunks(file, own, wanted):
-                yield last
-            if not layout.stamped and last and k + 1 < len(self._files):
-                yield {column: _missing(values) for column, values in last.items()}
+            cut = k > 0 and not layout.stamped
+            for rows in reader.chunks(file, own, wanted):
+                yield _cut_before(rows) if cut else rows
+                cut = False
 
     def _alike(self, file: Path, reader: Reader, layout: Layout, wanted: Sequence[int]) -> Layout:
         """The recording of another file that continues the recording of the first file.
@@ -120,6 +118,8 @@ class SeveralFiles(Reader):
         )
 
 
-def _missing(values: NDArray[Any]) -> NDArray[Any]:
-    """A missing value of the type of a column."""
-    return np.full(1, np.nan if values.dtype.kind == "f" else MISSING, dtype=values.dtype)
+def _cut_before(rows: Rows) -> Rows:
+    """The rows with a mark that the recording is cut before the first one."""
+    cut = np.zeros(next(iter(rows.values())).size, dtype=bool)
+    cut[:1] = True
+    return {**rows, CUT: cut}

@@ -16,7 +16,7 @@ from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.readers.builder import RowSummary, SampleBuilder
 from gmwm.readers.columns import Choice
 from gmwm.readers.interpretation import Interpretation, RowSource
-from gmwm.readers.lost_samples import as_floats
+from gmwm.readers.lost_samples import CUT, as_floats
 from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.several_files import SeveralFiles, files_of, source_words
 from gmwm.readers.topics import one_layout
@@ -83,10 +83,13 @@ class FileRows:
         """The rows of the chosen columns in memory. Only time stamps need the precision of integers."""
         wanted = list(choice.columns.values())
         parts: dict[int, list[Any]] = {k: [] for k in wanted}
+        cuts, marked = [], False
         for chunk in self.chunks(wanted):
             for k in wanted:
                 parts[k].append(chunk[k])
-        rows = {}
+            cuts.append(chunk.get(CUT, np.zeros(chunk[wanted[0]].size, dtype=bool)))
+            marked |= CUT in chunk
+        rows = {CUT: np.concatenate(cuts)} if marked else {}
         for role, k in choice.columns.items():
             pieces = parts.pop(k)
             column = np.concatenate(pieces) if pieces else np.empty(0)
@@ -102,7 +105,7 @@ class HeldRows:
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
         """All rows of the wanted columns, at once."""
-        yield {k: self.rows[k] for k in wanted}
+        yield {k: self.rows[k] for k in (*wanted, *([CUT] if CUT in self.rows else []))}
 
     def first(self, choice: Choice) -> Rows:
         """All rows."""
