@@ -106,6 +106,13 @@ def test_power_law_noise_becomes_a_sum_of_markov_processes(text: str) -> None:
         sums = sums[::2] + sums[1::2]
 
 
+@pytest.mark.slow
+def test_a_constant_level_is_never_forgotten() -> None:
+    x = 5.0 + np.random.default_rng(6).standard_normal(2_000_000)
+    e = whitener("WN(sigma2=1)").update(x)
+    assert abs(np.mean(e[1_500_000:])) < 5 / np.sqrt(500_000)
+
+
 def test_models_without_values_or_noise_are_refused() -> None:
     with pytest.raises(ModelError):
         Finite.of(Model.parse("WN + RW"), RATE)

@@ -259,12 +259,13 @@ class Whitener:
         self._rows = self._responses()
         # A part of the initial state that has decayed is integrated out.
         covariance = np.linalg.inv(self.information)
-        size = np.max(self._rows**2, axis=0) * np.diag(covariance)
+        mean = covariance @ self.moments
+        # The effect of a constant level never decays, however well it is known.
+        size = np.max(self._rows**2, axis=0) * (np.diag(covariance) + mean**2)
         kept = size > FORGOTTEN
         if np.all(kept):
             return
         self.columns = int(np.count_nonzero(kept))
-        mean = covariance @ self.moments
         part = covariance[np.ix_(kept, kept)]
         self.information = np.linalg.inv(part) if self.columns else np.zeros((0, 0))
         self.moments = self.information @ mean[kept]
