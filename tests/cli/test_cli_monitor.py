@@ -174,3 +174,24 @@ def test_a_recording_without_the_axes_of_the_calibration_is_refused(folder, tmp_
     found = invoke(tmp_path / "a.csv", "--from-fits", folder)
     assert found.exit_code == 2
     assert "accel_x" in found.stderr
+
+
+def test_three_units_are_compared_and_the_changed_one_is_named(folder, tmp_path):
+    paths = []
+    for k, name in enumerate("abc"):
+        imu = library.simulate(dict.fromkeys(AXES, MODEL), rate=RATE, samples=25_000, rng=40 + k)
+        x = {axis: imu[axis].values.copy() for axis in AXES}
+        if name == "b":
+            x["gyro_y"][20_000:] += 4 * SIGMA
+        paths.append(tmp_path / f"{name}.parquet")
+        library.Imu.from_arrays(x, rate=RATE).write(paths[-1])
+    found = invoke(*paths, "--from-fits", folder)
+    assert found.exit_code == 1
+    event, last = found.stdout.splitlines()
+    assert event.startswith("b: 200.1 s  gyro_y  level jumped by")
+    assert last == "1 event of 3 units"
+    found = invoke(*paths, "--from-fits", folder, "--json", "--axis", "gyro_x")
+    assert found.exit_code == 0
+    assert json.loads(found.stdout)["events"] == []
+    for words in ((*paths[:2],), (*paths, "--plot", "a.png"), (*paths, "--follow")):
+        assert invoke(*words, "--from-fits", folder).exit_code == 2

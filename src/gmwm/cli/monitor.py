@@ -12,24 +12,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gmwm._text import counted
 from gmwm.cli.command import command
 from gmwm.cli.growing_source import growing_source, interruptible
 from gmwm.cli.options import RESULT, Json
 from gmwm.cli.output import NewFile, Outcome, file_names, tell
-from gmwm.cli.read_options import Axes, chosen_names
+from gmwm.cli.read_options import Axes, chosen_names, names_of
 from gmwm.durations import parse_length
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
-    from gmwm.monitor import Baseline, Event, Trace
+    from gmwm.monitor import Baseline, Event, Trace, UnitEvent
     from gmwm.readers.streams import Stream
 
 EXAMPLES = (
     "gmwm monitor night.csv --from-fits results --every 30d",
     "logger | gmwm monitor - --rate 100 --from-fits results/calibration.json --json",
     "gmwm monitor log.csv --follow --from-fits results --plot soak.png",
+    "gmwm monitor a.csv b.csv c.csv --from-fits results",
     "gmwm monitor unit.bag --from-fits fits.json --reference good.bag --axis gyro",
 )
 
@@ -39,11 +41,12 @@ CHANGED = 1
 
 @command
 def monitor(
-    file: Annotated[
-        str,
+    files: Annotated[
+        list[str],
         typer.Argument(
-            help="Recording in any supported format, or - for text on standard input.",
-            metavar="FILE|-",
+            help="Recording in any supported format, or - for text on standard input; or recordings of three or more "
+            "units side by side.",
+            metavar="FILE|-…",
             show_default=False,
         ),
     ],
@@ -103,10 +106,17 @@ def monitor(
     The charts compare the innovations of the calibrated models with a baseline. The sensor must be at rest. If three
     axes change within a second, the unit was moved, and the charts rest until it is still again.
 
+    Three or more recordings of units side by side at rest are compared with each other, which removes what they share;
+    each event names the unit that has changed.
+
     Exit codes: 0 no event, 1 at least one event, 2 error.
     """
     patience = None if idle is None else parse_length(idle, "idle")
     seconds = parse_length(every, "every")
+    if len(files) > 1:
+        _require_alone(reference=reference, follow=follow, idle=idle, plot=plot, output=output)
+        return _side_by_side(files, reading, from_fits=from_fits, every=seconds, axes=axis, json=json)
+    (file,) = files
     with _opened(file, reading, follow, patience) as (stream, ended):
         trace = _trace(
             from_fits,
@@ -119,17 +129,17 @@ def monitor(
         )
         _shown(_watched(stream, trace), json)
     remarks = ended()
-    files = []
+    made = []
     if plot is not None:
-        files.append(NewFile(plot, lambda path: trace.plot(path=path), f"plotting {plot.name}"))
+        made.append(NewFile(plot, lambda path: trace.plot(path=path), f"plotting {plot.name}"))
     if output is not None:
-        files.append(NewFile(output, trace.report, f"writing {output.name}"))
+        made.append(NewFile(output, trace.report, f"writing {output.name}"))
     summary = trace.to_dict()
     return Outcome(
         command="monitor",
-        document={"file": file, **summary, "written": file_names(files)},
+        document={"file": file, **summary, "written": file_names(made)},
         text=trace.summary(),
-        files=tuple(files),
+        files=tuple(made),
         remarks=remarks,
         status=CHANGED if trace.events else 0,
         in_one_line=True,
@@ -203,6 +213,45 @@ def _trace(
     return Trace(made, pictures=pictures)
 
 
+def _require_alone(**options: object) -> None:
+    """Raise an error if an option applies to one recording only."""
+    for name, value in options.items():
+        if value:
+            raise OptionError(
+                f"--{name} applies to one recording, and there are several", argument=name, got=str(value),
+                advice="Leave it out, or monitor each recording alone.",
+            )  # fmt: skip
+
+
+def _side_by_side(
+    files: list[str], reading: ReadOptions, *, from_fits: Path, every: float, axes: list[str] | None, json: bool
+) -> Outcome:
+    """Monitor several units against each other."""
+    from gmwm.monitor import redundant
+    from gmwm.readers.api import stream_file
+
+    models = _models(from_fits)
+    streams = {
+        name: stream_file(file, reading) for name, file in zip(names_of([Path(f) for f in files]), files, strict=True)
+    }
+    both = [axis for axis in models if all(axis in stream.axes for stream in streams.values())]
+    found: list[UnitEvent] = []
+
+    def noted() -> Iterator[UnitEvent]:
+        for event in redundant(models, streams, every, axes=chosen_names(both, axes)):
+            found.append(event)
+            yield event
+
+    _shown(noted(), json)
+    return Outcome(
+        command="monitor",
+        document={"files": files, "axes": both, "every": every, "events": [event.to_dict() for event in found]},
+        text=f"{counted(len(found), 'event') if found else 'no event'} of {counted(len(files), 'unit')}",
+        status=CHANGED if found else 0,
+        in_one_line=True,
+    )
+
+
 def _models(path: Path) -> Mapping[str, Any]:
     """The calibration at a path, or the fits."""
     from gmwm import Calibration, Fit
@@ -226,7 +275,7 @@ def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
     yield from trace.finish()
 
 
-def _shown(events: Iterable[Event], json: bool) -> None:
+def _shown(events: Iterable[Event | UnitEvent], json: bool) -> None:
     """Print each event when it is named."""
     for event in events:
         print(json_module.dumps(event.to_dict()) if json else event, file=sys.stdout, flush=True)

@@ -3,7 +3,8 @@
 from gmwm.monitor.api import Monitor
 from gmwm.monitor.baseline import Baseline
 from gmwm.monitor.events import Event
+from gmwm.monitor.redundant import UnitEvent, redundant
 from gmwm.monitor.reference import baselines
 from gmwm.monitor.trace import Trace
 
-__all__ = ["Baseline", "Event", "Monitor", "Trace", "baselines"]
+__all__ = ["Baseline", "Event", "Monitor", "Trace", "UnitEvent", "baselines", "redundant"]

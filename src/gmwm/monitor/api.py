@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gmwm._arrays import Vector
 from gmwm.axis_names import AXES, axis_quantity
 from gmwm.chunks import Chunk
-from gmwm.errors import DataError, OptionError, ReadError
+from gmwm.errors import DataError, ReadError
 from gmwm.monitor.axis import Axis
 from gmwm.monitor.baseline import Baseline
 from gmwm.monitor.charts import LONGEST_REST, Alarm, ChartSettings
@@ -31,6 +31,7 @@ from gmwm.monitor.setup import (
 )
 from gmwm.monitor.stillness import Stillness
 from gmwm.monitor.whitening import Gain
+from gmwm.options import as_whole_number
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
@@ -170,6 +171,11 @@ class Monitor:
         """Whether the charts rest because the unit was moved and is not still yet."""
         return self._moved is not None
 
+    @property
+    def moving_for(self) -> float:
+        """Time (s) for which the charts have rested because the unit moves."""
+        return 0.0 if self._moved is None else self._moved.samples / self.rate
+
     def heights(self) -> dict[str, dict[str, float]]:
         """Height of the highest chart of each family now, as a share of its threshold, by axis."""
         return {axis: one.charts.heights() for axis, one in self._axes.items()}
@@ -240,11 +246,28 @@ class Monitor:
         list of Event
             The loss, unless one was reported in the last minute.
         """
-        if samples is not None and (isinstance(samples, bool) or not isinstance(samples, int) or samples < 1):
-            raise OptionError(argument="samples", expected="a whole number from 1, or None", got=samples)
+        if samples is not None:
+            samples = as_whole_number(samples, "samples", 1)
         events = self.finish()
         time = self._time(self._count)
         return events + self._after_gap(time + (samples or 0) / self.rate, samples)
+
+    def skip(self, samples: int) -> None:
+        """Pass over samples that are not to be judged, for example while the unit is moved on purpose.
+
+        The level is unknown afterwards, and all charts begin at 0. Alarms that are not named yet are dropped.
+
+        Parameters
+        ----------
+        samples : int
+            Number of samples.
+        """
+        samples = as_whole_number(samples, "samples", 0)
+        self._pool, self._deadline, self._moved = (), None, None
+        for axis in self._axes.values():
+            axis.skip(samples)
+            axis.begin_again()
+        self._count += samples
 
     def finish(self) -> list[Event]:
         """Name a fault whose time of naming is not over yet, at the end of the samples."""
@@ -366,7 +389,7 @@ class Monitor:
             by_axis.setdefault(axis, []).append(alarm)
         faults = {axis: self._axes[axis].name(alarms) for axis, alarms in by_axis.items()}
         hold = round(HOLD * self.rate)
-        moving = [axis for axis, fault in faults.items() if _is_motion(fault)]
+        moving = [axis for axis, fault in faults.items() if _is_motion(fault) or self._axes[axis].is_loud(self._naming)]
         # An axis with a reported fault has no new alarm, but it feels the motion too.
         others = [axis for axis, one in self._axes.items() if axis not in faults and one.is_loud(self._naming)]
         if moving and len(moving) + len(others) >= MOVED_AXES:

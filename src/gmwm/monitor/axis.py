@@ -16,6 +16,8 @@ from gmwm.monitor.whitening import Gain, Whitener
 
 LOUD = 3.0
 """Multiple of the limit of a spike beyond which an innovation is motion, not noise."""
+VERY_LOUD = 20.0
+"""Multiple of the limit of a spike beyond which an innovation is not explained by a fault that was reported before."""
 LARGER = 1.5
 """Factor by which a fault that comes back must be larger than before, to be reported again."""
 KEPT = 4096
@@ -34,6 +36,8 @@ _EXPLAINED: Mapping[str, frozenset[str]] = {
     "moved": _EVERYTHING - {"constant"},
 }
 """Alarms that a fault which is reported already explains, by its kind."""
+_SILENT = ("frozen", "saturated", "moved")
+"""Faults that explain innovations of any size."""
 _OWN: Mapping[str, frozenset[str]] = {
     "noise-up": frozenset({"noise up"}),
     "hum": frozenset({"noise up"}),
@@ -123,6 +127,8 @@ class Axis:
         known = self.open
         if known is None or alarm.sample > known.until or alarm.family not in _EXPLAINED[known.kind]:
             return False
+        if alarm.score > 0.5 * (VERY_LOUD * self.charts.spike) ** 2 and known.kind not in _SILENT:
+            return False  # motion, whatever was reported before
         hold = max(known.hold, alarm.sample - alarm.onset)
         self.open = Open(known.kind, max(known.until, alarm.sample + hold), known.hold)
         if alarm.family in _OWN.get(known.kind, ()):

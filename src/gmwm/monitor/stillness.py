@@ -27,10 +27,13 @@ class Stillness:
     Attributes
     ----------
     calm : int
+    samples : int
+        Number of samples since the motion was seen.
     held : mapping of axis to (n,) array
     """
 
     calm: int = 0
+    samples: int = 0
     held: Mapping[str, Vector] = field(default_factory=dict)
 
     def update(self, parts: Mapping[str, Vector], axes: Mapping[str, Axis], naming: int) -> tuple[int, Stillness, bool]:
@@ -42,22 +45,23 @@ class Stillness:
             axis: np.concatenate([self.held[axis], x[:used]]) if self.held else x[:used] for axis, x in parts.items()
         }
         if filled + used < block:
-            return used, replace(self, held=held), False
+            return used, replace(self, held=held, samples=self.samples + used), False
         calm = self.calm + 1 if all(_still(axes[axis], x) for axis, x in held.items()) else 0
-        return used, Stillness(calm), calm >= CALM
+        return used, Stillness(calm, self.samples + used), calm >= CALM
 
     def broken(self) -> Stillness:
         """The state after a gap."""
-        return Stillness()
+        return Stillness(samples=self.samples)
 
     def to_dict(self) -> dict[str, Any]:
         """The state as numbers and lists."""
-        return {"calm": self.calm, "held": {axis: x.tolist() for axis, x in self.held.items()}}
+        return {"calm": self.calm, "samples": self.samples, "held": {axis: x.tolist() for axis, x in self.held.items()}}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Stillness:
         """Make a state from the result of `to_dict`."""
-        return cls(content["calm"], {axis: np.array(x, dtype=np.float64) for axis, x in content["held"].items()})
+        held = {axis: np.array(x, dtype=np.float64) for axis, x in content["held"].items()}
+        return cls(content["calm"], content["samples"], held)
 
 
 def _still(axis: Axis, x: Vector) -> bool:

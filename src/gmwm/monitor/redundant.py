@@ -1,0 +1,223 @@
+"""Monitor several units side by side at rest: which one has changed?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.errors import DataError, OptionError
+from gmwm.likelihood.system import is_ramp
+from gmwm.monitor.api import NAMING, Monitor
+from gmwm.monitor.baseline import Baseline
+from gmwm.monitor.events import Event
+from gmwm.monitor.setup import as_every, check_rate, chunks_of, common_rate, models_of
+from gmwm.processes.model import Model
+from gmwm.readers.streams import Stream
+
+if TYPE_CHECKING:
+    from gmwm.signals import Imu
+
+LEAST = 3
+"""Number of units from which on the one that has changed can be named."""
+REFERENCE = 0.1
+"""Share of the recordings from which the baseline is measured, their beginning."""
+BLOCK = 1 << 11
+"""Number of samples that are compared at once."""
+CONSEQUENCES = 600.0
+"""Least time (s) for which events of other units on the same axis count as consequences."""
+LONGEST_MOTION = 60.0
+"""Time (s) for which all units may move together."""
+
+
+class UnitEvent(NamedTuple):
+    """An event of one of several units; the name is "" for all of them."""
+
+    name: str
+    event: Event
+
+    def to_dict(self) -> dict[str, Any]:
+        """The event with the name of its unit, ready for JSON."""
+        return {"source": self.name, **self.event.to_dict()}
+
+    def __str__(self) -> str:
+        return f"{self.name or 'all units'}: {self.event}"
+
+
+def redundant(
+    calibration: Mapping[str, Any],
+    recordings: Mapping[str, Imu | Stream],
+    every: str | float = "30d",
+    *,
+    axes: Sequence[str] | None = None,
+) -> Iterator[UnitEvent]:
+    """Monitor at least three units of one type at rest against each other, and name the one that has changed.
+
+    The signal of each unit less the mean of the others, r_i = x_i − Σ_{j≠i} x_j/(n − 1), is monitored with the model
+    times 1 + 1/(n − 1). What all units share, such as temperature and the motion of the table, is removed to a large
+    part. A fault of one unit changes the differences of the others too, but less, so the first and largest event of an
+    axis names the unit.
+
+    Parameters
+    ----------
+    calibration : Calibration, or mapping of axis to Fit or Model
+        The models of one unit, which hold for all of them.
+    recordings : mapping of name to Imu or Stream
+        Recordings of the same time, without gaps. The first tenth of them is the reference.
+    every : str or float
+        Average time between false alarms, all units and axes together.
+    axes : sequence of str, optional
+        The axes; all axes of the calibration that every recording has by default.
+
+    Returns
+    -------
+    iterator of UnitEvent
+
+    Raises
+    ------
+    OptionError
+        If there are fewer than three recordings, or their sampling rate is not that of the calibration.
+    DataError
+        If a recording has gaps, is too short, or the units move.
+
+    Examples
+    --------
+    >>> from gmwm import simulate
+    >>> model = {"gyro_x": "WN(sigma2=1e-6) + RW(gamma2=1e-14)"}
+    >>> units = {name: simulate(model, rate=100.0, samples=60_000, rng=k) for k, name in enumerate("abc")}
+    >>> list(redundant(model, units, every="10d"))
+    []
+    """
+    if len(recordings) < LEAST:
+        raise OptionError(
+            f"at least {LEAST} units are needed to name the one that has changed; got {len(recordings)}",
+            argument="recordings",
+            got=len(recordings),
+            advice="Monitor each unit alone, with the baseline of its own calibration.",
+        )
+    shared = [axis for axis in calibration if all(axis in one.axes for one in recordings.values())]
+    models = models_of(calibration, shared if axes is None else axes)
+    rate = common_rate(calibration, next(iter(recordings.values())).rate)
+    for recording in recordings.values():
+        check_rate(recording.rate, rate)
+    return _events(models, recordings, as_every(every), rate)
+
+
+def _events(
+    models: Mapping[str, Model], recordings: Mapping[str, Imu | Stream], every: float, rate: float
+) -> Iterator[UnitEvent]:
+    n = len(recordings)
+    apart = {axis: _times(model, 1.0 + 1.0 / (n - 1), rate) for axis, model in models.items()}
+    mean_of = {axis: _times(model, 1.0 / n, rate) for axis, model in models.items()}
+    common = Monitor(mean_of, every, rate=rate, baseline=None)
+    known = _baselines(apart, recordings, rate)
+    monitors = {name: Monitor(apart, every * n, rate=rate, baseline=known[name]) for name in recordings}
+    culprits = _Culprits(n)
+    for block in _blocks(recordings, list(models), BLOCK):
+        mean = {axis: np.asarray(sum(unit[axis] for unit in block.values()) / n) for axis in models}
+        motion = [event for event in common.update(mean) if event.kind in ("moved", "still")]
+        yield from (UnitEvent("", event) for event in motion)
+        if motion or common.resting:
+            _require_rest(common)
+            for one in monitors.values():
+                one.skip(next(iter(mean.values())).size)
+            continue
+        found = [
+            UnitEvent(name, event)
+            for name, one in monitors.items()
+            for event in one.update({a: n / (n - 1) * (x - mean[a]) for a, x in block[name].items()})
+        ]
+        yield from culprits.of(found)
+    yield from culprits.of([UnitEvent(name, event) for name, one in monitors.items() for event in one.finish()])
+
+
+class _Culprits:
+    """The first and largest event of each axis; the smaller ones of other units that follow it are its consequences."""
+
+    def __init__(self, units: int) -> None:
+        self._units = units
+        self._until: dict[str, tuple[str, float]] = {}
+
+    def of(self, found: list[UnitEvent]) -> Iterator[UnitEvent]:
+        """The events that name a unit."""
+        by_axis: dict[str, list[UnitEvent]] = {}
+        for one in found:
+            by_axis.setdefault(one.event.axis, []).append(one)
+        for axis, events in by_axis.items():
+            begin = min(one.event.time for one in events)
+            first = [one for one in events if one.event.time <= begin + NAMING]
+            for one in sorted(events, key=lambda one: (one not in first, -_magnitude(one.event), one.event.time)):
+                name, until = self._until.get(axis, ("", -np.inf))
+                if one.name != name and one.event.time <= until:
+                    continue
+                # The others see 1/(n − 1) of the fault, and noise needs the square of that in time.
+                slow = (self._units - 1) ** 2 * (one.event.time - one.event.began)
+                self._until[axis] = (one.name, one.event.time + max(CONSEQUENCES, 4.0 * slow))
+                yield one
+
+
+def _magnitude(event: Event) -> float:
+    return max(abs(event.size or 0.0), event.ratio or 0.0)
+
+
+def _times(model: Model, factor: float, rate: float) -> Model:
+    """A model with all variances times a factor, without drifts, whose slopes differ between units."""
+    scaled = []
+    for process in model.processes:
+        if process.scale > 0 and not is_ramp(process, rate):
+            name = process.scale_parameter().name
+            scaled.append(process.with_values(**{name: process.value_from(process.scale * factor)}))
+    return Model(tuple(scaled))
+
+
+def _require_rest(common: Monitor) -> None:
+    """Raise an error if all units have moved for too long."""
+    if common.resting and common.moving_for > LONGEST_MOTION:
+        raise DataError(
+            f"the units have moved for more than {LONGEST_MOTION:g} s: they can be compared only at rest, because a "
+            "difference of 0.1 % in scale is 180 deg/h at 50 deg/s",
+            argument="recordings",
+            advice="Leave the motion out with {--skip}, or record at rest.",
+        )
+
+
+def _baselines(
+    models: Mapping[str, Model], recordings: Mapping[str, Imu | Stream], rate: float
+) -> dict[str, dict[str, Baseline]]:
+    """The baselines of the differences, from the first tenth of the recordings."""
+    n = len(recordings)
+    lengths = [recording.rows if isinstance(recording, Stream) else len(recording) for recording in recordings.values()]
+    wanted = max(int(REFERENCE * min(lengths)), 1)
+    block = next(_blocks(recordings, list(models), wanted))
+    mean = {axis: sum(unit[axis] for unit in block.values()) / n for axis in models}
+    return {
+        name: {
+            axis: Baseline.of(model, [n / (n - 1) * (unit[axis] - mean[axis])], rate) for axis, model in models.items()
+        }
+        for name, unit in block.items()
+    }
+
+
+def _blocks(
+    recordings: Mapping[str, Imu | Stream], axes: Sequence[str], size: int
+) -> Iterator[dict[str, dict[str, Vector]]]:
+    """Samples of all recordings in blocks of one size, up to the end of the shortest one."""
+    sources = {name: chunks_of(recording) for name, recording in recordings.items()}
+    held = {name: {axis: np.zeros(0) for axis in axes} for name in recordings}
+    while True:
+        for name, source in sources.items():
+            while held[name][axes[0]].size < size and (chunk := next(source, None)) is not None:
+                if chunk.segment:
+                    raise DataError(
+                        f"{name} has missing samples at {chunk.start:.1f} s, and units are compared sample by sample",
+                        argument="recordings",
+                        advice="Monitor each unit alone, or cut the recordings with {--start} and {--stop}.",
+                    )
+                held[name] = {axis: np.concatenate([x, chunk.values[axis]]) for axis, x in held[name].items()}
+        n = min([size, *(values[axes[0]].size for values in held.values())])
+        if not n:
+            return
+        yield {name: {axis: x[:n] for axis, x in values.items()} for name, values in held.items()}
+        held = {name: {axis: x[n:] for axis, x in values.items()} for name, values in held.items()}
