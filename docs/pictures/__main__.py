@@ -26,6 +26,7 @@ PAGES = (
     DOCS / "gallery.md",
     DOCS / "howto" / "array.md",
     DOCS / "howto" / "conditions.md",
+    DOCS / "howto" / "recordings.md",
     *sorted((DOCS / "concepts").glob("*.md")),
 )
 BLOCK = re.compile(r"^```python\n(?P<code>.*?)^```\n(?:\n```text\n(?P<printed>.*?)^```\n)?", re.MULTILINE | re.DOTALL)

@@ -53,7 +53,7 @@ def test_one_fit_with_a_certificate(equal):
 
 def test_equal_recordings_agree(equal):
     found = equal.replicates
-    assert not found.differ
+    assert not found.differs
     assert codes(found.remarks) == ["recordings-agree"]
     assert found["N"].apart < 0.03
     assert found["N"].spread < 0.01
@@ -77,11 +77,12 @@ def _objective(one, pooled):
 
 def test_different_recordings_differ_and_the_size_is_said_first(different):
     found = different.replicates
-    assert found.differ
+    assert found.differs
     assert found.parameter_pvalue < 1e-6
     assert found.model_free_pvalue < 1e-6
     assert codes(found.remarks) == ["recordings-differ"]
     n = found["N"]
+    assert found.spread["N"] == n.spread
     assert n.spread == pytest.approx(0.1, rel=0.2)
     assert n.spread_low < 0.1 < n.spread_high
     assert n.predicted_low < min(entry.value for entry in n.entries.values())
@@ -150,7 +151,7 @@ def test_a_recording_that_is_too_short_for_the_model_counts_where_it_can():
 def test_other_weights_robust_curves_and_files(different):
     for options in ({"weighting": "diagonal"}, {"weighting": "identity"}, {"robust": True}):
         fit = gmwm.fit("WN + RW", signals(noise(1), noise(2)), **options)
-        assert not fit.replicates.differ
+        assert not fit.replicates.differs
         assert fit.standard_errors["WN.sigma2"] > 0
     again = Fit.from_dict(json.loads(json.dumps(different.to_dict())))
     assert again.replicates.pvalue == different.replicates.pvalue

@@ -85,7 +85,7 @@ class InferenceMethods:
         >>> model = WN(sigma2=4.0) + RW(gamma2=1e-3)
         >>> days = [wavelet_variance(model.simulate(20_000, 100.0, rng=k), 100.0) for k in (1, 2, 3)]
         >>> found = fit(WN() + RW(), days).replicates
-        >>> found.differ, found["N"].apart < 0.05
+        >>> found.differs, found["N"].apart < 0.05
         (False, True)
         """
         from gmwm.replicates.compare import compared

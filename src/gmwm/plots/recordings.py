@@ -37,10 +37,12 @@ def recordings_figure(found: Replicates) -> Figure:
     typical = sorted(curves.values(), key=lambda one: one.samples)[len(curves) // 2]
     typical_levels = min(len(typical), len(wv))
     design = Design.of(typical).only(typical.levels <= typical_levels)
-    scatter = 50 * _REACH * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
+    # A recording is a part of the mean, so that it differs from it by less than from another recording.
+    part = np.sqrt(max(1 - typical.samples / wv.samples, 0.0))
+    scatter = 50 * _REACH * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
     x = replace(time_axis(wv.tau, "Scale τ (s)"), opposite=())
     shown = [values[wv.degrees_of_freedom[: values.size] > len(curves)] for values in ratios.values()]
-    y = signed_axis(np.concatenate(shown), "Deviation over that of all recordings (%)", linear=LINEAR, even=EVEN)
+    y = signed_axis(np.concatenate(shown), "Difference from all recordings (%)", linear=LINEAR, even=EVEN)
     marks: list[Mark] = [
         Line(np.array(x.limits), np.zeros(2), stroke=MEAN, label="", layer=BEHIND),
         Band(wv.tau[:typical_levels], -scatter, scatter, colour=GREY, opacity=0.25, layer=BAND,

@@ -126,6 +126,11 @@ class Replicates(Summarised):
         raise KeyError(f"{symbol}; there are {', '.join(number.symbol for number in self.numbers)}")
 
     @property
+    def spread(self) -> dict[str, float]:
+        """The spread of each number that at least two recordings have: standard deviation of its logarithm."""
+        return {number.symbol: number.spread for number in self.numbers if number.spread is not None}
+
+    @property
     def parameter_pvalue(self) -> float:
         """p-value of the test that all recordings have the same parameters; it is only valid if the model is right."""
         return self.deviations.pvalue
@@ -143,7 +148,7 @@ class Replicates(Summarised):
         return min(1.0, 2 * min(self.parameter_pvalue, self.model_free_pvalue))
 
     @property
-    def differ(self) -> bool:
+    def differs(self) -> bool:
         """Whether the recordings differ, at the 5 % level."""
         return self.pvalue <= SIZE
 
@@ -238,7 +243,7 @@ class Replicates(Summarised):
         return {
             "recordings": list(self.recordings),
             "pvalue": self.pvalue,
-            "differ": self.differ,
+            "differs": self.differs,
             "parameters": {
                 "statistic": found.statistic,
                 "df": found.df,
@@ -252,7 +257,7 @@ class Replicates(Summarised):
         }
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the deviation of each recording over that of all recordings, by scale, with its sampling scatter.
+        """Draw the wavelet deviation of each recording over that of all recordings, minus 1, with its sampling scatter.
 
         Parameters
         ----------
@@ -264,7 +269,7 @@ class Replicates(Summarised):
         return plot_recordings(self, path=path)
 
     def __repr__(self) -> str:
-        found = "different" if self.differ else "equal"
+        found = "different" if self.differs else "equal"
         return f"Replicates({', '.join(self.recordings)}: {found}, p = {self.pvalue:.2g})"
 
 
