@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError, FitWarning, OptionError
 from gmwm.estimation.recordings import deviations, half_widths, spread_of_mean
 from gmwm.estimation.result import Fit
 from gmwm.signals import Signal
@@ -146,6 +146,14 @@ def test_a_recording_that_is_too_short_for_the_model_counts_where_it_can():
     assert np.isfinite(fit.standard_errors["WN.sigma2"])
     assert fit.replicates.pvalue > 0.001
     assert fit.replicates["N"].entries["3"] is None
+
+
+def test_a_parameter_that_no_recording_determines_has_no_spread():
+    recordings = [np.random.default_rng(k).standard_normal(64) for k in range(4)]
+    with pytest.warns(FitWarning):
+        fit = gmwm.fit("GM + WN", signals(*recordings))
+    assert np.all(np.isfinite(deviations(fit).of_mean))
+    assert np.all(np.isfinite(fit.sandwich.wavelet))
 
 
 def test_other_weights_robust_curves_and_files(different):

@@ -98,12 +98,6 @@ class Deviations:
         return np.asarray(found)
 
     @property
-    def spread(self) -> Matrix:
-        """Covariance (p, p) of the parameters between recordings, without their estimation errors."""
-        tau = np.sqrt(self.effects.spread2)
-        return np.asarray(self.correlation * np.outer(tau, tau))
-
-    @property
     def of_mean(self) -> Matrix:
         """What the spread between recordings adds to the covariance (p, p) of the pooled estimate.
 
@@ -111,9 +105,12 @@ class Deviations:
         freedom of Satterthwaite. If it finds one, it gives the width of the interval that accounts for the uncertainty
         of τ̂; with exact recordings this is the t interval of their mean.
         """
-        half = half_widths(self.values.T, self.variances.T)
-        own = 1 / np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
-        added = np.sqrt(np.maximum((half / NormalDist().inv_cdf((1 + LEVEL) / 2)) ** 2 - own, 0.0))
+        information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
+        known = information > 0
+        half = half_widths(self.values.T[known], self.variances.T[known])
+        added = np.zeros(known.size)
+        width2 = (half / NormalDist().inv_cdf((1 + LEVEL) / 2)) ** 2
+        added[known] = np.sqrt(np.maximum(width2 - 1 / information[known], 0.0))
         return np.asarray(self.correlation * np.outer(added, added))
 
 
