@@ -15,6 +15,7 @@ from gmwm.outliers.spikes import find_spikes, repaired
 from gmwm.resolution import lsb
 from gmwm.signals import Signal
 from gmwm.time_base import times_of
+from gmwm.variance.panels import panel_length
 
 MARGIN, LEAST = 1.0, 8
 """Length of what is replaced before and after the samples in which a knock is seen, in their length and in samples at
@@ -25,6 +26,8 @@ MOST = 0.1
 """Largest share of the samples that is replaced. What lasts longer is a state of the sensor, not a disturbance."""
 _PASSES = 6
 """Searches, each after the knocks that the one before found are replaced: the weak end of a knock is found last."""
+_BESIDE = 32
+"""Fewest samples beside a knock from which its place is filled during the search."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +76,7 @@ def cleaned(x: Signal) -> Cleaned:
     present = _outside(knocks, len(x))
     if knocks.size:
         # Knocks hide the tails of the noise from the search for spikes.
-        spikes = find_spikes(replace(x, values=drawn(x.values, present)))
+        spikes = find_spikes(replace(x, values=_mirrored(x.values, knocks)))
     present[spikes.indices] = False
     times = times_of(knocks.ravel(), x.rate, x.segments, x.starts).reshape(-1, 2)
     return Cleaned(
@@ -90,20 +93,43 @@ def cleaned(x: Signal) -> Cleaned:
 
 def _knocks(values: Vector, rate: float) -> Ranges:
     """Index ranges of the knocks."""
+    step, length = lsb(values) or 0.0, panel_length(rate)
+    found = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
+    ranges = _joined(np.concatenate(found))
+    ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
+    return ranges if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size else ranges[:0]
+
+
+def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
+    """Index ranges of the knocks in consecutive samples, all of which are searched together."""
     clean, ranges = values, np.empty((0, 2), dtype=np.int64)
-    step = lsb(values) or 0.0
     for small in [False, True]:
         for _ in range(_PASSES):
             found = burst_ranges(clean, rate, step, small=small)
             wider = _joined(np.concatenate([ranges, _widened(found, values.size)]))
-            wider = wider[wider[:, 1] - wider[:, 0] <= LONGEST * rate]
             if np.array_equal(wider, ranges):
                 break
-            ranges = wider
-            if np.sum(ranges[:, 1] - ranges[:, 0]) > MOST * values.size:
-                return ranges[:0]
-            clean = drawn(values, _outside(ranges, values.size))
+            ranges, clean = wider, _mirrored(values, wider)
     return ranges
+
+
+def _mirrored(values: Vector, ranges: Ranges) -> Vector:
+    """The values with the samples of each range replaced by the ones beside it, about a straight line.
+
+    This is enough to search for the weak part of a knock.
+    """
+    out = values.copy()
+    for first, last in ranges.tolist():
+        size, half = last - first, (last - first) // 2
+        left = values[max(first - max(half, _BESIDE), 0) : first]
+        right = values[last : last + max(half, _BESIDE)]
+        if not left.size + right.size:
+            continue
+        left, right = (one if one.size else other for one, other in ((left, right), (right, left)))
+        line = np.linspace(np.median(left), np.median(right), size)
+        echoes = np.resize((left - np.median(left))[::-1], half), np.resize(right - np.median(right), size - half)[::-1]
+        out[first:last] = line + np.concatenate(echoes)
+    return out
 
 
 def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
