@@ -121,7 +121,7 @@ def simulated_gyroscope(output: Path, samples: int, seed: int) -> dict[str, gmwm
 def simulated_unit(output: Path, samples: int, seed: int) -> dict[str, gmwm.selection.Ranking]:
     """Steps 4 to 7 on six simulated axes."""
     rate = 100.0
-    truth = gmwm.reference_imu()
+    truth = gmwm.simulation.reference_imu()
     head(f"A device with six axes, simulated: {samples} samples at {rate:g} Hz, seed {seed}")
     imu = gmwm.simulate(truth, rate=rate, samples=samples, rng=seed)
     curves = gmwm.wavelet_variance(imu)

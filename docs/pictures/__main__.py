@@ -25,6 +25,7 @@ DOCS = FOLDER.parent
 PAGES = (
     DOCS / "gallery.md",
     DOCS / "howto" / "array.md",
+    DOCS / "howto" / "joint.md",
     DOCS / "howto" / "conditions.md",
     DOCS / "howto" / "recordings.md",
     *sorted((DOCS / "concepts").glob("*.md")),

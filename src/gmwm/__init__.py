@@ -12,16 +12,16 @@ Variances
     `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
     datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
     `psd` estimates the power spectral density, and finds lines and resonances in it.
-    `cross` tests which noise axes share, and `same` whether two recordings have the same noise. `fuse` makes one
-    virtual sensor of an array.
+    `cross` tests which noise axes share, `fit_joint` models it, and `fuse` makes one virtual sensor of an array. `same`
+    tests whether two recordings have the same noise.
     `contamination` tests for outliers, and `compare` draws curves and fits over one another.
 Models
     A `Model` is a sum of processes, `2 * GM() + WN()` or `Model.parse("2*GM + WN")`. `fixed` holds a parameter at a
     value. `fit` estimates a model by the GMWM, and `fit_ml` by maximum likelihood; `select` and `rank` choose among
     models; `plan` computes how long to record.
 Simulation
-    `simulate` makes a recording with known noise, `simulate_signal` a single signal, and `reference_imu` gives the
-    models of a typical unit.
+    `simulate` makes a recording with known noise, and `simulate_signal` a single signal.
+    `gmwm.simulation.reference_imu` gives the models of a typical unit.
 
 Results, errors and functions for special purposes are in the packages: `gmwm.errors`, `gmwm.filters`, `gmwm.spectrum`,
 `gmwm.covariance`, `gmwm.datasheets`, `gmwm.estimation`, `gmwm.inference`, `gmwm.likelihood`, `gmwm.exporters`.
@@ -41,7 +41,7 @@ from gmwm.estimation import Fit, fit
 from gmwm.fleets import fleet
 from gmwm.inference import plan
 from gmwm.inspection import inspect
-from gmwm.joint import cross, fuse, same
+from gmwm.joint import cross, fit_joint, fuse, same
 from gmwm.likelihood import fit_ml
 from gmwm.monitor import Monitor
 from gmwm.outliers import contamination
@@ -68,7 +68,7 @@ from gmwm.processes import (
 from gmwm.readers import read, stream
 from gmwm.selection import rank, select
 from gmwm.signals import Imu, Signal
-from gmwm.simulation import reference_imu, simulate, simulate_signal
+from gmwm.simulation import simulate, simulate_signal
 from gmwm.spectrum import psd
 from gmwm.variance import (
     WaveletAccumulator,
@@ -115,6 +115,7 @@ __all__ = [
     "contamination",
     "cross",
     "fit",
+    "fit_joint",
     "fit_ml",
     "fixed",
     "fleet",
@@ -125,7 +126,6 @@ __all__ = [
     "psd",
     "rank",
     "read",
-    "reference_imu",
     "same",
     "select",
     "simulate",

@@ -85,3 +85,16 @@ def test_fuse_says_what_it_needs(gmwm, recordings, tmp_path):
     )
     assert both.code == 0
     assert "[monday]" in both.out
+
+
+def test_joint(gmwm, recordings, tmp_path):
+    path, picture = recordings / "monday.csv", tmp_path / "joint.png"
+    outcome = gmwm("joint", path, "--model", "shared(WN)", "--levels", "1-8", "--plot", picture, "--json")
+    found = library.fit_joint("shared(WN)", read(path), levels=range(1, 9))
+    assert outcome.json["terms"]["WN"]["covariance"] == found.to_dict()["terms"]["WN"]["covariance"]
+    assert picture.stat().st_size > 10_000
+    text = gmwm("joint", path, "--model", "shared(WN)", "--axis", "gyro_x,gyro_z")
+    assert text.code == 0
+    assert "WN is shared" in text.out
+    assert gmwm("joint", path, "--model", "shared(WN)", "--levels", "x").code == 2
+    assert gmwm("joint", path, "--model", "shared(WN").code == 2

@@ -29,7 +29,7 @@ def noise():
 
 @pytest.fixture(scope="module")
 def recording():
-    return gmwm.simulate(gmwm.reference_imu(), rate=100.0, samples=20_000, rng=2)
+    return gmwm.simulate(gmwm.simulation.reference_imu(), rate=100.0, samples=20_000, rng=2)
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,16 @@
-"""Several signals at once: shared noise, recordings with the same noise, and the best virtual sensor of an array."""
+"""Several signals at once: shared noise, joint models, equal noise of recordings, and virtual sensors of arrays."""
 
 from gmwm.joint.cross import cross
 from gmwm.joint.fusion import fuse
 from gmwm.joint.fusion_result import VirtualAxis, VirtualSensor
+from gmwm.joint.joint_fit import fit_joint
+from gmwm.joint.joint_result import JointFit, SharedTerm
 from gmwm.joint.result import CrossCovariance, SharedNoise
 from gmwm.joint.same import same
 from gmwm.joint.same_result import LevelRatio, SameNoise
+from gmwm.joint.state_space import JointContinuousStateSpace, JointStateSpace
 
 __all__ = [
-    "CrossCovariance", "LevelRatio", "SameNoise", "SharedNoise", "VirtualAxis", "VirtualSensor", "cross", "fuse",
-    "same",
+    "CrossCovariance", "JointContinuousStateSpace", "JointFit", "JointStateSpace", "LevelRatio", "SameNoise",
+    "SharedNoise", "SharedTerm", "VirtualAxis", "VirtualSensor", "cross", "fit_joint", "fuse", "same",
 ]  # fmt: skip

@@ -177,7 +177,7 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
         room = 0.08 * (high - low)
         limits, reach = (low - room, high + room), math.inf
         step = 10.0 ** math.floor(math.log10(size))
-        step = next(s for s in (0.2 * step, 0.5 * step, step, 2 * step) if (limits[1] - limits[0]) / s <= 8)
+        step = next(s for s in (0.2 * step, 0.5 * step, step, 2 * step, 5 * step) if (limits[1] - limits[0]) / s <= 8)
         places = [k * step for k in range(math.floor(low / step), math.ceil(high / step) + 1)]
     else:
         # The linear part has the length of one decade.

@@ -1,0 +1,91 @@
+"""gmwm joint: fit a model of several axes at once."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.cli.command import command
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, progress, tell_inspection
+from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+
+if TYPE_CHECKING:
+    from gmwm.joint import JointFit
+
+EXAMPLES = (
+    "gmwm joint static.csv --axis gyro --model 'shared(RW) + WN'",
+    "gmwm joint static.csv --model 'common(GM) + GM + RW + WN' --levels 9-17 --plot joint.png --json",
+)
+
+
+@command
+def joint(
+    file: File,
+    reading: ReadOptions,
+    model: Annotated[
+        str,
+        typer.Option(
+            help="Terms: 'WN' is own noise of each axis, 'common(RW)' one process in all of them, each with its own "
+            "factor, and 'shared(RW)' noise with any correlations.",
+            metavar="MODEL",
+        ),
+    ],
+    axis: Axes = None,
+    levels: Annotated[
+        str | None,
+        typer.Option(
+            help="Levels to use, such as 9-17 or 12 for the first twelve. Default: all with five coefficients per "
+            "scale.",
+            metavar="FIRST-LAST",
+            show_default=False,
+        ),
+    ] = None,
+    certify: Annotated[
+        bool,
+        typer.Option("--certify", help="Prove by branch and bound that no other correlation times fit better."),
+    ] = False,
+    plot: Annotated[
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+    ] = None,
+) -> Outcome:
+    """Fit the noise of several axes at once, with the noise that they share.
+
+    The result has the covariance matrix of each term, its correlations with intervals, the test of the model, and the
+    test whether each shared term is shared. With --json, the matrices of the state space of all axes are included; they
+    hold what the axes share. The files of gmwm export have each axis alone.
+    """
+    from gmwm.joint import fit_joint
+
+    recording = load(file, reading)
+    signals = chosen_axes(recording, axis)
+    with progress("fitting"):
+        found = fit_joint(model, signals, levels=parse_levels(levels), certify=certify)
+    tell_inspection(recording)
+    files = [] if plot is None else [NewFile(plot, partial(_draw, found), "plotting")]
+    return Outcome(
+        command="joint", document={"file": str(file), **found.to_dict()}, text=found.summary(), files=tuple(files)
+    )
+
+
+def parse_levels(text: str | None) -> int | list[int] | None:
+    """Parse the levels to use.
+
+    >>> parse_levels("9-12"), parse_levels("12"), parse_levels(None)
+    ([9, 10, 11, 12], 12, None)
+    """
+    if text is None:
+        return None
+    first, dash, last = (part.strip() for part in text.partition("-"))
+    if first.isdecimal() and (not dash or last.isdecimal()):
+        return int(first) if not dash else list(range(int(first), int(last) + 1))
+    raise OptionError(argument="levels", expected="a number or a range such as 9-17", got=text)
+
+
+def _draw(found: JointFit, path: Path) -> None:
+    found.plot(path=path)

@@ -1,0 +1,114 @@
+"""Fit a model of several signals at once: `gmwm.fit_joint`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from numpy.typing import ArrayLike
+
+from gmwm.joint.certificate import Prover
+from gmwm.joint.fitting import Settled, chosen_signals, measured_at, settle
+from gmwm.joint.joint_result import JointFit
+from gmwm.joint.moments import lag_products
+from gmwm.joint.search import descend
+from gmwm.joint.terms import joint_terms
+from gmwm.processes.model import ModelLike
+from gmwm.signals import Imu, Signal
+
+
+def fit_joint(
+    model: ModelLike,
+    x: Imu | Mapping[str, Signal | ArrayLike],
+    rate: float | None = None,
+    *,
+    axes: str | Sequence[str] | None = None,
+    levels: int | Sequence[int] | None = None,
+    certify: bool = False,
+) -> JointFit:
+    """Fit a sum of noise processes to several signals at once, with the noise that they share.
+
+    Each term p of the model has one shape κ_p(τ), and a covariance matrix Σ_p of its noise in the d signals:
+
+        Γ_j = Σ_p κ_p(τ_j) Σ_p,
+
+    with Γ_j the covariance matrix of the wavelet coefficients at level j. A plain term is own noise of the signals: Σ_p
+    is diagonal. "common(RW)" is one process that all signals have, each with its own factor: Σ_p = ℓℓᵀ. "shared(RW)"
+    has any Σ_p ⪰ 0. For given shapes this is a convex problem. Correlation times are searched from several starts. The
+    weights are the inverse of the exact covariance of all wavelet variances and cross-covariances, under the model.
+
+    Parameters
+    ----------
+    model : str or Model
+        The terms, such as "common(RW) + GM + shared(WN)". Values in fixed(…) are held for shapes.
+    x : Imu, or mapping of name to Signal or (N,) array
+        Two to twelve signals that were sampled together.
+    rate : float, optional
+        Sampling rate (Hz); only for plain arrays.
+    axes : str or sequence of str, optional
+        The signals to use, such as "gyro" or ["gyro_x", "accel_z"]; all by default.
+    levels : int or sequence of int, optional
+        The levels to use, or the number of the first ones; by default all with at least five coefficients per scale.
+        Finer levels than the noise model describes, for example those of a low-pass filter, should be left out.
+
+    certify : bool
+        Whether to bound the objective of models with searched correlation times from below, by branch and bound. This
+        takes seconds for one Gauss-Markov term of three signals, and up to minutes for two. Models without correlation
+        times have the bound in any case.
+
+    Returns
+    -------
+    JointFit
+
+    Raises
+    ------
+    ModelError
+        If the model cannot be read, or a term cannot be shared.
+    DataError
+        If the signals are not synchronous, or too short for the model.
+    OptionError
+        If an axis or a level does not exist.
+
+    References
+    ----------
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), JASA 108, 1021-1030, for one signal. Sizes of the tests and
+    coverage of the intervals: docs/validation/joint.md.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> supply = np.cumsum(0.02 * rng.normal(size=20_000))
+    >>> shares = {"x": 1.0, "y": -0.5, "z": 0.8}
+    >>> units = {axis: rng.normal(size=20_000) + share * supply for axis, share in shares.items()}
+    >>> found = fit_joint("shared(RW) + WN", units, rate=100.0)
+    >>> found.correlation["RW"].round(1)
+    array([[ 1., -1.,  1.],
+           [-1.,  1., -1.],
+           [ 1., -1.,  1.]])
+    >>> found.shared("RW").pvalue < 0.001
+    True
+    """
+    terms = joint_terms(model)
+    signals = chosen_signals(x, rate, axes)
+    unknowns = len(terms) + sum(term.branch is not None for term in terms)
+    settled = settle(terms, measured_at(signals, levels, unknowns))
+    bounds, settled = _bounds(settled, certify=certify)
+    return JointFit.of(settled, {name: signal.unit for name, signal in signals.items()}, bounds)
+
+
+def _bounds(settled: Settled, *, certify: bool) -> tuple[tuple[float, float] | None, Settled]:
+    """Lower bound of the objective and of its relaxation, and the fit, which a better one may replace."""
+    problem, found = settled.problem, settled.found
+    if not problem.searched:
+        convex = problem.solve(found.u)
+        bound = min(convex.objective - convex.gap, found.objective)
+        return (bound, bound), settled
+    if not certify:
+        return None, settled
+    single = any(term.kind == "common" for term in problem.terms)
+    proof = Prover(problem).prove(descend(problem, found.u) if single else found)
+    if not single and proof.best.objective < found.objective:
+        products = lag_products(problem.processes(proof.best.u), problem.design)
+        settled = replace(settled, found=proof.best, products=products)
+    return (proof.lower_bound, proof.relaxed_bound), settled

@@ -1,0 +1,393 @@
+"""Result of a joint fit of several signals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix
+from gmwm._tables import headed
+from gmwm._text import Named, Summarised
+from gmwm.errors import OptionError
+from gmwm.inference.goodness import GoodnessOfFit
+from gmwm.joint.fitting import Settled, settle
+from gmwm.joint.inference import (
+    SINGULAR,
+    Errors,
+    correlation_errors,
+    correlation_of,
+    errors,
+    misfit,
+    sharing,
+    unconstrained,
+)
+from gmwm.joint.moments import entries, symmetric
+from gmwm.joint.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
+from gmwm.joint.terms import summed, with_kind
+from gmwm.options import as_confidence
+from gmwm.processes.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedTerm:
+    """The test whether the noise of one term is independent between the signals.
+
+    Attributes
+    ----------
+    term : str
+    statistic : float
+        Decrease of the weighted residual if the term may be shared, with the weights of the model in which it is not.
+    df : int
+    pvalue : float
+        Probability of a statistic at least this large if the term is not shared.
+    """
+
+    term: str
+    statistic: float
+    df: int
+    pvalue: float
+
+    def summary(self) -> str:
+        """Format the test in one line."""
+        found = "shared" if self.pvalue <= 0.05 else "not found to be shared"
+        return f"{self.term} is {found}: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, " + _p(
+            self.pvalue
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class JointFit(Summarised):
+    """A model of several signals: the covariance matrix of each term, and the parameters of its shape.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Names of the d signals.
+    units : mapping of str to str
+        Unit of each signal.
+    model : str
+        The model, such as "common(RW) + GM + WN".
+    terms : tuple of str
+        Names of the terms, as the keys of the mappings below.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Samples of each signal.
+    levels : (J,) int array
+        Levels used.
+    covariances : mapping of term to (d, d) array
+        Σ_p: the scale parameters of the term (σ², γ², Q², σ²_GM, …) on its diagonal, and the shared part beside it.
+    parameters : mapping of str to float
+        Parameters of the shapes: "GM.beta".
+    objective : float
+        Weighted squared distance of data and model at the estimate.
+    lower_bound : float or None
+        Proven lower bound on the objective of any parameters of this model; None without `certify`. Of a model with
+        common terms, the bound is that of the model in which they are shared.
+    relaxed_bound : float or None
+        The same for any number of terms of each process whose correlation time is searched.
+    measured, implied : (J, d, d) arrays
+        Covariance matrices Γ_j of the wavelet coefficients: estimated from the data, and of the model.
+    """
+
+    axes: tuple[str, ...]
+    units: Mapping[str, str]
+    model: str
+    terms: tuple[str, ...]
+    rate: float
+    samples: int
+    levels: NDArray[np.int64]
+    covariances: Mapping[str, Matrix]
+    parameters: Mapping[str, float]
+    objective: float
+    lower_bound: float | None
+    relaxed_bound: float | None
+    measured: Matrix
+    implied: Matrix
+    settled: Settled = field(repr=False)
+
+    @classmethod
+    def of(cls, settled: Settled, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
+        """Make the result of a solved problem.
+
+        Parameters
+        ----------
+        settled : Settled
+        units : mapping of str to str
+            Unit of each signal.
+        bounds : (float, float) or None
+            Lower bound of the objective, and of its relaxation.
+        """
+        problem, found, measured = settled.problem, settled.found, settled.measured
+        labels = [term.label for term in problem.terms]
+        processes = problem.processes(found.u)
+        parameters = {
+            f"{label}.{name.name}": float(value)
+            for label, process in zip(labels, processes, strict=True)
+            for name, value in zip(process.nonlinear_parameters(), process.nonlinear, strict=True)
+        }
+        sigmas = settled.sigmas
+        return cls(
+            axes=measured.names,
+            units=dict(units),
+            model=" + ".join(map(str, problem.terms)),
+            terms=tuple(labels),
+            rate=measured.design.rate,
+            samples=measured.design.samples,
+            levels=measured.design.levels,
+            covariances=Named(zip(labels, sigmas, strict=True), "term"),
+            parameters=Named(parameters, "parameter"),
+            objective=found.objective,
+            lower_bound=None if bounds is None else bounds[0],
+            relaxed_bound=None if bounds is None else bounds[1],
+            measured=measured.values,
+            implied=np.einsum("pj,pab->jab", problem.shapes(found.u), sigmas),
+            settled=settled,
+        )
+
+    # --- estimates ------------------------------------------------------------------------------------
+
+    def _place(self, term: str) -> int:
+        if term not in self.terms:
+            raise OptionError(argument="term", expected=f"one of {', '.join(self.terms)}", got=term)
+        return self.terms.index(term)
+
+    @cached_property
+    def correlation(self) -> Mapping[str, Matrix]:
+        """Correlation matrix (d, d) of each term; NaN where a signal does not have the term."""
+        return Named({term: correlation_of(sigma) for term, sigma in self.covariances.items()}, "term")
+
+    @property
+    def loadings(self) -> Mapping[str, NDArray[np.float64]]:
+        """ℓ (d,) of each common term, with Σ = ℓℓᵀ; its largest entry is positive."""
+        found = {}
+        for term in self.settled.problem.terms:
+            if term.kind == "common":
+                sigma = self.covariances[term.label]
+                at = int(np.argmax(np.diag(sigma)))
+                found[term.label] = sigma[at] / np.sqrt(sigma[at, at])
+        return Named(found, "common term")
+
+    @cached_property
+    def _errors(self) -> Errors:
+        return errors(self.settled)
+
+    @cached_property
+    def standard_errors(self) -> Mapping[str, Matrix]:
+        """Standard errors (d, d) of the entries of the covariance matrices, by term; 0 for entries that are held."""
+        scale = np.outer(self.settled.unit, self.settled.unit)
+        found = {}
+        for place, term in enumerate(self.terms):
+            variance = np.diag(self._errors.of_matrix(place))
+            found[term] = symmetric(np.sqrt(np.maximum(variance, 0.0)), len(self.axes)) / scale
+        return Named(found, "term")
+
+    @cached_property
+    def parameter_errors(self) -> Mapping[str, float]:
+        """Standard errors of the parameters of the shapes; NaN if the data do not determine one."""
+        found: dict[str, float] = {}
+        problem = self.settled.problem
+        for at, place in enumerate(problem.searched):
+            term, branch = problem.terms[place], problem.branches[place]
+            assert branch is not None
+            slope = float(branch.slope(self.settled.found.u[at : at + 1])[0, 0])
+            name = term.process.nonlinear_parameters()[0].name
+            found[f"{term.label}.{name}"] = float(np.sqrt(self._errors.of_shape(place)) * abs(slope))
+        return Named(found, "parameter")
+
+    def correlation_interval(self, term: str, confidence: float = 0.95) -> tuple[Matrix, Matrix]:
+        """Confidence limits (d, d) of the correlations of one term, by Fisher's transformation.
+
+        If the covariance matrix is singular, a correlation has only one limit, towards zero, at the same confidence;
+        the other one is ±1. Common and own terms have no limits: NaN.
+
+        Raises
+        ------
+        OptionError
+            If there is no such term, or the confidence level is not allowed.
+        """
+        from scipy.special import ndtri
+
+        place, d = self._place(term), len(self.axes)
+        level = as_confidence(confidence)
+        if self.settled.problem.terms[place].kind != "shared":
+            return np.full((d, d), np.nan), np.full((d, d), np.nan)
+        sigma = self.settled.found.sigmas[place]
+        values = np.linalg.eigvalsh(sigma)
+        singular = bool(values[0] <= SINGULAR * values.sum())
+        estimate = unconstrained(self.settled, place) if singular else sigma
+        scatter = (errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
+        r = correlation_of(estimate)
+        error = correlation_errors(estimate, scatter)
+        z = float(ndtri(level if singular else (1 + level) / 2))
+        if singular:
+            low = np.where(r > 0, np.clip(r - z * error, -1, 1), -1.0)
+            high = np.where(r > 0, 1.0, np.clip(r + z * error, -1, 1))
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                centre, width = np.arctanh(r), z * error / (1 - r**2)
+                low, high = np.tanh(centre - width), np.tanh(centre + width)
+        for limits in (low, high):
+            np.fill_diagonal(limits, 1.0)
+        return low, high
+
+    # --- tests ----------------------------------------------------------------------------------------
+
+    def goodness_of_fit(self) -> GoodnessOfFit:
+        """Test whether the data could come from the model, by the residual of the fit without the cone."""
+        from scipy.special import gammaincc
+
+        statistic, df = misfit(self.settled)
+        whole = self.settled.measured.design
+        return GoodnessOfFit(
+            statistic=statistic, df=df, pvalue=float(gammaincc(df / 2, statistic / 2)), levels=whole.levels.copy(),
+            left_out=(), method="asymptotic",
+        )  # fmt: skip
+
+    def shared(self, term: str) -> SharedTerm:
+        """Test whether a term is shared: against the model in which the signals have it independently.
+
+        Raises
+        ------
+        OptionError
+            If there is no such term.
+        """
+        from scipy.special import gammaincc
+
+        place = self._place(term)
+        null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
+        statistic, df = sharing(null, place)
+        pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
+        return SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
+
+    # --- for filters ----------------------------------------------------------------------------------
+
+    @property
+    def models(self) -> Mapping[str, Model]:
+        """The model of each signal alone, which leaves out what it shares with the others."""
+        processes = self.settled.problem.processes(self.settled.found.u)
+        found = {}
+        for k, axis in enumerate(self.axes):
+            scales = [float(self.covariances[term][k, k]) for term in self.terms]
+            parts = [
+                process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
+                for process, scale in zip(processes, scales, strict=True)
+            ]
+            found[axis] = summed(parts)
+        return Named(found, "axis")
+
+    def state_space(self, rate: float | None = None) -> JointStateSpace:
+        """State space of all signals, with independent states: F_p ⊗ I, Q_p ⊗ I and H_p ⊗ L_p, L_p L_pᵀ = Σ_p.
+
+        Parameters
+        ----------
+        rate : float, optional
+            Sampling rate (Hz); by default that of the recording. Parameters per sample are those of the recording, so
+            another rate is only for models whose parameters do not depend on it.
+        """
+        processes = self.settled.problem.processes(self.settled.found.u)
+        sigmas = np.array(list(self.covariances.values()))
+        return discrete(processes, sigmas, rate or self.rate, axes=self.axes, labels=self.terms)
+
+    def continuous(self) -> JointContinuousStateSpace:
+        """The state space of all signals in continuous time."""
+        processes = self.settled.problem.processes(self.settled.found.u)
+        sigmas = np.array(list(self.covariances.values()))
+        return continuous(processes, sigmas, self.rate, axes=self.axes, labels=self.terms)
+
+    # --- output ---------------------------------------------------------------------------------------
+
+    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the wavelet deviation of each signal and the correlation of each pair, of the data and of the model.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from gmwm.plots.joint import plot_joint
+
+        return plot_joint(self, path=path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return estimates, errors, tests and the state space as plain numbers, lists and strings."""
+        known = all(term.process.has("state_space") for term in self.settled.problem.terms)
+        return {
+            "axes": list(self.axes),
+            "units": dict(self.units),
+            "model": self.model,
+            "rate": self.rate,
+            "samples": self.samples,
+            "levels": self.levels.tolist(),
+            "objective": self.objective,
+            "lower_bound": self.lower_bound,
+            "relaxed_bound": self.relaxed_bound,
+            "parameters": dict(self.parameters),
+            "parameter_errors": {name: _number(value) for name, value in self.parameter_errors.items()},
+            "terms": {
+                term: {
+                    "covariance": self.covariances[term].tolist(),
+                    "standard_errors": self.standard_errors[term].tolist(),
+                    "correlation": [[_number(r) for r in row] for row in self.correlation[term]],
+                }
+                for term in self.terms
+            },
+            "goodness_of_fit": self.goodness_of_fit().to_dict(),
+            "shared": {term: asdict(self.shared(term)) for term in self._testable},
+            "state_space": self.state_space().to_dict() if known else None,
+        }
+
+    @property
+    def _testable(self) -> tuple[str, ...]:
+        return tuple(term.label for term in self.settled.problem.terms if term.kind == "shared")
+
+    def summary(self) -> str:
+        """Format the parameters, the correlations of shared terms with their intervals, and the tests."""
+        head = f"Joint fit of {', '.join(self.axes)}: {self.model}"
+        rows = [["term", *self.axes]]
+        for term in self.terms:
+            rows.append([term, *(f"{value:.4g}" for value in np.diag(self.covariances[term]))])
+        lines = [head, f"{self.samples} samples at {self.rate:g} Hz, levels {self.levels[0]} to {self.levels[-1]}", ""]
+        lines += headed(rows)
+        if self.parameters:
+            lines.append("")
+        for name, value in self.parameters.items():
+            lines.append(f"{name} = {value:.4g} ± {self.parameter_errors.get(name, float('nan')):.2g}")
+        for term in self._testable:
+            low, high = self.correlation_interval(term)
+            pairs = [["correlation of " + term, "r", "95 %"]]
+            for a, b in zip(*(where.tolist() for where in entries(len(self.axes))), strict=True):
+                if a != b:
+                    limits = f"{low[a, b]:+.2f} … {high[a, b]:+.2f}"
+                    pairs.append([f"{self.axes[a]}, {self.axes[b]}", f"{self.correlation[term][a, b]:+.2f}", limits])
+            lines += ["", *headed(pairs)]
+        tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
+        tests += [self.shared(term).summary() for term in self._testable]
+        if self.lower_bound is not None:
+            share = max(1 - self.lower_bound / self.objective, 0.0)
+            tests.append(f"No other parameters of this model lower the objective by more than {100 * share:.2g} %.")
+        return "\n".join([*lines, "", *tests])
+
+    def __repr__(self) -> str:
+        return f"JointFit({', '.join(self.axes)}: {self.model})"
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _p(value: float) -> str:
+    return f"p = {value:.2g}" if value >= 1e-4 else "p < 0.0001"

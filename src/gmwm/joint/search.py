@@ -1,0 +1,232 @@
+"""Search for the shapes and the covariance matrices of a model of several signals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+from scipy.optimize import least_squares as levenberg_marquardt
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.joint.conic import Cone, Conic, least_squares
+from gmwm.joint.moments import entries
+from gmwm.joint.problem import JointProblem, coordinates
+
+PLACES = 10
+"""Shapes of a process among which starts are chosen, at equal distances along its curve; tests/joint/test_joint_fit.py
+compares the fits with a finer scan."""
+STARTS = 4
+"""Starts from which the search descends."""
+MOST_STARTS = 60
+"""Combinations of shapes that are compared as starts, at most."""
+DESCENT = 40
+"""Newton steps of a descent, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An estimate: coordinates of the shapes (K,), covariance matrices (P, d, d) and the objective."""
+
+    u: Vector
+    sigmas: Matrix
+    objective: float
+    gap: float = 0.0
+
+
+def search(problem: JointProblem) -> Found:
+    """The best of the local optima that the starts lead to."""
+    starts = _starts(problem)
+    return min((polish(problem, descend(problem, u)) for u in starts), key=lambda found: found.objective)
+
+
+def resume(problem: JointProblem, found: Found) -> Found:
+    """The local optimum near an estimate."""
+    return polish(problem, descend(problem, found.u))
+
+
+def places(problem: JointProblem, place: int, count: int) -> Vector:
+    """Coordinates (count,) of shapes at equal distances along the curve of a term."""
+    branch = problem.branches[place]
+    assert branch is not None
+    u = np.linspace(branch.low, branch.high, 400)
+    kind = type(problem.terms[place].process)
+    shapes = np.log(kind.shape(branch.values(u), problem.design.levels, problem.design.rate))
+    shapes -= shapes.mean(axis=1, keepdims=True)
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shapes, axis=0), axis=1))])
+    # The ends have the shapes of other processes, such as WN and RW.
+    return np.asarray(np.interp((np.arange(count) + 1) / (count + 1) * length[-1], length, u))
+
+
+def _starts(problem: JointProblem) -> list[Vector]:
+    """Combinations of shapes, the best ones first, from the fit of many shapes at once."""
+    searched = problem.searched
+    if not searched:
+        return [np.empty(0)]
+    grids = {place: places(problem, place, PLACES) for place in searched}
+    kept = {place: _supported(problem, place, grids[place]) for place in searched}
+    groups: dict[tuple[str, str], list[int]] = {}
+    for place in searched:
+        groups.setdefault((problem.terms[place].process.name, problem.terms[place].kind), []).append(place)
+    choices = [
+        list(combinations(kept[group[0]] if len(kept[group[0]]) >= len(group) else grids[group[0]], len(group)))
+        for group in groups.values()
+    ]
+    order = [place for group in groups.values() for place in group]
+    scored = []
+    for choice in list(product(*choices))[:MOST_STARTS]:
+        flat = dict(zip(order, (value for part in choice for value in part), strict=True))
+        u = np.array([flat[place] for place in searched])
+        scored.append((problem.solve(u, gap=1e-2).objective, u))
+    given = coordinates(problem)
+    if given is not None:
+        scored.append((problem.solve(given, gap=1e-2).objective, given))
+    scored.sort(key=lambda pair: pair[0])
+    chosen: list[Vector] = []
+    # Neighbours lead to the same optimum.
+    apart = 1.5 * np.array([np.max(np.diff(grids[place])) for place in searched])
+    for _, u in scored:
+        if all(np.any(np.abs(u - other) > apart) for other in chosen):
+            chosen.append(u)
+    return chosen[:STARTS]
+
+
+def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
+    """The shapes of a term that have a part in the best mixture of all of them."""
+    branch = problem.branches[place]
+    assert branch is not None
+    others = [k for k, one in enumerate(problem.branches) if one is None]
+    levels, rate = problem.design.levels, problem.design.rate
+    own = type(problem.terms[place].process).shape(branch.values(grid), levels, rate)
+    fixed = [type(problem.terms[k].process).standard(problem.terms[k].process.nonlinear) for k in others]
+    shapes = np.array([*own, *(process.wavelet_variance(levels, rate) for process in fixed)])
+    whole = [problem.terms[place].kind != "own"] * grid.size + [problem.terms[k].kind != "own" for k in others]
+    cone = Cone(problem.d, np.array(whole))
+    found = least_squares(problem.columns(shapes, cone), problem.target, cone, gap=1e-3)
+    share = np.max(found.sigmas[: grid.size].trace(axis1=1, axis2=2)[:, None] * own, axis=1)
+    wanted = max(4, sum(1 for k in problem.searched if problem.terms[k].kind == problem.terms[place].kind) + 2)
+    return np.sort(grid[np.argsort(-share)[:wanted]])
+
+
+def descend(problem: JointProblem, u: Vector) -> Found:
+    """Newton's method over the coordinates, with the covariance matrices eliminated."""
+    low, high = problem.limits
+    u = np.clip(u, low, high)
+    now = problem.solve(u)
+    for _ in range(DESCENT if u.size else 0):
+        gradient, curvature = _derivatives(problem, u, now)
+        free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0)))
+        if not np.any(free):
+            break
+        step = np.zeros_like(u)
+        step[free] = -_newton(curvature[np.ix_(free, free)], gradient[free])
+        step *= min(1.0, 2.0 / max(float(np.max(np.abs(step))), 1e-300))
+        expected = -float(gradient @ step)
+        if expected <= 1e-10 * now.objective:
+            break
+        for _ in range(12):
+            there = np.clip(u + step, low, high)
+            new = problem.solve(there, warm=now.warm)
+            if new.objective < now.objective:
+                break
+            step /= 2
+        else:
+            break
+        settled = now.objective - new.objective <= 1e-11 * now.objective
+        u, now = there, new
+        if settled:
+            break
+    return Found(u, now.sigmas, now.objective, now.gap)
+
+
+def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
+    """Gradient and Gauss-Newton curvature of the objective by the coordinates, covariance matrices eliminated."""
+    shapes, cone = problem.shapes(u), problem.cone
+    residual = problem.residual(shapes, now.sigmas)
+    along = problem.directions(u, now.sigmas)
+    mixed = 2 * along @ problem.columns(shapes)
+    terms = cone.terms
+    slopes = problem.blocks(problem.slopes(u)) @ residual
+    rows, columns = entries(problem.d)
+    for k, place in enumerate(problem.searched):
+        whole = slopes[k] if cone.full[place] else slopes[k][rows == columns]
+        mixed[k, terms == place] -= 2 * whole
+    scale = 1 / np.sqrt(np.diag(now.hessian))
+    inner = now.hessian * np.outer(scale, scale)
+    curvature = 2 * along @ along.T - (mixed * scale) @ np.linalg.solve(inner, (mixed * scale).T)
+    return -2 * along @ residual, curvature
+
+
+def _newton(curvature: Matrix, gradient: Vector) -> Vector:
+    """The solution of curvature · x = gradient, with the curvature made positive definite."""
+    values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
+    values = np.maximum(np.abs(values), 1e-8 * max(float(np.abs(values).max()), 1e-300))
+    return np.asarray(vectors @ ((vectors.T @ gradient) / values))
+
+
+def polish(problem: JointProblem, found: Found) -> Found:
+    """The optimum with common terms of rank one, from the one with any rank, by the factors of all matrices."""
+    if not any(term.kind == "common" for term in problem.terms):
+        return found
+    factors = _Factors(problem)
+    solved = levenberg_marquardt(
+        factors.residual, factors.start(found), jac=factors.jacobian, method="trf", x_scale="jac", ftol=1e-12,
+        xtol=1e-12, gtol=1e-12, max_nfev=300,
+    )  # fmt: skip
+    u, sigmas = factors.of(solved.x)
+    return Found(u, sigmas, 2 * float(solved.cost), 0.0)
+
+
+class _Factors:
+    """Covariance matrices as products of factors: diagonal for own terms, columns for common ones, whole for shared."""
+
+    def __init__(self, problem: JointProblem) -> None:
+        self.problem, self.low, self.high = problem, *problem.limits
+        d = problem.d
+        self.sizes = [{"own": d, "common": d, "shared": d * d}[term.kind] for term in problem.terms]
+
+    def start(self, found: Found) -> Vector:
+        parts = [found.u]
+        for term, sigma in zip(self.problem.terms, found.sigmas, strict=True):
+            if term.kind == "own":
+                parts.append(np.sqrt(np.maximum(np.diag(sigma), 0.0)))
+            else:
+                values, vectors = np.linalg.eigh(sigma)
+                factor = vectors * np.sqrt(np.maximum(values, 1e-12 * values[-1]))
+                parts.append(factor[:, -1] if term.kind == "common" else factor.ravel())
+        return np.concatenate(parts)
+
+    def split(self, x: Vector) -> tuple[Vector, list[Matrix]]:
+        """Coordinates, and the factor (d, r) of each matrix."""
+        d = self.problem.d
+        u = np.clip(x[: self.low.size], self.low, self.high)
+        parts = np.split(x[self.low.size :], np.cumsum(self.sizes)[:-1])
+        kinds = [term.kind for term in self.problem.terms]
+        return u, [np.diag(part) if kind == "own" else part.reshape(d, -1)
+                   for part, kind in zip(parts, kinds, strict=True)]  # fmt: skip
+
+    def of(self, x: Vector) -> tuple[Vector, Matrix]:
+        u, factors = self.split(x)
+        return u, np.array([factor @ factor.T for factor in factors])
+
+    def residual(self, x: Vector) -> Vector:
+        u, sigmas = self.of(x)
+        return self.problem.residual(self.problem.shapes(u), sigmas)
+
+    def jacobian(self, x: Vector) -> Matrix:
+        u, factors = self.split(x)
+        problem, (rows, columns) = self.problem, entries(self.problem.d)
+        blocks = problem.blocks(problem.shapes(u))
+        sigmas = np.array([factor @ factor.T for factor in factors])
+        parts = [problem.directions(u, sigmas)]
+        eye = np.eye(problem.d)
+        for term, factor, block in zip(problem.terms, factors, blocks, strict=True):
+            # d(FFᵀ)_ab / dF_ck = δ_ac F_bk + δ_bc F_ak
+            change = (
+                eye[rows][:, :, None] * factor[columns][:, None, :]
+                + eye[columns][:, :, None] * factor[rows][:, None, :]
+            )
+            if term.kind == "own":
+                change = np.einsum("icc->ic", change)
+            parts.append(change.reshape(rows.size, -1).T @ block)
+        return -np.concatenate(parts).T

@@ -1,0 +1,166 @@
+"""The state-space form of several signals with shared noise, in discrete and in continuous time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+
+from gmwm._arrays import Matrix, freeze
+from gmwm.processes.base import Process
+from gmwm.statespace import StateSpace
+
+RANK = 1e-6
+"""Share of the trace below which an eigenvalue of a covariance matrix has no state (tests/joint/test_joint_fit.py)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointStateSpace:
+    """A discrete-time linear Gaussian state-space model of d signals with p states, in steps of one sample.
+
+    x_{t+1} = F x_t + w_t, Var w = Q;  y_t = H x_t + v_t, Var v = R.
+
+    Attributes
+    ----------
+    F, Q, P0 : (p, p) arrays
+        Transition, covariance of the process noise per sample, and covariance of the states at the start.
+    H : (d, p) array
+        Observation matrix. It holds the factors of the covariance matrices, so all states are independent.
+    R : (d, d) array
+        Covariance of the measurement noise of one sample, for example of white noise that the signals share.
+    diffuse : (p,) array of bool
+        States without a stationary distribution.
+    axes : tuple of str
+        The signals.
+    terms : tuple of str
+        The term of each state.
+    """
+
+    F: Matrix
+    Q: Matrix
+    H: Matrix
+    R: Matrix
+    P0: Matrix
+    diffuse: NDArray[np.bool_]
+    axes: tuple[str, ...]
+    terms: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("F", "Q", "H", "R", "P0", "diffuse"):
+            freeze(getattr(self, name))
+
+    def along(self, weights: ArrayLike) -> StateSpace:
+        """The state space of a weighted sum of the signals.
+
+        Parameters
+        ----------
+        weights : (d,) array
+        """
+        w = np.asarray(weights, dtype=np.float64)
+        return StateSpace(F=self.F, Q=self.Q, H=w @ self.H, R=w @ self.R @ w, P0=self.P0, diffuse=self.diffuse)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the matrices as lists."""
+        matrices = {name: getattr(self, name).tolist() for name in ("F", "Q", "H", "R", "P0", "diffuse")}
+        return {**matrices, "axes": list(self.axes), "terms": list(self.terms)}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointContinuousStateSpace:
+    """A continuous-time linear Gaussian state-space model of d signals with p states.
+
+    dx/dt = A x + w with w white of spectral density Qc; y = H x + v with v white of spectral density Rc.
+
+    Attributes
+    ----------
+    A, Qc, P0 : (p, p) arrays
+    H : (d, p) array
+    Rc : (d, d) array
+        Two-sided spectral density of the measurement noise, in unit²/Hz.
+    diffuse : (p,) array of bool
+    axes, terms : tuple of str
+        The signals, and the term of each state.
+    left_out : tuple of str
+        Terms without a continuous-time model.
+    """
+
+    A: Matrix
+    Qc: Matrix
+    H: Matrix
+    Rc: Matrix
+    P0: Matrix
+    diffuse: NDArray[np.bool_]
+    axes: tuple[str, ...]
+    terms: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("A", "Qc", "H", "Rc", "P0", "diffuse"):
+            freeze(getattr(self, name))
+
+
+def factor(sigma: Matrix) -> Matrix:
+    """L (d, r) with L Lᵀ = Σ and the rank r of Σ; the sign of a column makes its largest entry positive."""
+    values, vectors = np.linalg.eigh(sigma)
+    kept = values > RANK * max(float(values.sum()), 0.0)
+    out = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, kept][:, ::-1]
+    return np.asarray(out * np.sign(out[np.argmax(np.abs(out), axis=0), np.arange(out.shape[1])]))
+
+
+def discrete(
+    processes: Sequence[Process], sigmas: Matrix, rate: float, *, axes: tuple[str, ...], labels: Sequence[str]
+) -> JointStateSpace:
+    """F_p ⊗ I, Q_p ⊗ I, H_p ⊗ L_p and R_p Σ_p of all terms, with L_p L_pᵀ = Σ_p."""
+    parts = [(process.state_space(rate), factor(sigma)) for process, sigma in zip(processes, sigmas, strict=True)]
+    d = len(axes)
+    return JointStateSpace(
+        **_kronecker(parts, d, ("F", "Q")),
+        R=sum((space.R[0, 0] * sigma for (space, _), sigma in zip(parts, sigmas, strict=True)), np.zeros((d, d))),
+        axes=axes,
+        terms=_terms(parts, labels),
+    )
+
+
+def continuous(
+    processes: Sequence[Process], sigmas: Matrix, rate: float, *, axes: tuple[str, ...], labels: Sequence[str]
+) -> JointContinuousStateSpace:
+    """The same in continuous time."""
+    made = {label: process.continuous(rate) for label, process in zip(labels, processes, strict=True)}
+    known = [
+        (label, space, sigma) for (label, space), sigma in zip(made.items(), sigmas, strict=True) if space is not None
+    ]
+    parts = [(space, factor(sigma)) for _, space, sigma in known]
+    d = len(axes)
+    return JointContinuousStateSpace(
+        **_kronecker(parts, d, ("A", "Qc")),
+        Rc=sum((space.Rc[0, 0] * sigma for _, space, sigma in known), np.zeros((d, d))),
+        axes=axes,
+        terms=_terms(parts, [label for label, _, _ in known]),
+        left_out=tuple(label for label, space in made.items() if space is None),
+    )
+
+
+def _kronecker(parts: Sequence[tuple[Any, Matrix]], d: int, names: tuple[str, ...]) -> dict[str, Any]:
+    """Block-diagonal matrices by name, with H and the start of the states."""
+    wide = [(space, root) for space, root in parts if space.states and root.size]
+    out: dict[str, Any] = {
+        name: block_diag(*(np.kron(getattr(space, name), np.eye(root.shape[1])) for space, root in wide))
+        if wide
+        else np.zeros((0, 0))
+        for name in (*names, "P0")
+    }
+    out["H"] = np.concatenate([np.zeros((d, 0)), *(np.kron(space.H, root) for space, root in wide)], axis=1)
+    out["diffuse"] = np.concatenate(
+        [np.zeros(0, bool), *(np.repeat(space.diffuse, root.shape[1]) for space, root in wide)]
+    )
+    return out
+
+
+def _terms(parts: Sequence[tuple[Any, Matrix]], labels: Sequence[str]) -> tuple[str, ...]:
+    return tuple(
+        label for (space, root), label in zip(parts, labels, strict=True) for _ in range(space.states * root.shape[1])
+    )

@@ -1,0 +1,135 @@
+"""Terms of a model of several signals: own, common or shared noise, each with the shape of one process."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+from gmwm.errors import ModelError
+from gmwm.processes.base import Process
+from gmwm.processes.definition import function_of
+from gmwm.processes.model import Model, ModelLike
+from gmwm.processes.parameter import Branch
+
+Kind = Literal["own", "common", "shared"]
+"""Own noise has a diagonal Σ, common noise Σ = ℓℓᵀ, and shared noise any Σ ⪰ 0."""
+_SHARED = re.compile(r"\s*(?:(\d+)\s*\*\s*)?(own|common|shared)\s*\((.*)\)\s*(?:\*\s*(\d+)\s*)?", re.DOTALL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointTerm:
+    """One term of a model of several signals.
+
+    Attributes
+    ----------
+    label : str
+        Name of the term in results: "RW", "GM[1]", or "common(GM)" beside an own "GM".
+    kind : "own", "common" or "shared"
+    process : Process
+        The process; its shape parameter may have a value or be fixed.
+    """
+
+    label: str
+    kind: Kind
+    process: Process
+
+    @property
+    def branch(self) -> Branch | None:
+        """The curve along which the shape parameter is searched; None if the shape has no free parameter."""
+        names = [p.name for p in self.process.nonlinear_parameters()]
+        if not names or self.process.is_fixed(names[0]):
+            return None
+        return type(self.process).search(2, 1.0)[0]
+
+    def __str__(self) -> str:
+        return str(self.process) if self.kind == "own" else f"{self.kind}({self.process})"
+
+
+def joint_terms(model: ModelLike) -> tuple[JointTerm, ...]:
+    """Parse a model of several signals, such as "common(RW) + 2*GM + WN".
+
+    Raises
+    ------
+    ModelError
+        If the text cannot be read, or a term cannot be shared.
+    """
+    parts = [str(model)] if not isinstance(model, str) else _summands(model)
+    found: list[tuple[Kind, Process]] = []
+    for part in parts:
+        match = _SHARED.fullmatch(part)
+        kind, text, times = ("own", part, 1) if match is None else (match[2], match[3], int(match[1] or match[4] or 1))
+        assert kind in get_args(Kind)
+        for process in Model.parse(text).processes * times:
+            _require_shape(process)
+            found.append((kind, process))  # type: ignore[arg-type]
+    if len(set(_keys(found))) < len(_keys(found)):
+        raise ModelError(f"{model} has a term twice that can be contained once", argument="model", got=str(model))
+    return _labelled(found)
+
+
+def _keys(found: list[tuple[Kind, Process]]) -> list[tuple[Kind, str]]:
+    return [(kind, process.name) for kind, process in found if not process.repeatable]
+
+
+def _summands(text: str) -> list[str]:
+    """The summands of a text, without breaking it inside parentheses."""
+    parts, depth, start = [], 0, 0
+    for k, letter in enumerate(text):
+        depth += {"(": 1, ")": -1}.get(letter, 0)
+        if letter == "+" and depth == 0 and text[max(k - 1, 0)] not in "eE":
+            parts.append(text[start:k])
+            start = k + 1
+    return [*parts, text[start:]]
+
+
+def _require_shape(process: Process) -> None:
+    """Raise a ModelError unless the process has one shape, or a shape along one curve, and no mean."""
+    free = [p.name for p in process.nonlinear_parameters() if not process.is_fixed(p.name)]
+    scale = process.scale_parameter().name
+    kind = type(process)
+    if any(function_of(getattr(kind, name)) is not function_of(getattr(Process, name)) for name in ("mean", "line")):
+        raise ModelError(f"{process.name} is no random noise, and cannot be a term of a joint model", argument="model")
+    if process.is_fixed(scale):
+        raise ModelError(f"{process.name}.{scale} cannot be fixed in a joint model", argument="model")
+    if len(free) > 1 or (free and not type(process).search(2, 1.0)):
+        raise ModelError(
+            f"{process.name} has shape parameters that a joint model cannot search: {', '.join(free)}",
+            argument="model", advice="Fix their values.",
+        )  # fmt: skip
+
+
+def _labelled(found: list[tuple[Kind, Process]]) -> tuple[JointTerm, ...]:
+    names = Counter(process.name for _, process in found)
+    kinds = Counter((kind, process.name) for kind, process in found)
+    seen: Counter[tuple[Kind, str]] = Counter()
+    terms = []
+    for kind, process in found:
+        label = process.name
+        if names[label] > kinds[kind, label] and kind != "own":
+            label = f"{kind}({label})"
+        if kinds[kind, process.name] > 1:
+            seen[kind, process.name] += 1
+            label += f"[{seen[kind, process.name]}]"
+        terms.append(JointTerm(label=label, kind=kind, process=process))
+    return tuple(terms)
+
+
+def with_kind(terms: tuple[JointTerm, ...], place: int, kind: Kind) -> tuple[JointTerm, ...]:
+    """The terms with another kind at one place."""
+    return (*terms[:place], replace(terms[place], kind=kind), *terms[place + 1 :])
+
+
+def summed(parts: list[Process]) -> Model:
+    """The model of one signal: processes of one shape, own and common, add up."""
+    found: dict[Any, Process] = {}
+    for process in parts:
+        key = (type(process), *process.nonlinear.tolist())
+        if key in found:
+            scale = found[key].scale + process.scale
+            name = process.scale_parameter().name
+            found[key] = process.with_values(**{name: process.value_from(scale)})
+        else:
+            found[key] = process
+    return Model(tuple(found.values()))

@@ -1,0 +1,64 @@
+"""The lower bound of a joint fit: below every fit, close to the best one, and safe between the nodes of its table."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gmwm.joint import fit_joint
+from gmwm.joint.certificate import GAP, Prover
+from gmwm.joint.search import descend
+from tests.joint.test_joint_fit import RATE, signals
+
+
+@pytest.fixture(scope="module")
+def problem():
+    x = dict(list(signals(4, markov=2.0).items())[:2])
+    return fit_joint("shared(GM) + WN + RW", x, RATE).settled.problem
+
+
+def test_the_table_bounds_the_error_of_its_cubics(problem):
+    prover = Prover(problem)
+    (curve,) = prover.curves
+    weights = prover.own.mean(axis=0)
+    share = np.random.default_rng(1).random(curve.nodes.size - 1)
+    u = curve.nodes[:-1] + share * np.diff(curve.nodes)
+    exact = curve.kind.shape(curve.branch.values(u), problem.design.levels, problem.design.rate)
+    exact /= (exact @ weights)[:, None]
+    t = share[:, None]
+    bernstein = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
+    cubic = np.sum(bernstein * curve.controls, axis=1)
+    assert np.all(np.abs(cubic - exact) <= curve.margin)
+    assert np.max(curve.margin / exact) < 1e-5
+
+
+def test_the_bound_of_an_interval_is_below_every_fit_in_it(problem):
+    prover = Prover(problem)
+    (curve,) = prover.curves
+    ends = np.linspace(0.0, curve.length[-1], 9)
+    for low, high in pairwise(ends):
+        bound, _ = prover.bound(((low, high),), 0.0)
+        inside = curve.at(np.linspace(low, high, 15))
+        best = min(problem.solve(np.array([u])).objective for u in inside)
+        assert bound <= best * (1 + 1e-9)
+        assert bound > 0.5 * best
+
+
+@pytest.mark.slow
+def test_the_proof_closes_and_no_scan_finds_a_better_fit(problem):
+    proof = Prover(problem).prove(descend(problem, np.array([problem.limits[1][0] - 1.0])))
+    scanned = min(problem.solve(np.array([u])).objective for u in np.linspace(*np.concatenate(problem.limits), 60))
+    assert proof.lower_bound >= proof.best.objective * (1 - 1.001 * GAP)
+    assert proof.lower_bound <= proof.best.objective <= scanned * (1 + 1e-9)
+    assert proof.relaxed_bound <= proof.lower_bound
+
+
+@pytest.mark.slow
+def test_a_fit_with_a_proof():
+    x = dict(list(signals(4, markov=2.0).items())[:2])
+    found = fit_joint("shared(GM) + WN + RW", x, RATE, certify=True)
+    plain = fit_joint("shared(GM) + WN + RW", x, RATE)
+    assert plain.lower_bound is None
+    assert found.objective <= plain.objective * (1 + 1e-9)
+    assert found.objective * (1 - 1.001 * GAP) <= found.lower_bound <= found.objective
+    assert "No other parameters" in found.summary()
