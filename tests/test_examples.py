@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from examples import contaminated, navigation, paper
+from examples import array, contaminated, navigation, paper
 
 SEED = 2018
 
@@ -40,6 +40,16 @@ def replayed(tmp_path_factory):
     with contextlib.redirect_stdout(words):
         found = paper.main(["--reduced", "--output", str(folder), "--data", str(folder), "--seed", str(SEED)])
     return found, words.getvalue(), folder
+
+
+def test_array(tmp_path):
+    ratios = array.main(["--samples", "100000", "--output", str(tmp_path / "array.png")])
+    assert set(ratios) == {"Kalman filter", "weights for 1 min"}
+    for found in ratios.values():
+        # The scatter of a level with 20 coefficients per scale is 16 %.
+        assert np.all(np.abs(found - 1)[:8] < 0.05)
+        assert np.all(np.abs(found - 1) < 0.5)
+    assert pictures(tmp_path) == {"array"}
 
 
 def test_contaminated(tmp_path):

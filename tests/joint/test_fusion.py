@@ -9,10 +9,11 @@ import pytest
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.joint import fuse
+from gmwm.joint.difference_filter import ArrayNoise, wavelet_variance
 from gmwm.joint.fusion import best_weights
 from gmwm.joint.matrices import wavelet_matrices
 from gmwm.readers import read_array
-from validation.study_fusion import exact, simulated
+from validation.study_fusion import exact, simulated, units
 
 
 def array(seed=1, n=8192):
@@ -122,7 +123,7 @@ def test_what_a_user_sees(tmp_path):
     assert pickle.loads(pickle.dumps(virtual)).summary() == virtual.summary()
     virtual.plot(path=tmp_path / "virtual.png")
     assert (tmp_path / "virtual.png").stat().st_size > 10_000
-    assert repr(virtual) == "VirtualSensor(gyro_x: 4 units, horizon 34 min)"
+    assert repr(virtual) == "VirtualSensor(gyro_x: 4 units, for a scale of 34 min)"
     shared = np.random.default_rng(4).normal(size=4000)
     both = {"a": shared, "b": 2 * shared + np.random.default_rng(5).normal(size=4000)}
     assert [remark.code for remark in fuse(both, 1.0, horizon=4.0).remarks] == ["weights-negative"]
@@ -145,6 +146,84 @@ def test_arrays_that_cannot_be_fused_are_refused(x, argument):
     with pytest.raises(DataError) as error:
         fuse(x, 1.0, horizon=4.0)
     assert error.value.argument == argument
+
+
+def test_a_kalman_filter_is_nearly_best_at_all_scales():
+    white, walk = units(4)
+    levels = np.arange(1, 16)
+    noise = ArrayNoise((gmwm.WN(sigma2=1.0), gmwm.RW(gamma2=1.0)), np.array([white, walk]), 1.0)
+    found = wavelet_variance(noise, noise.filter(), levels)
+    best = 1 / np.linalg.inv(exact(4, 2.0**levels)).sum(axis=(1, 2))
+    # The table of the theory: within 4 % of the best static weights of each scale.
+    assert np.all(found / best < 1.04)
+    assert np.all(found / best > 0.97)
+
+
+def test_the_predicted_variance_of_a_filter_is_exact():
+    rng = np.random.default_rng(1)
+    processes = (gmwm.WN(sigma2=1.0), gmwm.GM(beta=0.05, sigma2=1.0), gmwm.RW(gamma2=1.0))
+    roots = rng.standard_normal((3, 3, 3))
+    sigmas = np.array([root @ root.T for root in roots]) * np.array([1.0, 0.5, 1e-4])[:, None, None]
+    noise = ArrayNoise(processes, sigmas, 1.0)
+    filter = ArrayNoise(processes, sigmas[:, ::-1, ::-1], 1.0).filter()  # made for another noise
+    # The transfer function of the filter, on a grid of frequencies.
+    f = np.concatenate([np.geomspace(1e-7, 0.5, 20_000)])
+    z = np.exp(2j * np.pi * f)
+    eye = np.eye(len(filter.A))
+    inner = np.linalg.solve(eye - filter.A / z[:, None, None], np.broadcast_to(filter.K, (f.size, *filter.K.shape)))
+    response = filter.weights - np.einsum("n,fnd->fd", filter.C, inner) @ filter.differences
+    density = [np.ones_like(f), (1 - np.exp(-0.1)) / np.abs(1 - np.exp(-0.05) / z) ** 2, 1 / np.abs(1 - 1 / z) ** 2]
+    shape = np.array([np.einsum("fa,ab,fb->f", response.conj(), sigma, response).real for sigma in sigmas])
+    whole = np.sum(np.array(density) * shape, axis=0)
+    for level in (1, 4, 8):
+        half = 2 ** (level - 1)
+        haar = np.sin(np.pi * f * half) ** 4 / (half * np.sin(np.pi * f)) ** 2
+        expected = 2 * np.trapezoid(haar * whole, f)
+        assert wavelet_variance(noise, filter, np.array([level]))[0] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_filter_runs_in_blocks_as_sample_by_sample():
+    x = np.array(list(array(n=700).values())) + np.array([[5.0], [-3.0], [2.0], [100.0]])
+    filter = fuse(array(n=1 << 14), 1.0, model="WN + shared(RW)")["gyro_x"].filter
+    z = filter.differences @ x
+    z = z - z[:, : filter.memory].mean(axis=1, keepdims=True)
+    state, expected = np.zeros(filter.C.size), []
+    for t in range(700):
+        state = filter.A @ state + filter.K @ z[:, t]
+        expected.append(filter.weights @ x[:, t] - filter.C @ state)
+    assert np.allclose(filter.run(x), expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_kalman_filter_keeps_the_motion_and_its_promise():
+    virtual = fuse(array(n=1 << 15), 1.0)
+    one = virtual["gyro_x"]
+    assert one.model == "shared(WN) + shared(RW)"
+    assert one.pvalue > 0.01
+    motion = 1e3 * np.sin(np.arange(1 << 15) / 50)
+    other = array(seed=9, n=1 << 15)
+    still = virtual.apply(other, 1.0)["gyro_x"].values
+    moving = virtual.apply({name: v + motion for name, v in other.items()}, 1.0)["gyro_x"].values
+    assert np.allclose(moving - still, motion)
+    found = gmwm.wavelet_variance(still, 1.0).variance[:11]
+    assert np.all(np.abs(np.log(found / one.variance[:11])) < 3 * np.sqrt(2 / one.seen[:11]) + 0.05)
+    assert "Kalman filter" in virtual.summary()
+    assert json.loads(json.dumps(virtual.to_dict()))["axes"]["gyro_x"]["filter"]["w0"]
+    static = fuse(array(n=1 << 15), 1.0, horizon=1024.0, model="WN + shared(RW)")
+    assert static["gyro_x"].filter is None
+    assert static["gyro_x"].gain[9] > 1.05
+
+
+@pytest.mark.slow
+def test_a_model_that_does_not_fit_is_reported():
+    virtual = fuse(array(n=1 << 14), 1.0, model="WN")
+    assert [remark.code for remark in virtual.remarks] == ["array-model-rejected"]
+
+
+def test_no_negative_weights_need_a_horizon():
+    with pytest.raises(OptionError):
+        fuse(array(n=512), 1.0, nonnegative=True)
 
 
 @pytest.mark.parametrize("horizon", [0.0, -1.0, np.inf, "60s", True, 1.0, 9000.0, 4096.0])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gmwm.signals import Imu
 
 EXAMPLES = (
-    "gmwm fuse array.csv --horizon 60s --output virtual.csv",
+    "gmwm fuse array.csv --output virtual.csv --plot virtual.png",
     "gmwm fuse imu0.csv imu1.csv imu2.csv --horizon 10s --axis gyro --plot virtual.png",
     "gmwm fuse static.csv --horizon 60s --apply drive.csv --output drive_virtual.csv",
 )
@@ -40,11 +40,23 @@ def fuse(
     ],
     reading: ReadOptions,
     horizon: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="Scale at which the virtual sensor has the least variance: 60s, 10min or seconds.", metavar="LENGTH"
+            help="Use static weights, with the least variance at this scale: 60s, 10min or seconds. Default: a Kalman "
+            "filter.",
+            metavar="LENGTH",
+            show_default=False,
         ),
-    ],
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="Joint model of the noise, such as 'WN + shared(RW)'. Default: for a Kalman filter, WN + RW + k*GM, "
+            "all shared, with the least k that fits.",
+            metavar="MODEL",
+            show_default=False,
+        ),
+    ] = None,
     axis: Axes = None,
     nonnegative: Annotated[
         bool,
@@ -74,17 +86,18 @@ def fuse(
 ) -> Outcome:
     """Fuse the like axes of an array of sensors into one virtual sensor with less noise.
 
-    The virtual sensor is the weighted sum of all units with the least wavelet variance at a scale. Its weights follow
-    from a recording at rest, and take noise that the units share into account. The weights have the sum 1, so they do
-    not change a motion. The units must be sampled together, and their axes must be parallel.
+    A Kalman filter on the differences of the units estimates their slow noise. With --horizon, the virtual sensor is
+    the weighted sum of all units with the least wavelet variance at this scale. Both follow from a recording at rest,
+    take noise that the units share into account, and do not change a motion. The units must be sampled together, and
+    their axes must be parallel.
     """
     from gmwm.joint import fuse
 
-    seconds = parse_length(horizon, "horizon")
+    seconds = None if horizon is None else parse_length(horizon, "horizon")
     units = _load(files, reading, axis)
     tell_inspection(next(iter(units.values())))
     with progress("measuring"):
-        virtual = fuse(units, horizon=seconds, nonnegative=nonnegative)
+        virtual = fuse(units, horizon=seconds, model=model, nonnegative=nonnegative)
     new = [] if csv is None else [text_file(csv, virtual.to_frame().write_csv())]
     if apply and output is None:
         raise OptionError(argument="apply", expected="given with {--output}", got=[str(file) for file in apply])

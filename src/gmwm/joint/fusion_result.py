@@ -14,13 +14,20 @@ from gmwm._arrays import Matrix, Vector
 from gmwm._tables import headed
 from gmwm._text import Summarised, duration_text
 from gmwm.errors import DataError
+from gmwm.joint.difference_filter import DifferenceFilter
 from gmwm.joint.sensor_array import like_axes
-from gmwm.remarks import Remark, texts
+from gmwm.remarks import Quantity, Remark, texts
 from gmwm.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
+
+
+REJECTED = 0.01
+"""p-value below which a model is reported as rejected."""
+ENOUGH = 10.0
+"""Coefficients per scale of a level at which measured and predicted variances are compared in a remark."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,10 +42,18 @@ class VirtualAxis:
     unit : str
         Their unit.
     weights : (d,) array
-        Weights; their sum is 1, so that the motion is not changed.
+        Weights; their sum is 1, so that the motion is not changed. Of a Kalman filter, those for the white noise.
+    filter : DifferenceFilter or None
+        The Kalman filter on the differences of the signals; None for static weights.
+    model : str
+        The joint model of the noise; "" if the weights follow from the measured covariance matrices.
+    pvalue : float or None
+        p-value of the test of this model.
     levels : (J,) int array
     rate : float
         Sampling rate (Hz).
+    samples : int
+        Samples of each signal.
     variance : (J,) array
         Predicted wavelet variance of the virtual sensor, in unit², corrected for the estimation of the weights from the
         same recording.
@@ -46,8 +61,10 @@ class VirtualAxis:
         Wavelet variance of the average of all signals.
     each : (d, J) array
         Wavelet variances of the signals.
+    measured : (J,) array
+        Wavelet variance of the fused signal in the recording itself.
     optimism : (J,) array
-        Factor by which `variance` is larger than the wavelet variance of the weighted sum in the recording itself.
+        Factor by which `variance` is larger because the weights are estimates.
     """
 
     axis: str
@@ -56,15 +73,25 @@ class VirtualAxis:
     weights: Vector
     levels: NDArray[np.int64]
     rate: float
+    samples: int
     variance: Vector
     average: Vector
     each: Matrix
+    measured: Vector
     optimism: Vector
+    filter: DifferenceFilter | None = None
+    model: str = ""
+    pvalue: float | None = None
 
     @property
     def tau(self) -> Vector:
         """Scales τ_j = 2^j / rate (J,), in seconds."""
         return np.asarray(np.exp2(self.levels.astype(np.float64)) / self.rate)
+
+    @property
+    def seen(self) -> Vector:
+        """Coefficients per scale of each level (J,)."""
+        return np.asarray(self.samples / np.exp2(self.levels) - 1)
 
     @property
     def deviation(self) -> Vector:
@@ -82,9 +109,13 @@ class VirtualAxis:
         return np.asarray(np.sqrt(self.each.min(axis=0) / self.variance))
 
     def apply(self, signals: Mapping[str, Signal]) -> Signal:
-        """The weighted sum of signals of these members."""
+        """Fuse signals of these members. A Kalman filter starts again after a gap."""
         first = next(iter(signals.values()))
-        values = self.weights @ np.array([signals[name].values for name in self.members])
+        x = np.array([signals[name].values for name in self.members])
+        if self.filter is None:
+            values = self.weights @ x
+        else:
+            values = np.concatenate([self.filter.run(x[:, start:stop]) for start, stop in first.segments])
         return Signal(
             values, first.rate, first.unit, self.axis, segments=first.segments, starts=first.starts,
             gaps_known=first.gaps_known,
@@ -97,11 +128,15 @@ class VirtualAxis:
             "unit": self.unit,
             "rate": self.rate,
             "weights": dict(zip(self.members, self.weights.tolist(), strict=True)),
+            "model": self.model,
+            "pvalue": self.pvalue,
+            "filter": None if self.filter is None else self.filter.to_dict(),
             "tau": self.tau.tolist(),
             "deviation": self.deviation.tolist(),
             "average": np.sqrt(self.average).tolist(),
             "gain": self.gain.tolist(),
             "gain_over_best": self.gain_over_best.tolist(),
+            "measured": np.sqrt(self.measured).tolist(),
             "optimism": self.optimism.tolist(),
         }
 
@@ -113,12 +148,13 @@ class VirtualSensor(Summarised):
     Attributes
     ----------
     axes : mapping of axis to VirtualAxis
-    horizon : float
-        Scale (s) at which the weights give the least variance.
+    horizon : float or None
+        Scale (s) at which the weights give the least variance; None for a Kalman filter, which has nearly the least
+        variance at all scales.
     """
 
     axes: Mapping[str, VirtualAxis]
-    horizon: float
+    horizon: float | None
 
     def __getitem__(self, axis: str) -> VirtualAxis:
         """The weights and the noise of one axis."""
@@ -162,7 +198,7 @@ class VirtualSensor(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Weights that amplify errors of scale factor and alignment."""
+        """Weights that amplify errors of scale factor and alignment, and models that do not fit."""
         found = []
         for axis, one in self.axes.items():
             place = int(np.argmin(one.weights))
@@ -171,6 +207,15 @@ class VirtualSensor(Summarised):
                     Remark.of(
                         "weights-negative", axis, member=one.members[place], weight=float(one.weights[place]),
                         factor=float(np.sqrt(one.weights @ one.weights * one.weights.size)),
+                    )
+                )  # fmt: skip
+            if one.pvalue is not None and one.pvalue < REJECTED:
+                ratio = one.measured / one.variance
+                at = int(np.argmax(np.abs(np.log(ratio)) * (one.seen > ENOUGH)))
+                found.append(
+                    Remark.of(
+                        "array-model-rejected", axis, model=one.model, ratio=float(np.sqrt(ratio[at])),
+                        tau=Quantity(float(one.tau[at]), "s"),
                     )
                 )  # fmt: skip
         return tuple(found)
@@ -224,19 +269,26 @@ class VirtualSensor(Summarised):
         for axis, one in self.axes.items():
             weights = [["weight", *(name.removeprefix(axis) for name in one.members)]]
             weights.append(["", *(f"{weight:.3f}" for weight in one.weights)])
-            shown = sorted({*range(0, one.tau.size, max(one.tau.size // 6, 1)), self._nearest(one)})
+            shown = self._shown(one)
             gains = [["at τ", *(duration_text(one.tau[k]) for k in shown)]]
             gains.append(["gain over the average", *(f"{one.gain[k]:.2f}" for k in shown)])
             gains.append(["gain over the best one", *(f"{one.gain_over_best[k]:.2f}" for k in shown)])
-            lines += [self._title(axis, one), "", *headed(weights), "", *headed(gains), ""]
+            lines += [f"{axis}: virtual sensor of {len(one.members)}, {self._method}"]
+            lines += [f"Model {one.model}, p = {one.pvalue:.2g}"] if one.pvalue is not None else []
+            lines += ["", *headed(weights), "", *headed(gains), ""]
         return "\n".join([*lines, *texts(self.remarks)]).rstrip()
 
-    def _nearest(self, one: VirtualAxis) -> int:
-        return int(np.argmin(np.abs(np.log(one.tau / self.horizon))))
+    def _shown(self, one: VirtualAxis) -> list[int]:
+        """Levels of the table: some, and the one nearest to the horizon."""
+        shown = set(range(0, one.tau.size, max(one.tau.size // 6, 1)))
+        if self.horizon is not None:
+            shown.add(int(np.argmin(np.abs(np.log(one.tau / self.horizon)))))
+        return sorted(shown)
 
-    def _title(self, axis: str, one: VirtualAxis) -> str:
-        return f"{axis}: virtual sensor of {len(one.members)}, for a scale of {duration_text(self.horizon)}"
+    @property
+    def _method(self) -> str:
+        return "Kalman filter" if self.horizon is None else f"for a scale of {duration_text(self.horizon)}"
 
     def __repr__(self) -> str:
         count = len(next(iter(self.axes.values())).members)
-        return f"VirtualSensor({', '.join(self.axes)}: {count} units, horizon {duration_text(self.horizon)})"
+        return f"VirtualSensor({', '.join(self.axes)}: {count} units, {self._method})"

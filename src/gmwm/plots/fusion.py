@@ -22,8 +22,10 @@ EACH = Stroke(PALE, 0.8, SOLID)
 """One sensor of the array."""
 AVERAGE = Stroke(ORANGE, 1.2, DASHED)
 """The average of all sensors."""
-VIRTUAL = Stroke(BLUE, 1.4, SOLID, "circle")
+VIRTUAL = Stroke(BLUE, 1.4, SOLID)
 """The virtual sensor."""
+HERE = Stroke(BLUE, 0.0, SOLID, "circle", filled=False)
+"""Its deviation in the recording from which it was made."""
 MOST_COLUMNS = 3
 
 
@@ -34,7 +36,7 @@ def fusion_figure(virtual: VirtualSensor) -> Figure:
     rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + columns]) for k in range(0, len(panels), columns)]
     rows[-1] = (*rows[-1], *[None] * (columns - len(rows[-1])))
     return Figure(
-        tuple(rows), width=110.0 if columns == 1 else 78.0 * columns, height=14.0 + 70.0 * len(rows), legend_columns=3
+        tuple(rows), width=110.0 if columns == 1 else 78.0 * columns, height=14.0 + 70.0 * len(rows), legend_columns=2
     )
 
 
@@ -45,8 +47,9 @@ def _panel(one: VirtualAxis) -> Panel:
         for k, variance in enumerate(one.each)
     ]
     marks.append(Line(tau, np.sqrt(one.average), stroke=AVERAGE, label="average", layer=MIDDLE))
-    marks.append(Line(tau, one.deviation, stroke=VIRTUAL, label="virtual sensor", layer=FRONT))
-    heights = np.sqrt(np.concatenate([one.each.ravel(), one.average, one.variance]))
+    marks.append(Line(tau, one.deviation, stroke=VIRTUAL, label="virtual sensor, predicted", layer=FRONT))
+    marks.append(Line(tau, np.sqrt(one.measured), stroke=HERE, label="in this recording", layer=FRONT))
+    heights = np.sqrt(np.concatenate([one.each.ravel(), one.average, one.variance, one.measured]))
     label = f"Wavelet deviation ({one.unit})" if one.unit else "Wavelet deviation"
     return Panel(
         time_axis(tau, "Scale τ (s)"), value_axis(limits_of(heights), label), tuple(marks), title=axis_title(one.axis)

@@ -1,0 +1,233 @@
+"""A Kalman filter that estimates the slow noise of an array from the differences of its signals.
+
+Differences of like signals do not depend on the motion. With w₀ the best weights for white noise, B a basis of the
+differences (B 1 = 0) and b the noise with memory, the filter estimates B b from B x, and the fused signal is
+
+    ŝ = w₀ᵀ x − Σ_p c_p B b̂_p,   c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺,
+
+because c_p B b_p is the best prediction of w₀ᵀ b_p. The white noise of w₀ᵀ x is independent of the differences.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, null_space
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.joint.state_space import factor
+from gmwm.processes.base import Process
+from gmwm.statespace import StateSpace
+
+RIDGE = 1e-10
+"""Share of the mean variance that is added to the measurement noise, so that it has an inverse; its deviation is 1e-5
+of the white noise."""
+DOUBLINGS = 64
+BLOCK = 256
+"""Samples that are filtered by one matrix product."""
+
+
+@dataclass(frozen=True, eq=False)
+class DifferenceFilter:
+    """A filter in its steady state: ξ_t = A ξ_{t−1} + K B x_t, ŝ_t = w₀ᵀ x_t − C ξ_t.
+
+    Attributes
+    ----------
+    weights : (d,) array
+        w₀.
+    differences : (d − 1, d) array
+        B.
+    A, K : (n, n) and (n, d − 1) arrays
+    C : (n,) array
+    """
+
+    weights: Vector
+    differences: Matrix
+    A: Matrix
+    K: Matrix
+    C: Vector
+
+    @classmethod
+    def static(cls, weights: Vector) -> DifferenceFilter:
+        """Static weights as a filter without states."""
+        d = weights.size
+        return cls(weights, np.zeros((d - 1, d)), np.zeros((0, 0)), np.zeros((0, d - 1)), np.zeros(0))
+
+    @property
+    def memory(self) -> int:
+        """Time constant of the filter, in samples."""
+        slowest = float(np.max(np.abs(np.linalg.eigvals(self.A)), initial=0.0))
+        return int(min(np.ceil(1 / max(1 - slowest, 1e-12)), 2**62))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the matrices as lists."""
+        return {"w0": self.weights.tolist(), "B": self.differences.tolist(), "A": self.A.tolist(),
+                "K": self.K.tolist(), "C": self.C.tolist()}  # fmt: skip
+
+    def run(self, x: Matrix) -> Vector:
+        """Filter the samples (d, N) of one segment.
+
+        The mean of the differences over the time constant of the filter, of which only a constant of the result
+        depends, is subtracted, so that the filter starts near its steady state.
+        """
+        base = self.weights @ x
+        if not self.C.size:
+            return np.asarray(base)
+        z = self.differences @ x
+        z = z - z[:, : max(self.memory, 1)].mean(axis=1, keepdims=True)
+        return np.asarray(base - self._correction(z))
+
+    def _correction(self, z: Matrix) -> Vector:
+        """C ξ_t (N,) from differences (d − 1, N), in blocks."""
+        count, n = z.shape[1], self.C.size
+        blocks = -(-count // BLOCK)
+        padded = np.zeros((blocks * BLOCK, z.shape[0]))
+        padded[:count] = z.T
+        rows = padded.reshape(blocks, -1)
+        power, drive, out = np.eye(n), [], []
+        for _ in range(BLOCK):
+            drive.append(power @ self.K)
+            power = self.A @ power
+            out.append(self.C @ power)
+        # Response of each sample of a block to each sample before it.
+        impulse = np.array([self.C @ matrix for matrix in drive])
+        within = np.zeros((BLOCK, BLOCK, z.shape[0]))
+        for lag in range(BLOCK):
+            within[np.arange(lag, BLOCK), np.arange(BLOCK - lag)] = impulse[lag]
+        inputs = rows @ np.concatenate(drive[::-1], axis=1).T
+        states = np.zeros((blocks, n))
+        for k in range(1, blocks):
+            states[k] = power @ states[k - 1] + inputs[k - 1]
+        return np.asarray((rows @ within.reshape(BLOCK, -1).T + states @ np.array(out).T).ravel()[:count])
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayNoise:
+    """The noise of an array: unit processes and their covariance matrices.
+
+    Attributes
+    ----------
+    processes : tuple of Process
+    sigmas : (P, d, d) array
+    rate : float
+        Sampling rate (Hz).
+    """
+
+    processes: tuple[Process, ...]
+    sigmas: Matrix
+    rate: float
+
+    @property
+    def spaces(self) -> list[StateSpace]:
+        """The state spaces of the processes at unit scale."""
+        return [process.state_space(self.rate) for process in self.processes]
+
+    @property
+    def white(self) -> Matrix:
+        """Covariance (d, d) of the measurement noise, with a ridge."""
+        d = self.sigmas.shape[-1]
+        total = sum((space.R[0, 0] * sigma for space, sigma in zip(self.spaces, self.sigmas, strict=True)),
+                    np.zeros((d, d)))  # fmt: skip
+        ridge = RIDGE * float(np.trace(total if np.any(total) else self.sigmas.sum(axis=0))) / d
+        return np.asarray(total + ridge * np.eye(d))
+
+    def filter(self) -> DifferenceFilter:
+        """The Kalman filter on differences."""
+        white = self.white
+        d = len(white)
+        inverse = np.linalg.solve(white, np.ones(d))
+        weights = inverse / inverse.sum()
+        differences = null_space(np.ones((1, d))).T
+        seen = [self._seen(space, sigma, differences, weights=weights)
+                for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]  # fmt: skip
+        if not sum(part[0].shape[0] for part in seen):
+            return DifferenceFilter.static(weights)
+        F, Q = (block_diag(*(part[k] for part in seen)) for k in (0, 1))
+        H, C = np.concatenate([part[2] for part in seen], axis=1), np.concatenate([part[3] for part in seen])
+        R = differences @ white @ differences.T
+        ahead = _steady(F, Q, H, R)
+        K = np.linalg.solve(H @ ahead @ H.T + R, H @ ahead).T
+        return DifferenceFilter(weights, differences, (np.eye(len(F)) - K @ H) @ F, K, C)
+
+    @staticmethod
+    def _seen(
+        space: StateSpace, sigma: Matrix, differences: Matrix, *, weights: Vector
+    ) -> tuple[Matrix, Matrix, Matrix, Vector]:
+        """F, Q, H and C of one process in the differences."""
+        root = factor(differences @ sigma @ differences.T)
+        eye = np.eye(root.shape[1])
+        regression = weights @ sigma @ differences.T @ np.linalg.pinv(root).T if root.size else np.zeros(0)
+        found = [np.kron(space.F, eye), np.kron(space.Q, eye), np.kron(space.H, root), np.kron(space.H[0], regression)]
+        F, Q, H, C = (np.asarray(part, dtype=np.float64) for part in found)
+        return F, Q, H, C
+
+    def fused(self, filter: DifferenceFilter) -> StateSpace:
+        """The state space of the signal that any filter makes of the array at rest.
+
+        The states of the filter are ξ = G z + e, with z the states without a stationary distribution, G their constant
+        response and e stationary. For random walks z, e_t = A e_{t−1} − A G w_{t−1} + K B (other noise at t).
+        """
+        parts = [(space, factor(sigma)) for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]
+        F = block_diag(*(np.kron(space.F, np.eye(root.shape[1])) for space, root in parts))
+        Q = block_diag(*(np.kron(space.Q, np.eye(root.shape[1])) for space, root in parts))
+        H = np.concatenate([np.kron(space.H, root) for space, root in parts], axis=1)
+        walk = np.concatenate([np.repeat(space.diffuse, root.shape[1]) for space, root in parts])
+        gain = filter.K @ filter.differences
+        response = np.linalg.solve(np.eye(filter.C.size) - filter.A, gain @ H) * walk
+        p, n, d = len(F), filter.C.size, filter.weights.size
+        white = self.white
+        # States: those of the noise, e, and the white noise of this sample, which is in the output and in e.
+        own = gain @ (H * ~walk)
+        whole = np.zeros((p + n + d, p + n + d))
+        whole[:p, :p], whole[p : p + n, :p], whole[p : p + n, p : p + n] = F, own @ F, filter.A
+        carry = np.concatenate([np.eye(p), own - filter.A @ response, np.zeros((d, p))])
+        other = np.concatenate([np.zeros((p, d)), gain, np.eye(d)])
+        noise = carry @ Q @ carry.T + other @ white @ other.T
+        seen = np.concatenate([filter.weights @ H - filter.C @ response, -filter.C, filter.weights])
+        stays = np.concatenate([~walk, np.ones(n + d, bool)])
+        start = np.zeros_like(noise)
+        start[np.ix_(stays, stays)] = _stationary(whole[np.ix_(stays, stays)], noise[np.ix_(stays, stays)])
+        return StateSpace(F=whole, Q=noise, H=seen, P0=start)
+
+    def static(self, weights: Vector, levels: NDArray[np.int64]) -> Vector:
+        """Wavelet variance (J,) of a weighted sum."""
+        scales = np.einsum("a,pab,b->p", weights, self.sigmas, weights)
+        shapes = np.array([process.wavelet_variance(levels, self.rate) for process in self.processes])
+        return np.asarray(scales @ shapes)
+
+
+def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: NDArray[np.int64]) -> Vector:
+    """Wavelet variance (J,) of the fused signal of an array at rest."""
+    return noise.fused(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
+
+
+def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
+    """The covariance of the predicted state in the steady state, by the doubling algorithm.
+
+    Each doubling is as many steps of the Riccati equation as all before it (Anderson and Moore 1979, Optimal Filtering,
+    section 6.7).
+    """
+    a, g, p = F.T.copy(), H.T @ np.linalg.solve(R, H), Q.copy()
+    eye = np.eye(len(F))
+    for _ in range(DOUBLINGS):
+        inner = np.linalg.solve(eye + g @ p, np.concatenate([a, g], axis=1))
+        first, second = inner[:, : len(F)], inner[:, len(F) :]
+        added = a.T @ p @ first
+        g, a, p = g + a @ second @ a.T, a @ first, p + (added + added.T) / 2
+        if np.linalg.norm(added) <= 1e-14 * np.linalg.norm(p):
+            break
+    return p
+
+
+def _stationary(transition: Matrix, noise: Matrix) -> Matrix:
+    """The stationary covariance P = A P Aᵀ + W, by doubling."""
+    p, a = noise, transition
+    for _ in range(DOUBLINGS):
+        added = a @ p @ a.T
+        p, a = p + added, a @ a
+        if np.linalg.norm(added) <= 1e-15 * np.linalg.norm(p):
+            break
+    return (p + p.T) / 2
