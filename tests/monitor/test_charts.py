@@ -14,7 +14,7 @@ from gmwm.monitor.setup import as_lists
 from gmwm.monitor.thresholds import level_threshold, noise_run_length, noise_threshold, spike_limit
 
 Array = NDArray[np.float64]
-SETTINGS = ChartSettings.of_model(8)
+SETTINGS = ChartSettings.of_model(rate=1.5)
 
 
 def run_length(steps: Any, threshold: float, alarms: int) -> tuple[float, float]:

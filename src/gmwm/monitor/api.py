@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
-from gmwm.axis_names import AXES, axis_quantity
 from gmwm.chunks import Chunk
-from gmwm.errors import DataError, ReadError
+from gmwm.errors import ReadError
 from gmwm.monitor.axis import Axis
 from gmwm.monitor.baseline import Baseline
 from gmwm.monitor.charts import LONGEST_REST, Alarm, ChartSettings
+from gmwm.monitor.clock import Clock
 from gmwm.monitor.events import Event
 from gmwm.monitor.finite_state import Finite
-from gmwm.monitor.naming import Named
+from gmwm.monitor.naming import NAMING, naming_time
 from gmwm.monitor.setup import (
     as_every,
     as_lists,
     baselines_of,
     check_rate,
+    checked_samples,
     chunks_of,
     common_rate,
     models_of,
@@ -32,27 +31,17 @@ from gmwm.monitor.setup import (
 from gmwm.monitor.stillness import Stillness
 from gmwm.monitor.whitening import Gain
 from gmwm.options import as_whole_number
-from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
     from gmwm.readers.streams import Stream
     from gmwm.signals import Imu
 
-NAMING = 1.0
-"""Time (s) from the first alarm to its report, in which the kind is named and axes that change together are joined."""
-SLOWNESS, LONGEST_NAMING = 8.0, 60.0
-"""A change of level is named after SLOWNESS times its duration up to the alarm, and after LONGEST_NAMING (s) at most.
-Then 9 of 10 excursions of slow noise are told from jumps (validation/study_monitor.py)."""
 HOLD = 60.0
 """Least time (s) after its last alarm for which a reported fault explains further alarms of its axis."""
 REMEMBERED = 3600.0
 """Time (s) for which a fault that comes back is not reported again, unless it is larger. A jump is always reported."""
 MOVED_AXES = 3
 """Number of axes that change within `NAMING` if the unit was moved."""
-MOVED_RATIO = 2.0
-"""Ratio of standard deviations above which more noise counts as motion, not as a fault of the noise."""
-LONGEST_SCALE = 164.0
-"""Longest scale (s) of the charts without a baseline."""
 PIECE = 1 << 16
 """Number of samples that are processed at once; the result does not depend on it."""
 FORMAT = "gmwm-monitor"
@@ -94,8 +83,7 @@ class Monitor:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from gmwm import Model, Monitor
+    >>>     >>> from gmwm import Model, Monitor
     >>> model = Model.parse("WN(sigma2=1e-6) + RW(gamma2=1e-12)")
     >>> monitor = Monitor({"gyro_x": model}, rate=100.0)
     >>> x = model.simulate(60_000, 100.0, rng=1)
@@ -127,7 +115,10 @@ class Monitor:
         self._models = models
         gains = {axis: Gain.of(Finite.of(model, self.rate)) for axis, model in models.items()}
         self.remarks = tuple(remarks_of(gains, self.baselines, wanted=baseline is not None))
-        settings = {axis: self._settings(axis) for axis in models}
+        known = self.baselines
+        settings = {
+            axis: known[axis].settings() if axis in known else ChartSettings.of_model(self.rate) for axis in models
+        }
         charts = sum(one.charts for one in settings.values())
         self.run_length = self.every * self.rate * charts
         self._naming = max(round(NAMING * self.rate), 1)
@@ -136,23 +127,13 @@ class Monitor:
             axis: Axis(gains[axis], settings[axis], run_length=self.run_length, rest=self._naming, longest_rest=longest)
             for axis in models
         }
-        self._runs: tuple[tuple[int, float], ...] = ((0, float(start)),)  # (sample, time) after the last gaps
+        self._clock = Clock(self.rate, ((0, float(start)),))
         self._count = 0
         self._pool: tuple[tuple[str, Alarm], ...] = ()
         self._deadline: int | None = None
         self._moved: Stillness | None = None
         self._lost_until = -1
         self._segment: int | None = None
-
-    def _settings(self, axis: str) -> ChartSettings:
-        known = self.baselines.get(axis)
-        if known is not None:
-            return known.settings()
-        levels = min(max(round(math.log2(LONGEST_SCALE * self.rate)), 4), 20)
-        settings = ChartSettings.of_model(levels)
-        return ChartSettings(
-            settings.ratios, settings.shapes, scatter=settings.scatter, equal=max(round(0.5 * self.rate), 20)
-        )
 
     # --- samples --------------------------------------------------------------------------------------
 
@@ -165,6 +146,11 @@ class Monitor:
     def samples(self) -> int:
         """Number of samples so far."""
         return self._count
+
+    @property
+    def _now(self) -> float:
+        """Time of the next sample (s)."""
+        return self._clock.time(self._count)
 
     @property
     def resting(self) -> bool:
@@ -202,7 +188,7 @@ class Monitor:
         if isinstance(values, Chunk):
             events += self._joined(values)
             values = values.values
-        arrays = self._checked(values)
+        arrays = checked_samples(self.axes, values)
         n = next(iter(arrays.values())).size
         at = 0
         while at < n:
@@ -249,7 +235,7 @@ class Monitor:
         if samples is not None:
             samples = as_whole_number(samples, "samples", 1)
         events = self.finish()
-        time = self._time(self._count)
+        time = self._now
         return events + self._after_gap(time + (samples or 0) / self.rate, samples)
 
     def skip(self, samples: int) -> None:
@@ -281,12 +267,12 @@ class Monitor:
         segment, self._segment = self._segment, chunk.segment
         if segment is None:
             if self._count == 0:
-                self._runs = ((0, chunk.start),)
+                self._clock = Clock(self.rate, ((0, chunk.start),))
             return []
         if segment == chunk.segment:
             return []
         events = self.finish()
-        expected = self._time(self._count)
+        expected = self._now
         late = round((chunk.start - expected) * self.rate)
         if chunk.start < expected - 0.5 / self.rate:
             # The time after the step is that of the new stamps.
@@ -295,12 +281,12 @@ class Monitor:
         return events + self._after_gap(chunk.start, late if late >= 1 else None)
 
     def _after_gap(self, time: float, samples: int | None, *, told: bool = False) -> list[Event]:
-        before = self._time(self._count)
+        before = self._now
         for axis in self._axes.values():
             axis.gap(samples)
         if self._moved is not None:
             self._moved = self._moved.broken()
-        self._runs = (*self._runs[-15:], (self._count, time))
+        self._clock = self._clock.after_gap(self._count, time)
         if told:
             return []
         known, self._lost_until = self._lost_until, self._count + round(HOLD * self.rate)
@@ -309,37 +295,13 @@ class Monitor:
         size = None if samples is None else float(samples)
         return [Event(kind="lost", time=before, began=before, size=size, unit="samples")]
 
-    def _checked(self, values: Mapping[str, ArrayLike]) -> dict[str, Vector]:
-        arrays: dict[str, Vector] = {}
-        for axis in self._axes:
-            if axis not in values:
-                raise DataError(
-                    f"the samples of {axis} are missing; got {', '.join(values) or 'no axis'}",
-                    argument="values",
-                    advice="Pass all axes of the monitor, or make it with `axes=`.",
-                )
-            x = np.atleast_1d(np.ascontiguousarray(values[axis], dtype=np.float64))
-            if x.ndim != 1:
-                raise DataError(argument=axis, expected="one value for each sample", got=f"shape {x.shape}")
-            if not np.all(np.isfinite(x)):
-                raise DataError(
-                    f"{axis} has a value that is not finite",
-                    argument=axis,
-                    advice="Leave missing samples out, and call `gap()` there.",
-                )
-            arrays[axis] = x
-        if len({x.size for x in arrays.values()}) > 1:
-            sizes = ", ".join(f"{axis} {x.size}" for axis, x in arrays.items())
-            raise DataError(f"the axes have different numbers of samples: {sizes}", argument="values")
-        return arrays
-
     def _advance(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
         """Process samples up to the next decision, and return their number."""
         n = next(iter(parts.values())).size
         before = {axis: one.save() for axis, one in self._axes.items()}
         found = self._passed(parts)
         if self._deadline is None and found:
-            deadline = found[0][1].sample + self._naming_time(found[0][1])
+            deadline = found[0][1].sample + naming_time(found[0][1], self.rate)
             if deadline < self._count + n:
                 # Later samples wait for the decision: the charts may begin again there.
                 for axis, one in self._axes.items():
@@ -352,13 +314,6 @@ class Monitor:
         if self._deadline is not None and self._count >= self._deadline:
             self._decide(events)
         return n
-
-    def _naming_time(self, alarm: Alarm) -> int:
-        """Number of samples after a first alarm until its fault is named: longer for a change that came slowly."""
-        if alarm.family != "level":
-            return self._naming
-        slow = round(SLOWNESS * (alarm.sample - alarm.onset))
-        return max(self._naming, min(slow, round(LONGEST_NAMING * self.rate)))
 
     def _passed(self, parts: Mapping[str, Vector]) -> list[tuple[str, Alarm]]:
         found = [(axis, alarm) for axis, one in self._axes.items() for alarm in one.update(parts[axis])]
@@ -375,7 +330,7 @@ class Monitor:
             self._moved = None
             for axis in self._axes.values():
                 axis.begin_again()
-            time = self._time(self._count)
+            time = self._now
             events.append(Event(kind="still", time=time, began=time))
         return used
 
@@ -389,13 +344,13 @@ class Monitor:
             by_axis.setdefault(axis, []).append(alarm)
         faults = {axis: self._axes[axis].name(alarms) for axis, alarms in by_axis.items()}
         hold = round(HOLD * self.rate)
-        moving = [axis for axis, fault in faults.items() if _is_motion(fault) or self._axes[axis].is_loud(self._naming)]
+        moving = [axis for axis, fault in faults.items() if fault.is_motion or self._axes[axis].is_loud(self._naming)]
         # An axis with a reported fault has no new alarm, but it feels the motion too.
         others = [axis for axis, one in self._axes.items() if axis not in faults and one.is_loud(self._naming)]
         if moving and len(moving) + len(others) >= MOVED_AXES:
             first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
             onset = min(faults[axis].onset for axis in moving)
-            events.append(Event(kind="moved", time=self._time(first), began=self._time(onset)))
+            events.append(Event(kind="moved", time=self._clock.time(first), began=self._clock.time(onset)))
             for one in self._axes.values():
                 one.report("moved", (), hold=hold)
             self._moved = Stillness()
@@ -406,30 +361,7 @@ class Monitor:
                 fault.kind, by_axis[axis], hold=hold, remembered=remembered, magnitude=fault.magnitude
             )
             if new:
-                events.append(self._event(axis, fault, by_axis[axis][0]))
-
-    def _event(self, axis: str, fault: Named, first: Alarm) -> Event:
-        unit = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
-        size = fault.size
-        if size is not None and fault.kind == "ramp":
-            size, unit = size * self.rate, {"rad/s": "rad/s²", "m/s²": "m/s³"}.get(unit, "")
-        return Event(
-            kind=fault.kind,
-            time=self._time(first.sample),
-            began=min(self._time(max(fault.onset, 0)), self._time(first.sample)),
-            axis=axis,
-            level=fault.level,
-            scale=None if not fault.level or fault.ratio is None else (1 << fault.level) / self.rate,
-            size=size,
-            unit=unit if size is not None else "",
-            ratio=fault.ratio,
-            frequency=None if fault.cycles is None else fault.cycles * self.rate,
-        )
-
-    def _time(self, sample: int) -> float:
-        """Time of a sample (s)."""
-        first, time = next((run for run in reversed(self._runs) if run[0] <= sample), self._runs[0])
-        return time + (sample - first) / self.rate
+                events.append(self._clock.event(axis, fault, by_axis[axis][0]))
 
     # --- state ----------------------------------------------------------------------------------------
 
@@ -444,7 +376,7 @@ class Monitor:
             "baselines": {axis: one.to_dict() for axis, one in self.baselines.items()},
             "state": {
                 "axes": {axis: as_lists(one.save()) for axis, one in self._axes.items()},
-                "runs": [list(run) for run in self._runs],
+                "runs": [list(run) for run in self._clock.runs],
                 "count": self._count,
                 "pool": [[axis, list(alarm)] for axis, alarm in self._pool],
                 "deadline": self._deadline,
@@ -481,7 +413,7 @@ class Monitor:
     def _restore(self, state: Mapping[str, Any]) -> None:
         for axis, one in self._axes.items():
             one.load(state["axes"][axis])
-        self._runs = tuple((sample, time) for sample, time in state["runs"])
+        self._clock = Clock(self.rate, tuple((sample, time) for sample, time in state["runs"]))
         self._count, self._deadline = state["count"], state["deadline"]
         self._pool = tuple((axis, Alarm(*alarm)) for axis, alarm in state["pool"])
         self._moved = None if state["moved"] is None else Stillness.from_dict(state["moved"])
@@ -489,8 +421,3 @@ class Monitor:
 
     def __repr__(self) -> str:
         return f"Monitor({', '.join(self.axes)} at {self.rate:g} Hz: {self.samples} samples)"
-
-
-def _is_motion(fault: Named) -> bool:
-    """Whether a change looks like motion if several axes have it at once."""
-    return fault.kind in ("jump", "ramp", "spike") or (fault.kind == "noise-up" and (fault.ratio or 0.0) >= MOVED_RATIO)

@@ -6,6 +6,7 @@ add pairs, and the charts count in integers, in units of 2⁻²⁴.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,6 +29,10 @@ BLOCKS = 16
 WINDOW = 8
 """Largest number of block sums in a coefficient: at level j it is computed at each 2^j/8-th sample, which keeps 94 % of
 the degrees of freedom of all coefficients (tests/monitor/test_charts.py)."""
+LONGEST_SCALE = 164.0
+"""Longest scale (s) of the charts without a baseline."""
+STUCK = 0.5
+"""Time (s) with equal samples that is an alarm without a baseline, at least 20 samples."""
 UNIT = 2.0**24
 """The charts count in units of 1/UNIT."""
 FARTHEST = 6.0
@@ -107,10 +112,12 @@ class ChartSettings:
     equal: int = 0
 
     @classmethod
-    def of_model(cls, levels: int) -> ChartSettings:
-        """Settings for innovations that are white and normal with variance 1."""
+    def of_model(cls, rate: float) -> ChartSettings:
+        """Settings for innovations that are white and normal with variance 1, at a sampling rate (Hz)."""
+        levels = min(max(round(math.log2(LONGEST_SCALE * rate)), 4), 20)
         shapes = np.array([white_shape(j) for j in range(1, levels + 1)])
-        return cls(np.ones(levels), shapes, np.ones(levels + 1))
+        equal = max(round(STUCK * rate), 20)
+        return cls(np.ones(levels), shapes, np.ones(levels + 1), equal=equal)
 
     @property
     def charts(self) -> int:

@@ -13,6 +13,13 @@ from gmwm.monitor.charts import HISTORY_LEVEL, Alarm, ChartSettings
 from gmwm.monitor.events import Kind
 from gmwm.monitor.whitening import Gain
 
+NAMING = 1.0
+"""Time (s) from the first alarm to its report, in which the kind is named and axes that change together are joined."""
+SLOWNESS, LONGEST_NAMING = 8.0, 60.0
+"""A change of level is named after SLOWNESS times its duration up to the alarm, and after LONGEST_NAMING (s) at most.
+Then 9 of 10 excursions of slow noise are told from jumps (validation/study_monitor.py)."""
+MOVED_RATIO = 2.0
+"""Ratio of standard deviations above which more noise counts as motion, not as a fault of the noise."""
 LINE_CHANCE = 1e-4
 """Probability under noise of a peak as high as that of a hum, over all frequencies."""
 LINE_SHARE = 0.5
@@ -68,6 +75,12 @@ class Named:
     cycles: float | None = None
 
     @property
+    def is_motion(self) -> bool:
+        """Whether the change looks like motion if several axes have it at once."""
+        louder = self.kind == "noise-up" and (self.ratio or 0.0) >= MOVED_RATIO
+        return louder or self.kind in ("jump", "ramp", "spike")
+
+    @property
     def magnitude(self) -> float:
         """A number that grows with the fault: its size, or how far its noise is from the expected one."""
         if self.ratio:
@@ -83,6 +96,15 @@ class _Shape:
     gain: float
     size: float
     begin: int
+
+
+def naming_time(alarm: Alarm, rate: float) -> int:
+    """Number of samples after a first alarm until its fault is named: more for a change that came slowly."""
+    usual = max(round(NAMING * rate), 1)
+    if alarm.family != "level":
+        return usual
+    slow = round(SLOWNESS * (alarm.sample - alarm.onset))
+    return max(usual, min(slow, round(LONGEST_NAMING * rate)))
 
 
 def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Named:

@@ -10,9 +10,10 @@ import numpy as np
 from gmwm._arrays import Vector
 from gmwm.errors import DataError, OptionError
 from gmwm.likelihood.system import is_ramp
-from gmwm.monitor.api import NAMING, Monitor
+from gmwm.monitor.api import Monitor
 from gmwm.monitor.baseline import Baseline
 from gmwm.monitor.events import Event
+from gmwm.monitor.naming import NAMING
 from gmwm.monitor.setup import as_every, check_rate, chunks_of, common_rate, models_of
 from gmwm.processes.model import Model
 from gmwm.readers.streams import Stream

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from gmwm._arrays import as_rate
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector, as_rate
 from gmwm.chunks import Chunk
 from gmwm.durations import parse_length
-from gmwm.errors import OptionError
+from gmwm.errors import DataError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.monitor.baseline import Baseline
 from gmwm.monitor.whitening import Gain
@@ -120,3 +123,35 @@ def as_lists(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return value.tolist()
     return [as_lists(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def checked_samples(axes: Sequence[str], values: Mapping[str, ArrayLike]) -> dict[str, Vector]:
+    """The samples of the axes as vectors of one length.
+
+    Raises
+    ------
+    DataError
+        If an axis is missing, the axes have different lengths, or a value is not finite.
+    """
+    arrays: dict[str, Vector] = {}
+    for axis in axes:
+        if axis not in values:
+            raise DataError(
+                f"the samples of {axis} are missing; got {', '.join(values) or 'no axis'}",
+                argument="values",
+                advice="Pass all axes of the monitor, or make it with `axes=`.",
+            )
+        x = np.atleast_1d(np.ascontiguousarray(values[axis], dtype=np.float64))
+        if x.ndim != 1:
+            raise DataError(argument=axis, expected="one value for each sample", got=f"shape {x.shape}")
+        if not np.all(np.isfinite(x)):
+            raise DataError(
+                f"{axis} has a value that is not finite",
+                argument=axis,
+                advice="Leave missing samples out, and call `gap()` there.",
+            )
+        arrays[axis] = x
+    if len({x.size for x in arrays.values()}) > 1:
+        sizes = ", ".join(f"{axis} {x.size}" for axis, x in arrays.items())
+        raise DataError(f"the axes have different numbers of samples: {sizes}", argument="values")
+    return arrays

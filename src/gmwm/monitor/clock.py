@@ -1,0 +1,60 @@
+"""Times of samples with gaps between them, and events at these times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gmwm.axis_names import AXES, axis_quantity
+from gmwm.monitor.charts import Alarm
+from gmwm.monitor.events import Event
+from gmwm.monitor.naming import Named
+from gmwm.units import SI_UNIT
+
+KEPT = 16
+"""Number of gaps that are remembered: an event may begin before the last one."""
+_PER_SECOND = {"rad/s": "rad/s²", "m/s²": "m/s³"}
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The times of the samples of a monitor.
+
+    Attributes
+    ----------
+    rate : float
+        Sampling rate (Hz).
+    runs : tuple of (int, float)
+        Number and time (s) of the first sample after each of the last gaps.
+    """
+
+    rate: float
+    runs: tuple[tuple[int, float], ...]
+
+    def time(self, sample: int) -> float:
+        """Time of a sample (s)."""
+        first, time = next((run for run in reversed(self.runs) if run[0] <= sample), self.runs[0])
+        return time + (sample - first) / self.rate
+
+    def after_gap(self, sample: int, time: float) -> Clock:
+        """The clock when the next sample, number `sample`, has the given time."""
+        return Clock(self.rate, (*self.runs[1 - KEPT :], (sample, time)))
+
+    def event(self, axis: str, fault: Named, first: Alarm) -> Event:
+        """The event of a fault that was named."""
+        unit = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
+        size = fault.size
+        if size is not None and fault.kind == "ramp":
+            size, unit = size * self.rate, _PER_SECOND.get(unit, "")
+        time = self.time(first.sample)
+        return Event(
+            kind=fault.kind,
+            time=time,
+            began=min(self.time(max(fault.onset, 0)), time),
+            axis=axis,
+            level=fault.level,
+            scale=None if not fault.level or fault.ratio is None else (1 << fault.level) / self.rate,
+            size=size,
+            unit=unit if size is not None else "",
+            ratio=fault.ratio,
+            frequency=None if fault.cycles is None else fault.cycles * self.rate,
+        )
