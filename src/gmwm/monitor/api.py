@@ -42,6 +42,8 @@ REMEMBERED = 3600.0
 """Time (s) for which a fault that comes back is not reported again, unless it is larger. A jump is always reported."""
 MOVED_AXES = 3
 """Number of axes that change within `NAMING` if the unit was moved."""
+TOGETHER = 0.8
+"""Number of events for each alarm of a chart: neighbouring levels give alarms together (docs/validation/monitor.md)."""
 PIECE = 1 << 16
 """Number of samples that are processed at once; the result does not depend on it."""
 FORMAT = "gmwm-monitor"
@@ -83,7 +85,7 @@ class Monitor:
 
     Examples
     --------
-    >>>     >>> from gmwm import Model, Monitor
+    >>> from gmwm import Model, Monitor
     >>> model = Model.parse("WN(sigma2=1e-6) + RW(gamma2=1e-12)")
     >>> monitor = Monitor({"gyro_x": model}, rate=100.0)
     >>> x = model.simulate(60_000, 100.0, rng=1)
@@ -120,7 +122,7 @@ class Monitor:
             axis: known[axis].settings() if axis in known else ChartSettings.of_model(self.rate) for axis in models
         }
         charts = sum(one.charts for one in settings.values())
-        self.run_length = self.every * self.rate * charts
+        self.run_length = TOGETHER * self.every * self.rate * charts
         self._naming = max(round(NAMING * self.rate), 1)
         longest = max(round(LONGEST_REST * self.rate), self._naming)
         self._axes = {
@@ -163,7 +165,7 @@ class Monitor:
         return 0.0 if self._moved is None else self._moved.samples / self.rate
 
     def heights(self) -> dict[str, dict[str, float]]:
-        """Height of the highest chart of each family now, as a share of its threshold, by axis."""
+        """Largest height of the charts of each family during the last update, as a share of the threshold, by axis."""
         return {axis: one.charts.heights() for axis, one in self._axes.items()}
 
     def update(self, values: Mapping[str, ArrayLike] | Chunk) -> list[Event]:
@@ -190,6 +192,8 @@ class Monitor:
             values = values.values
         arrays = checked_samples(self.axes, values)
         n = next(iter(arrays.values())).size
+        for one in self._axes.values():
+            one.charts.forget_peaks()
         at = 0
         while at < n:
             stop = min(n, at + PIECE)

@@ -162,6 +162,7 @@ class Charts:
         self.limits = np.rint(np.array(limits) * UNIT).astype(np.int64).tolist()
         self.count = 0
         self.recent = np.zeros(0)  # block sums of level 6 of the last update
+        self.peaks = [0] * len(self.names)  # largest heights since the last `forget_peaks`, for pictures
         self.reset()
 
     def reset(self) -> None:
@@ -295,6 +296,7 @@ class Charts:
             path -= np.minimum.accumulate(np.minimum(path, 0))
             over = int(np.argmax(path > limit)) if int(path.max()) > limit else -1
             part = path if over < 0 else path[: over + 1]
+            self.peaks[place] = max(self.peaks[place], int(part.max()))
             back = int(np.argmax(part[::-1] == 0))
             if part[part.size - 1 - back] == 0:
                 zeros[place] = first + (at + part.size - 1 - back) * width
@@ -309,10 +311,14 @@ class Charts:
             rests[place], sums[place], zeros[place] = sample + pauses[place], 0, sample
             at += over + 1
 
+    def forget_peaks(self) -> None:
+        """Begin a new time for `heights`."""
+        self.peaks = [0] * len(self.names)
+
     def heights(self) -> dict[str, float]:
-        """Height of the highest chart of each family, as a share of its threshold."""
+        """Largest height of the charts of each family since `forget_peaks`, as a share of the threshold."""
         found: dict[str, float] = {}
-        for (family, _, _), height, limit in zip(self.names, self.sums, self.limits, strict=True):
+        for (family, _, _), height, limit in zip(self.names, self.peaks, self.limits, strict=True):
             found[family] = max(found.get(family, 0.0), height / limit if limit else 0.0)
         return found
 

@@ -26,8 +26,8 @@ MOST = 2048
 """Largest number of intervals that are kept. If there are more, neighbours are joined."""
 SHORTEST = 16
 """Number of samples in an interval at the beginning."""
-STEP = 8192
-"""Largest number of samples between two looks at the charts."""
+STEP, LOOKS = 512, 256
+"""The charts are looked at after STEP samples, later after a share 1/LOOKS of the samples so far."""
 FAMILIES = ("noise up", "noise down", "level")
 """Families of charts whose heights are kept."""
 
@@ -82,13 +82,15 @@ class Trace:
         list of Event
         """
         found: list[Event] = []
-        step = STEP if self._pictures else len(chunk)
-        for at in range(0, len(chunk), step):
+        at = 0
+        while at < len(chunk):
+            step = max(STEP, self.monitor.samples // LOOKS) if self._pictures else len(chunk)
             values = {axis: chunk.values[axis][at : at + step] for axis in self.monitor.axes}
             time = chunk.start + at / self.monitor.rate
             found += self.monitor.update(Chunk(values, first=chunk.first + at, segment=chunk.segment, start=time))
             if self._pictures:
                 self._note(time, values)
+            at += step
         self.events += found
         return found
 
@@ -215,4 +217,4 @@ class _Course:
 
     def found(self) -> tuple[Vector, Matrix]:
         """Times (n,), and maxima (n, m)."""
-        return np.array(self._times), np.array(self._rows).reshape(len(self._times), -1)
+        return np.array(self._times), np.array(self._rows) if self._rows else np.zeros((0, 1))

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
+TOP = 1.1
+"""Height at which charts far above their threshold are drawn."""
 HEIGHT = 30.0
 """Height of a row (mm)."""
 
@@ -46,36 +48,42 @@ def trace_figure(trace: Trace) -> Figure:
     rows = []
     for axis in axes:
         below = axis == axes[-1]
-        x = even_axis(first / size, max(last, first + 1e-9) / size, f"Time ({unit})", margin=0.01, at_most=6)
+        # The time of the first sample may be seconds since 1970.
+        x = even_axis(
+            0.0, max(last - first, 1e-9) / size, f"Time since the first sample ({unit})", margin=0.01, at_most=6
+        )
         x = x if below else quiet(x)
         own = [event for event in trace.events if event.axis in (axis, "")]
-        rows.append((_signal(trace, axis, own, x=x, size=size), _charts(trace, axis, x=x, size=size)))
+        scale = (first, size)
+        rows.append((_signal(trace, axis, own, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
     return Figure(tuple(rows), width=PAGE, height=18.0 + HEIGHT * len(rows), legend_columns=3)
 
 
-def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, size: float) -> Panel:
+def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale: tuple[float, float]) -> Panel:
     times, extremes = trace.signal(axis)
+    first, size = scale
     shown = view_of(SI_UNIT[axis_quantity(axis)] if axis in AXES else "", "allan", "si")
     low, high = shown.factor * extremes[:, 0], shown.factor * extremes[:, 1]
     middle = float(np.median(0.5 * (low + high)))
     low, high = low - middle, high - middle
     y = even_axis(float(low.min()), float(high.max()), shown.unit, margin=0.1, at_most=4)
-    marks: list[Mark] = [Band(times / size, low, high, BLUE, opacity=0.8, label="Signal less its median")]
+    marks: list[Mark] = [Band((times - first) / size, low, high, BLUE, opacity=0.8, label="Signal less its median")]
     if events:
-        at, height = _uprights(np.array([event.time for event in events]) / size, y.limits)
+        at, height = _uprights((np.array([event.time for event in events]) - first) / size, y.limits)
         marks.append(Line(at, height, Stroke(VERMILLION, 1.0), label="Event", layer=2))
     return Panel(x, y, tuple(marks), axis_title(axis))
 
 
-def _charts(trace: Trace, axis: str, *, x: Axis, size: float) -> Panel:
+def _charts(trace: Trace, axis: str, *, x: Axis, scale: tuple[float, float]) -> Panel:
     times, heights = trace.heights(axis)
+    first, size = scale
     marks: list[Mark] = [
-        Line(times / size, heights[family], Stroke(colour, 0.9), label=label)
+        Line((times - first) / size, np.minimum(heights[family], TOP), Stroke(colour, 0.9), label=label)
         for family, (label, colour) in _CHARTS.items()
     ]
     ends = np.array(x.limits)
     marks.append(Line(ends, np.ones(2), Stroke(VERMILLION, 0.9, DASHED), label="Threshold"))
-    return Panel(x, even_axis(0.0, 1.1, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
+    return Panel(x, even_axis(0.0, TOP, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
 
 
 def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vector]:
