@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 import gmwm
 from gmwm.axis_names import AXES
-from gmwm.plots.axes import signed_axis, time_axis
+from gmwm.plots.axes import quiet, signed_axis, time_axis
 from gmwm.plots.figure import Figure, Line, Panel
 from gmwm.plots.labels import axis_title
 from gmwm.plots.matplotlib import draw as drawn
@@ -70,9 +71,12 @@ def table(result: dict[str, Any]) -> str:
     for row in result["rows"]:
         own = " | ".join("limit" if value is None else f"{value:.3g}" for value in row["own"])
         together = f"{row['value']:.3g} ({row['low']:.3g} … {row['high']:.3g})"
+        if row["low"] == 0:
+            together = f"≤ {row['high']:.3g}"
         spread = "" if row["spread"] is None else f"{100 * row['spread']:.2g} %"
         p = f"{row['pvalue']:.2g}" if row["pvalue"] >= 0.001 else "< 0.001"
         lines.append(f"| {row['axis']} | {row['symbol']} ({row['unit']}) | {own} | {together} | {spread} | {p} |")
+    lines += ["", "![Wavelet deviation of each recording over that of all recordings](adis16405.svg)"]
     return "\n".join(lines)
 
 
@@ -92,7 +96,9 @@ def picture(result: dict[str, Any]) -> Figure:
             for k, (name, values) in enumerate(zip(result["recordings"], curve["percent"], strict=True))
         )
         y = signed_axis(every, "Difference from the mean (%)", linear=10.0, even=100.0)
-        panels.append(Panel(time_axis(tau, "Scale τ (s)"), y, marks, title=axis_title(curve["axis"])))
+        x = replace(time_axis(tau, "Scale τ (s)"), opposite=())
+        panels.append(Panel(x, y, marks, title=axis_title(curve["axis"])))
     order = sorted(panels, key=lambda panel: [axis_title(axis) for axis in AXES].index(panel.title))
-    rows = tuple(tuple(order[k : k + 3]) for k in range(0, len(order), 3))
+    quieter = [replace(panel, y=quiet(panel.y)) if k % 3 else panel for k, panel in enumerate(order)]
+    rows = tuple(tuple(quieter[k : k + 3]) for k in range(0, len(quieter), 3))
     return Figure(rows, width=174.0, height=110.0, legend_columns=3)

@@ -156,6 +156,18 @@ def test_a_parameter_that_no_recording_determines_has_no_spread():
     assert np.all(np.isfinite(fit.sandwich.wavelet))
 
 
+def test_a_difference_that_no_parameter_describes_does_not_decide_about_all_numbers():
+    # The noise at high frequencies differs, so that the precise first levels say little about N at 1 s.
+    recordings = [noise(k, white=white) for k, white in ((1, 1.0), (2, 1.05), (3, 0.95))]
+    for x, echo in zip(recordings, (0.0, 0.05, -0.05), strict=True):
+        x[1:] -= echo * x[:-1]
+    found = gmwm.fit("WN + RW", signals(*recordings), weighting="optimal").replicates
+    assert 0.005 < found.deviations.model_error < 0.1
+    assert gmwm.fit("WN + RW", signals(noise(1), noise(2))).replicates.deviations.model_error == 0.0
+    assert found.differs
+    assert found["N"].spread < 0.05
+
+
 def test_other_weights_robust_curves_and_files(different):
     for options in ({"weighting": "diagonal"}, {"weighting": "identity"}, {"robust": True}):
         fit = gmwm.fit("WN + RW", signals(noise(1), noise(2)), **options)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,11 @@ LEAST_FREEDOM = 3.0
 SIZE = 0.05
 """Level of the test of one parameter above which its interval has the normal distribution (docs/validation/
 recordings.md)."""
+SURE = 0.002
+"""p-value below which recordings differ beyond their parameters, as for the error of a model in `selection.search`."""
+SMALLEST = 1e-6
+"""Smallest relative difference: the relative standard error of ν̂² in 10¹² samples."""
+_HALVINGS = 40
 LONGEST = 5.0
 """Largest step of the logarithm of a shape parameter: a recording that needs a larger one does not determine it."""
 LEVEL = 0.95
@@ -52,6 +57,9 @@ class Deviations:
         δ_r, relative to the estimate; NaN if a recording does not determine a parameter.
     covariances : (R, p, p) array
         Covariance of δ_r without a spread between recordings; infinite variance for NaN.
+    model_error : float
+        Relative difference of the recordings at each level that no parameters describe; it enters the weights of the
+        deviations and their covariances, and not the test.
     statistic : float
         H: the statistic of the goodness-of-fit test of all recordings with the same parameters, minus the sum of those
         with parameters of their own.
@@ -63,6 +71,7 @@ class Deviations:
     names: tuple[str, ...]
     values: Matrix
     covariances: Matrix
+    model_error: float
     statistic: float
     df: int
 
@@ -144,39 +153,108 @@ def deviations(fit: Fit) -> Deviations:
     return found
 
 
+class _Part(NamedTuple):
+    """The usable levels (K,) of one recording.
+
+    Attributes
+    ----------
+    place : int
+        Number of the recording.
+    curve, left, apart : (K,) arrays
+        The fitted curve, and the difference of the recording from it and from the mean of all recordings.
+    scatter : (K, K) array
+        V_r.
+    slopes : (K, p) array
+        D_r.
+    """
+
+    place: int
+    curve: Vector
+    left: Vector
+    apart: Vector
+    scatter: Matrix
+    slopes: Matrix
+
+    def root(self, error: float) -> Matrix:
+        """L with LᵀL = (V_r + error² diag ν⁴)⁻¹."""
+        return square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
+
+
 def _deviations(fit: Fit) -> Deviations:
     names, _ = columns_of(fit.model, fit.diagnostics.acts_as)
-    recordings = fit.wavelet_variance.recordings
-    size, known = len(names), {}
-    values, covariances = np.full((len(recordings), size), np.nan), np.zeros((len(recordings), size, size))
-    lefts, slopes = [], []
-    for k, wv in enumerate(recordings.values()):
+    parts = _parts(fit, names)
+    shape = len(fit.wavelet_variance.recordings), len(names)
+    values, covariances = np.full(shape, np.nan), np.zeros((*shape, shape[1]))
+    covariances[:, np.arange(shape[1]), np.arange(shape[1])] = np.inf
+    error = _error_between(parts)
+    for part in parts:
+        root = part.root(error)
+        gain, lost = parameter_gain(root @ part.slopes)
+        values[part.place] = np.where(lost, np.nan, gain @ root @ part.left)
+        found = gain @ gain.T
+        found[lost] = found[:, lost] = 0.0
+        found[lost, lost] = np.inf
+        covariances[part.place] = found
+    roots = [part.root(0.0) for part in parts]
+    lefts = [root @ part.left for root, part in zip(roots, parts, strict=True)]
+    slopes = [root @ part.slopes for root, part in zip(roots, parts, strict=True)]
+    own = [unexplained(left, slope) for left, slope in zip(lefts, slopes, strict=True)]
+    together, rank = unexplained(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
+    return Deviations(
+        recordings=tuple(fit.wavelet_variance.recordings), names=tuple(names), values=values, covariances=covariances,
+        model_error=error, statistic=together - sum(one[0] for one in own), df=sum(one[1] for one in own) - rank,
+    )  # fmt: skip
+
+
+def _parts(fit: Fit, names: list[str]) -> list[_Part]:
+    """The recordings that have usable levels."""
+    known: dict[object, tuple[Vector, Matrix, Matrix]] = {}
+    parts = []
+    for k, wv in enumerate(fit.wavelet_variance.recordings.values()):
         design = Design.of(wv)
         used = (design.degrees_of_freedom > LEAST_FREEDOM) & (wv.levels <= len(fit.wavelet_variance))
         design = design.only(used)
-        covariances[k][np.diag_indices(size)] = np.inf
         if not np.any(used):
             continue
         key = (design.lengths, design.filled, design.strides, used.size, None if wv.excess is None else k)
         if key not in known:
             curve = fit.model.wavelet_variance(design.levels, design.rate, design.filter)
-            root = square_root(precision(covariance(fit.model, design)))
-            known[key] = curve, root, root @ relative_jacobian(fit.model, design, names)
-        curve, root, slope = known[key]
-        left = root @ (wv.variance[used] - curve)
-        gain, lost = parameter_gain(slope)
-        values[k] = np.where(lost, np.nan, gain @ left)
-        covariances[k] = gain @ gain.T
-        covariances[k][lost] = covariances[k][:, lost] = 0.0
-        covariances[k][lost, lost] = np.inf
-        lefts.append(left)
-        slopes.append(slope)
-    own = [unexplained(left, slope) for left, slope in zip(lefts, slopes, strict=True)]
-    together, rank = unexplained(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
-    return Deviations(
-        recordings=tuple(recordings), names=tuple(names), values=values, covariances=covariances,
-        statistic=together - sum(one[0] for one in own), df=sum(one[1] for one in own) - rank,
-    )  # fmt: skip
+            known[key] = curve, covariance(fit.model, design), relative_jacobian(fit.model, design, names)
+        curve, scatter, slopes = known[key]
+        mean = fit.wavelet_variance.variance[: design.levels.size]
+        variance = wv.variance[used]
+        parts.append(_Part(k, curve, variance - curve, variance - mean, scatter, slopes))
+    return parts
+
+
+def _error_between(parts: list[_Part]) -> float:
+    """Relative difference τ of the recordings at each level beyond their scatter and other parameters; 0 by default.
+
+    If the recordings differ in a way that the parameters do not describe, for example in the shape of the noise at high
+    frequencies, the precise first levels would decide about all parameters. τ is estimated as the relative error of a
+    model is: the statistic of what the parameters do not describe equals its degrees of freedom.
+    """
+    from scipy.special import gammaincc
+
+    if len(parts) < 2:
+        return 0.0
+
+    def rest(error: float) -> tuple[float, float]:
+        total, freedom = 0.0, 0.0
+        for part in parts:
+            root = part.root(error)
+            more, rank = unexplained(root @ part.apart, root @ part.slopes)
+            total, freedom = total + more, freedom + part.curve.size - rank
+        return total, freedom * (1 - 1 / len(parts))
+
+    statistic, freedom = rest(0.0)
+    if freedom <= 0 or gammaincc(freedom / 2, statistic / 2) >= SURE:
+        return 0.0
+    low, high = SMALLEST, 1.0
+    for _ in range(_HALVINGS):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if rest(middle)[0] > freedom else (low, middle)
+    return high
 
 
 def spread_of_mean(fit: Fit) -> Matrix:
