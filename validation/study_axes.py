@@ -141,8 +141,8 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         f"**Whether the recordings differ.** `gmwm.same` finds differences in {differ} of {len(result['same'])} "
-        "comparisons of an axis. Up to 20 s they are a few per cent in gyroscopes, and up to 15 % in accelerometers. At "
-        "larger scales a test finds only large differences.",
+        "comparisons of an axis. Up to 20 s they are a few per cent in gyroscopes, and up to 15 % in accelerometers. "
+        "At larger scales a test finds only large differences.",
         "",
         "| recordings | axis | scales that differ | largest difference up to 20 s | largest one that the test finds |",
         "|---|---|---|---|---|",
