@@ -14,8 +14,9 @@ from release import __main__ as release
 
 ROOT = Path(__file__).resolve().parent.parent
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
-LARGEST = 1_500_000
-"""Bytes of the source archive, most of which are the plotting script of the HTML report."""
+LARGEST = 1_800_000
+"""Bytes of the source archive: 0.4 MB are the plotting script of the HTML report, and 1.1 MB the source. Tests or the
+documentation would add several MB."""
 
 
 def workflow(path: Path) -> dict:

@@ -94,8 +94,8 @@ def fuse(
     >>> supply = rng.normal(size=20_000)
     >>> units = {f"gyro_x[{k}]": rng.normal(size=20_000) + share * supply for k, share in enumerate((0.2, 1.0, 2.0))}
     >>> virtual = fuse(units, rate=100.0, horizon=1.0)
-    >>> virtual["gyro_x"].weights.round(1), f"{virtual['gyro_x'].gain[0]:.2f}"
-    (array([ 0.9,  0.3, -0.3]), '1.49')
+    >>> virtual["gyro_x"].weights.round(2), f"{virtual['gyro_x'].gain[0]:.2f}"
+    (array([ 0.68,  0.37, -0.05]), '1.39')
     """
     if horizon is not None:
         horizon = _as_horizon(horizon)

@@ -97,6 +97,8 @@ class JointFit(Summarised):
         The same for any number of terms of each process whose correlation time is searched.
     measured, implied : (J, d, d) arrays
         Covariance matrices Γ_j of the wavelet coefficients: estimated from the data, and of the model.
+    settled : Settled
+        The weighted least-squares problem and its solution, from which errors and tests follow.
     """
 
     axes: tuple[str, ...]
