@@ -20,9 +20,9 @@ NAME = "benchmarks"
 PAGE = """# Run time and memory
 
 The benchmarks time gmwm and another program alternately in one process, so that changes of the machine affect both.
-Ratios are the time of gmwm divided by that of the other program, medians of the pairs, on one thread unless stated
-otherwise. Below 1 gmwm is faster. Times in ms and ns are from one machine: {machine}. A plain copy moves
-{bandwidth:.1f} GB/s there, read and written.
+Each ratio is the run time of gmwm divided by the run time of the other program: the median over the pairs, on one
+thread unless stated otherwise. Below 1 gmwm is faster. Times in ms and ns are from one machine: {machine}.
+On this machine, a plain memory copy reaches {bandwidth:.1f} GB/s (bytes read plus bytes written).
 
 `make bench` runs all benchmarks, prints them, and stores the numbers in `build/benchmarks.json`. `make bench PAGE=1`
 writes this page. No number is typed by hand.

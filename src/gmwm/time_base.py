@@ -38,8 +38,8 @@ class TimeBase:
         Number of rows without a usable sample: a value is missing or infinite, or the line could not be read. Each
         is a gap.
     left : float
-        Time (s) that was left out before the first sample. The times `start`, `stop` and `skip` of `read` count from
-        the first sample of the whole recording, this much earlier.
+        Time (s) from the start of the recording to the first kept sample. The times `start`, `stop` and `skip` of
+        `read` count from the start of the recording.
     """
 
     rate: float

@@ -123,7 +123,8 @@ class Trimmer:
         )
 
     def time_base(self, base: TimeBase) -> TimeBase:
-        """The time base of what was kept, from that of the recording, at the end.
+        """Return the time base of the kept samples. Call it after the last batch. `base` is the time base of the whole
+        recording.
 
         Raises
         ------

@@ -97,7 +97,8 @@ def measured_together(
 
 
 def regression_of(axis: str, parts: Mapping[str, Part]) -> Regression | None:
-    """The regression of an axis of a single recording. Those of several recordings are in their curves."""
+    """Return the regression of an axis on the conditions if there is one recording. With several recordings return
+    None, because the curve of each recording holds its own regression."""
     if len(parts) > 1:
         return None
     return next(iter(parts.values())).conditions.found.get(axis)

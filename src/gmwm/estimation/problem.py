@@ -113,7 +113,7 @@ class Problem:
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
     def scales(self, shapes: Matrix, weights: Vector) -> Vector:
-        """Scale coefficients of processes from the weights of their unit vectors."""
+        """Scale coefficients of processes from the coefficients of their unit vectors (c and x of the objective)."""
         return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
 
 

@@ -47,7 +47,8 @@ class Gazebo(TwoNumbers):
         return f"<!--\n{lines}\n-->\n{body}"
 
     def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float:
-        """The correlation time of the axis, or the longest of its sensor if one number is for all axes."""
+        """Correlation time (s) of the axis. If the file has one number for all axes, the longest correlation time of
+        the sensor."""
         if options.axes == "each":
             return times[axis]
         return max(time for other, time in times.items() if sensor_of(other) == sensor_of(axis))

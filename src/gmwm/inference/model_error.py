@@ -166,7 +166,8 @@ def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
 
 
 def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """The fit of a model with weights that agree with it to a few per cent, and without a certificate."""
+    """Fit a model with weights that have converged to a few per cent, without a certificate of the global optimum. It
+    is for comparing models."""
     return as_fit(nearly_settled(model, wv, weighting)[0], wv, weighting)
 
 

@@ -299,7 +299,8 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
 
 
 def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[float, float]:
-    """The slope of the standard deviation in parts of a level, and the standard deviation of the condition.
+    """Return the relative change of the noise standard deviation per unit of the condition (slope of ln σ) at one
+    level, and the standard deviation of the condition over the parts of the level.
 
     Parameters
     ----------

@@ -199,7 +199,8 @@ def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
 
 
 def round_up(seconds: float) -> float:
-    """Round a length of time (s) up to a multiple of 1 s, 10 s, 1 min, 5 min, 30 min or 1 h, at most 20 of them.
+    """Round a duration (s) up to a multiple of a step: the smallest of 1 s, 10 s, 1 min, 5 min and 30 min of which 20
+    are at least as long as the duration, otherwise 1 h.
 
     >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
     [1.0, 50.0, 240.0, 1500.0, 9000.0]

@@ -150,7 +150,7 @@ class Likelihood:
         return self._profile(self._flat[:, None])
 
     def with_one(self, courses: Matrix) -> Profile:
-        """The profiles with one of C transformed courses each."""
+        """Profile likelihood with one course, for each of C transformed courses: one column per course."""
         cross = self.grid.weights @ (courses * self.z).T
         own = self.grid.weights @ (courses**2).T
         return self._profile(self._flat[:, None] - cross**2 / own)

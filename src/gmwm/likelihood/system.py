@@ -177,7 +177,14 @@ def _course(space: StateSpace, state: int, samples: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Derivatives of the matrices by q coordinates: (q, p, p), (q, p, p), (q, p), (q,), (q, p, p)."""
+    """Derivatives of F, Q, H, R and P0 of the joint state space with respect to q coordinates.
+
+    Attributes
+    ----------
+    F, Q, P0 : (q, p, p) arrays
+    H : (q, p) array
+    R : (q,) array
+    """
 
     F: Matrix
     Q: Matrix

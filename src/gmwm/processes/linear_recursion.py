@@ -319,7 +319,7 @@ def _band_numbers(
 
 @lru_cache(maxsize=64)
 def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ShortMemory | None:
-    """Autocovariance at innovation variance 1; None if it lasts too long."""
+    """Autocovariance for innovation variance 1; None if it decays too slowly."""
     p, q, seasonal_p, seasonal_q, period = orders
     values = np.array(parameters, dtype=np.float64)
     season = values[p + q : p + q + seasonal_p]

@@ -143,7 +143,8 @@ class MAT(Process):
         return self.scale * known.coefficient_covariance(at)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """σ²(n) = (σ²/n²) Σ_{k ≥ 0} w_k M(βkΔt), w_0 = n, w_k = 2n − 3k up to k = n and k − 2n from there to 2n."""
+        """σ²(n) = (σ²/n²) Σ_k w_k M(βkΔt): w_0 = n, w_k = 2n − 3k if 1 ≤ k ≤ n, w_k = k − 2n if n < k ≤ 2n; M:
+        autocorrelation."""
         n, unit = as_clusters(clusters), self.value("beta") / as_rate(rate)
 
         def known(k: Vector) -> Matrix:

@@ -159,7 +159,7 @@ class QN(Process):
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(k) = 2Q², −Q² at k = ±1, else 0."""
+        """Autocovariance: r(0) = 2Q², r(±1) = −Q², and 0 at other lags."""
         k = np.abs(as_lags(lags))
         return self.scale * (np.where(k == 0, 2.0, 0.0) - np.where(k == 1, 1.0, 0.0))
 

@@ -188,7 +188,7 @@ def stream(
 
 
 def read_file(path: Source, options: ReadOptions) -> Imu:
-    """The recording in a file, as `read` gives it, by options that are checked."""
+    """Read the recording in a file into memory, by options that are already checked; see `read`."""
     opened = _Opened.of(path, options, in_memory=True)
     imu = replace(recording_of(opened.found, opened.rows, opened.path), source=source_words(path))
     warn(imu.remarks, stacklevel=3)
@@ -198,7 +198,8 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
 
 
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
-    """The recording in a file, as `stream` gives it, by options that are checked; all its segments are kept."""
+    """Open the recording in a file as a stream, by options that are already checked; see `stream`. No segment is left
+    out."""
     opened = _Opened.of(path, options, in_memory=False)
     warn(opened.found.remarks, stacklevel=3)
     kept = None if options.ranges is None else kept_ranges(*opened.times(options))
@@ -206,7 +207,7 @@ def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Strea
 
 
 def recording_of(found: Interpretation, rows: RowSource, path: object) -> Imu:
-    """The recording in rows that are held in memory, which are changed."""
+    """Make a recording from rows in memory. The arrays of the rows are changed."""
     builder = SampleBuilder(found, owned=True)
     parts = list(builder.samples(rows))
     summary = builder.summary()
@@ -216,7 +217,7 @@ def recording_of(found: Interpretation, rows: RowSource, path: object) -> Imu:
 
 @dataclass(frozen=True, eq=False)
 class _Opened:
-    """A recording in a file: where its rows come from, and how they are understood."""
+    """A recording in a file: the source of its rows, and the interpretation of its columns."""
 
     path: Path
     rows: FileRows | HeldRows
@@ -251,7 +252,7 @@ class _Opened:
         return opened(rows.limited(part.start, part.stop), begin)
 
     def times(self, options: ReadOptions) -> tuple[float, float | None, list[tuple[float, float]]]:
-        """The options start, stop and skip, from the first row that is read."""
+        """Return the options `start`, `stop` and `skip` as times (s) from the first row that is read."""
         begin = self.found.timing.base.left
         stop = None if options.stop is None else options.stop - begin
         return (

@@ -38,7 +38,7 @@ class _Table:
 
     @property
     def quantities(self) -> set[str]:
-        """The quantities in the table, "gyro" and "accel"."""
+        """Names of the sensors in the table: "gyro", "accel" or both."""
         axes = {channel.axis or recognise(channel.name).axis for channel in self.layout.channels}
         return {axis_quantity(axis) for axis in axes if axis in AXES}
 
@@ -55,7 +55,7 @@ class _Table:
 
     @property
     def time(self) -> int | None:
-        """Index of the first time column."""
+        """Index of the first column with a time; None if there is none."""
         return next(
             (k for k, c in enumerate(self.layout.channels) if (c.axis or recognise(c.name).axis) == "time"), None
         )
@@ -87,7 +87,7 @@ class ArchiveReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".zip",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.8 for the signature of zip archives, because other formats are zip archives too."""
+        """Return 0.8 for the signature of zip archives, because other formats are zip archives too."""
         return 0.8 if head.startswith(ZIP) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
@@ -163,7 +163,7 @@ def _tables(path: Path) -> list[_Table]:
 
 
 def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
-    """The only table of a sensor, without the tables that a filter of the phone has made; None if there are several."""
+    """Return the only table of a sensor, apart from tables that the phone has filtered; None if there are several."""
     several = [table for table in tables if table.quantities == {quantity}]
     if len(several) > 1:
         own = ("gyroscope", "totalacceleration")
@@ -175,7 +175,7 @@ def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
 
 
 def _joined(gyro: _Table, accel: _Table) -> Layout | None:
-    """Both tables as one recording, if their rows can be paired; None otherwise."""
+    """Return one layout for the tables of both sensors if their rows can be paired; None otherwise."""
     if gyro.time is None or accel.time is None or accel.filtered:
         return None
     clocks = [table.layout.channels[k] for table, k in ((gyro, gyro.time), (accel, accel.time))]

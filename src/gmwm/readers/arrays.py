@@ -23,16 +23,16 @@ from gmwm.remarks import Quantity, Remark
 from gmwm.units import find_unit
 
 ROWS = 1 << 20
-"""Rows of a chunk."""
+"""Number of rows in a chunk."""
 
 MAX_ARRAYS = 1000
-"""Most arrays in a file. It bounds the work on a file that was not made by a logger."""
+"""Largest number of arrays that are read from a file. It limits the work on a file that no logger has written."""
 
 MAX_COLUMNS = 64
-"""Most columns of a table: a wider one is an image or a matrix, not a recording."""
+"""Largest number of columns of a table. An array with more columns is an image or a matrix, not a recording."""
 
 RowReader = Callable[[int, int, int], NDArray[Any]]
-"""Function that gives a part of an array: from a first to a last index (excluded) along axis 0 or 1, or a scalar."""
+"""Function that reads a part of an array: from a first to a last index (excluded) along axis 0 or 1, or a scalar."""
 
 _RATE_NAMES = {
     "rate", "fs", "freq", "frequency", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency",
@@ -104,7 +104,7 @@ def is_rate(name: str) -> bool:
 
 
 def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Array]:
-    """The arrays with the units that a description in the file states, such as "`imu_gyr` in rad/s"."""
+    """Return the arrays with the units that a description in the file states, such as "`imu_gyr` in rad/s"."""
     said: dict[str, str] = {}
     for text in texts:
         for name, unit in _STATED.findall(text[:_DESCRIPTION]):
@@ -114,7 +114,8 @@ def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Arr
 
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
-    """Group arrays of the same length into recordings; by their groups in the file if these repeat an axis.
+    """Group arrays of the same length into recordings. If an axis occurs twice, the groups of the file separate
+    recordings.
 
     Parameters
     ----------
@@ -155,13 +156,13 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
 
 
 def marks_of(layout: Layout) -> tuple[Mark, ...]:
-    """Marks for arrays that can be read from any row on, one for each chunk and one at the end."""
+    """Return a mark for each chunk and one at the end, for arrays that can be read from any row."""
     total = _length(layout)
     return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total))
 
 
 def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Rows]:
-    """Give the numbers of the wanted columns, `ROWS` rows at a time; integers as int64, all others as float64."""
+    """Yield the numbers of the wanted columns, `ROWS` rows at a time; integers as int64, all others as float64."""
     columns: tuple[tuple[Array, int], ...] = layout.state
     total = _length(layout)
     for start in range(first, total, ROWS):
@@ -196,7 +197,7 @@ def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
 
 
 def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: RowReader, unit: str = "") -> list[Array]:
-    """The array, or one array for each field if its elements are records."""
+    """Return the array, or one array for each field if its elements are records."""
     if dtype.names is None:
         return [Array(name, shape, dtype=dtype, rows=rows, unit=unit or _date_unit(dtype))]
     found = []
@@ -220,14 +221,14 @@ class _Field:
 
 
 def part_of(array: NDArray[Any], start: int, stop: int, axis: int) -> NDArray[Any]:
-    """A part of an array in memory, see `RowReader`."""
+    """Return a part of an array in memory; see `RowReader`."""
     if array.ndim == 0:
         return array
     return array[start:stop] if axis == 0 else array[:, start:stop]
 
 
 def _date_unit(dtype: np.dtype[Any]) -> str:
-    """The unit of dates and durations; "" for numbers, and if a step is a multiple of the unit."""
+    """Return the unit of dates and durations; "" for numbers, and if one step is several units."""
     unit, count = np.datetime_data(dtype) if dtype.kind in "Mm" else ("", 1)
     return unit if count == 1 else ""
 
@@ -237,13 +238,13 @@ def _is_real(array: Array) -> bool:
 
 
 def _roles(part: Sequence[Array]) -> list[str]:
-    """The roles of all columns of some arrays, without columns that have none."""
+    """Return the role of each column of the arrays, without columns that have none."""
     channels = _channels(part)
     return [role for c in channels if (role := c.axis or recognise(c.name).axis)]
 
 
 def _parted(group: list[Array]) -> list[list[Array]]:
-    """Arrays of the same length, divided by their groups in the file if an axis occurs twice."""
+    """Divide arrays of the same length by their groups in the file if an axis occurs twice."""
     roles = [role for role in _roles(group) if role in AXES]
     if len(set(roles)) == len(roles):
         return [group]
@@ -254,7 +255,7 @@ def _parted(group: list[Array]) -> list[list[Array]]:
 
 
 def _topics(parts: Sequence[Sequence[Array]]) -> list[str]:
-    """Names of the recordings of a file; "" if there is only one."""
+    """Return the names of the recordings of a file; "" if there is only one."""
     if len(parts) == 1:
         return [""]
     folders = [split_path(part[0].name)[0] for part in parts]
@@ -276,12 +277,12 @@ def _channels(part: Sequence[Array]) -> tuple[Channel, ...]:
 
 
 def _fixed(array: Array) -> str:
-    """The role of an array by its type: dates are the time."""
+    """Return the role that the type of an array determines: dates are the time."""
     return "time" if array.dtype.kind in "Mm" else ""
 
 
 def split_path(name: str) -> tuple[str, str]:
-    """Folder and own name of an array. A slash in a unit does not separate folders.
+    """Split the path of an array into its folder and its own name. A slash in a unit does not separate folders.
 
     >>> split_path("imu0/gyro [rad/s]")
     ('imu0', 'gyro [rad/s]')
@@ -291,7 +292,7 @@ def split_path(name: str) -> tuple[str, str]:
 
 
 def _own_name(array: Array, part: Sequence[Array]) -> str:
-    """The last part of the path of an array, or the whole path if the last part is not unique."""
+    """Return the last part of the path of an array, or the whole path if the last part is not unique."""
     last = split_path(array.name)[1]
     alone = sum(split_path(other.name)[1] == last for other in part) == 1
     return (
@@ -310,7 +311,7 @@ def _column_names(name: str, columns: int) -> list[str]:
 
 
 def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
-    """The rate (Hz) that a scalar in the file states; a scalar in the group of the columns comes first."""
+    """Return the rate (Hz) that a scalar in the file states. A scalar in the group of the columns has priority."""
     folder = split_path(part[0].name)[0]
     found = []
     for array in arrays:
@@ -323,7 +324,8 @@ def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
 
 
 def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
-    """Why the time stamps next to a recording do not belong to it: their number differs. "" if this is not so."""
+    """Return why time stamps beside a recording do not belong to it, for example another number of rows; "" if they
+    do."""
     if "time" in _roles(part):
         return ""
     folder = split_path(part[0].name)[0]
@@ -348,5 +350,5 @@ def _layout(part: Sequence[Array], rate: float | None, topic: str, remarks: tupl
 
 
 def first_line(error: Exception) -> str:
-    """The first line of the message of a library, or the type of the error if it has no message."""
+    """Return the first line of the message of a library error, or the type of the error if it has no message."""
     return next(iter(str(error).splitlines()), "") or type(error).__name__

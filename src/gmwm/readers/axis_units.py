@@ -35,7 +35,7 @@ _STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
 
 @dataclass(frozen=True)
 class Scales:
-    """The unit of each axis, and remarks on how it is known."""
+    """The unit of each axis, and remarks that state the source of each unit."""
 
     units: dict[str, Unit]
     remarks: tuple[Remark, ...]
@@ -43,7 +43,8 @@ class Scales:
 
 @dataclass(frozen=True)
 class _Known:
-    """The unit of an axis ("" if unknown), where it comes from, and the unit of the file if another was declared."""
+    """The unit of an axis ("" if unknown), its source, and the unit that the file states if another one was
+    declared."""
 
     unit: str = ""
     source: str = ""
@@ -51,7 +52,8 @@ class _Known:
 
 
 def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
-    """The unit of the time stamps if it is declared or stated, "" otherwise; and a remark on dates or overruled units.
+    """Return the unit of the time stamps if it is declared or stated, "" otherwise; and a remark on dates or on a
+    stated unit that a declared one replaces.
 
     Raises
     ------
@@ -157,7 +159,7 @@ def resolve(
 
 
 def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> _Known:
-    """The unit of an axis, if it is declared or stated.
+    """Return the unit of an axis if it is declared by the user or stated in the file.
 
     Raises
     ------
@@ -188,7 +190,7 @@ def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: st
 
 
 def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
-    """The error for a unit in the file that is unknown, with what to do about increments and about other units."""
+    """Make the error for an unknown unit in the file. Its advice covers increments and other units."""
     message = f"the unit {stated!r} of {axis} is unknown; the units are {', '.join(unit_names(quantity))}"
     rate = find_unit(f"{stated}/s")
     if rate is not None and rate.quantity == quantity:
@@ -216,7 +218,7 @@ def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:
 
 
 def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Remark]:
-    """The unit of the accelerometers by the norm of gravity, and the remark that states it.
+    """Infer the unit of the accelerometers from the norm of gravity; return it with the remark that states it.
 
     Raises
     ------
@@ -243,7 +245,7 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
 
 
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
-    """Remarks if the norm of the accelerometers is gravity in another unit than theirs.
+    """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one.
 
     A difference of less than 2 × 10 % may be a bias. Another unit is suggested only if it explains the norm within 5 %,
     half of what is inferred without a stated unit, because the stated unit counts for more.
@@ -262,7 +264,7 @@ def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, U
 
 
 def _unknown_gyro(axes: list[str], values: Mapping[str, Vector], rate: float) -> UnitError:
-    """The error for a gyroscope without a unit, with its noise density in either unit."""
+    """Make the error for a gyroscope without a unit. It states the noise density for both possible units."""
     # White noise density from first differences, which do not depend on bias and slow drift.
     density = float(np.median([np.std(np.diff(values[axis])) for axis in axes])) / np.sqrt(2 * rate)
     in_rad = np.degrees(density)

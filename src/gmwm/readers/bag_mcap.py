@@ -52,7 +52,8 @@ class McapStorage(Storage):
     """One MCAP file."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """The topics, from the summary at the end of the file, or from a pass over the whole file if it has none."""
+        """Return the topics, from the summary at the end of the file, or from a pass over the whole file if it has
+        none."""
         with self.path.open("rb") as file:
             try:
                 start = self._summary(file)
@@ -70,7 +71,7 @@ class McapStorage(Storage):
                 raise self._damaged(error) from error
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """The messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
+        """Yield the messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
         ids = frozenset(topic.ids)
         times: list[int] = []
         messages: list[bytes] = []
@@ -98,7 +99,8 @@ class McapStorage(Storage):
             yield in_order(times, messages)
 
     def _summary(self, file: BinaryIO) -> int:
-        """Position of the summary, or 0 if there is none; raises an error if the end of the file is invalid."""
+        """Return the position of the summary, or 0 if there is none. Raise an error if the end of the file is
+        invalid."""
         file.seek(0, 2)
         end = file.tell()
         tail = _HEAD.size + 20 + len(MAGIC)
@@ -121,7 +123,7 @@ class McapStorage(Storage):
         return start
 
     def _records(self, file: BinaryIO, wanted: Set[int]) -> Iterator[tuple[int, bytes]]:
-        """Kind and content of the wanted records from the current position to the end."""
+        """Yield kind and content of the wanted records from the current position to the end."""
         while True:
             head = file.read(_HEAD.size)
             kind, length = _HEAD.unpack(head)
@@ -149,7 +151,7 @@ class McapStorage(Storage):
             yield kind, content
 
     def _chunk(self, content: bytes) -> bytes:
-        """The records in a chunk."""
+        """Return the decompressed records in a chunk."""
         _, _, size, checksum = _CHUNK_HEAD.unpack_from(content)
         compression, position = _text(content, _CHUNK_HEAD.size)
         (length,) = _LONG.unpack_from(content, position)
@@ -159,7 +161,7 @@ class McapStorage(Storage):
         return records
 
     def _inside(self, content: bytes) -> Iterator[tuple[int, bytes]]:
-        """Kind and content of the records in a chunk."""
+        """Yield kind and content of the records in a chunk."""
         records = BytesIO(self._chunk(content))
         while head := records.read(_HEAD.size):
             kind, length = _HEAD.unpack(head)
@@ -170,7 +172,7 @@ class McapStorage(Storage):
 
 
 def in_order(times: list[int], messages: list[bytes]) -> Batch:
-    """A batch sorted by the time of recording, because writers with several threads may swap neighbouring messages."""
+    """Sort a batch by the time of recording, because writers with several threads may swap neighbouring messages."""
     if sorted(times) == times:
         return times, messages
     order = sorted(range(len(times)), key=times.__getitem__)
@@ -245,5 +247,5 @@ def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]
 
 
 def sniffed(path: Path, head: bytes) -> bool:
-    """Whether a file begins with the magic bytes of MCAP."""
+    """Return whether a file begins with the magic bytes of MCAP."""
     return head.startswith(MAGIC)

@@ -38,7 +38,7 @@ class Ros1Storage(Storage):
     """One bag of ROS 1."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """The topics, from the index at the end of the file."""
+        """Return the topics, from the index at the end of the file."""
         with self.path.open("rb") as file:
             try:
                 return self._index(file)[0]
@@ -46,7 +46,7 @@ class Ros1Storage(Storage):
                 raise self._damaged(error) from error
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """The messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
+        """Yield the messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
         ids = frozenset(topic.ids)
         times: list[int] = []
         messages: list[bytes] = []
@@ -69,7 +69,7 @@ class Ros1Storage(Storage):
             yield in_order(times, messages)
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
-        """The topics, and for each chunk its position and the number of messages of each connection."""
+        """Read the index: the topics, and for each chunk its position and the number of messages of each connection."""
         file.seek(len(MAGIC))
         head, _ = self._record(file, _BAG)
         position = _LONG.unpack(head["index_pos"])[0]
@@ -115,12 +115,12 @@ class Ros1Storage(Storage):
         file.seek(position)
 
     def _chunk(self, file: BinaryIO) -> bytes:
-        """The records in a chunk."""
+        """Read a chunk and return its decompressed records."""
         head, data = self._record(file, _CHUNK)
         return unpacked(data, head["compression"].decode(), _WORD.unpack(head["size"])[0], self.path)
 
     def _record(self, file: BinaryIO, kind: int) -> tuple[dict[str, bytes], bytes]:
-        """The header and the data of a record of one kind."""
+        """Read a record of one kind; return its header and its data."""
         parts = []
         for limit in (TEXT_LIMIT, CHUNK_LIMIT if kind == _CHUNK else 4 * TEXT_LIMIT):
             (length,) = _WORD.unpack(file.read(4))
@@ -152,7 +152,7 @@ class Ros1Storage(Storage):
 
 
 def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:
-    """The fields of a header."""
+    """Yield the fields of a header."""
     position = 0
     while position < len(header):
         (length,) = _WORD.unpack_from(header, position)
@@ -165,7 +165,7 @@ def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:
 
 
 def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic:
-    """A topic from its connection record, with the ROS 2 name of its type."""
+    """Make a topic from its connection record, with the ROS 2 name of its type."""
     (number,) = _WORD.unpack(info["conn"])
     fields = dict(_fields(data))
     package, _, name = fields["type"].decode().partition("/")
@@ -183,7 +183,7 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
 
 
 def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-    """Append the messages of some connections. Their headers have the same layout, which follows from the first one."""
+    """Append the messages of some connections. All headers have the layout of the first one."""
     position, end = 0, len(records)
     shape = _Shape(b"")
     while position < end:
@@ -205,7 +205,7 @@ def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[byt
 
 
 class _Shape:
-    """Layout of the header of a message: the positions of its values, and the constant bytes around them."""
+    """Layout of a message header: the positions of its values, and the constant bytes around them."""
 
     def __init__(self, header: bytes) -> None:
         self.length = len(header)

@@ -22,7 +22,7 @@ class SqliteStorage(Storage):
     """One file of a ROS 2 bag in SQLite."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """The topics, from the table of topics. It contains the definitions of the types since ROS 2 Iron."""
+        """Return the topics from the table of topics. Since ROS 2 Iron, it contains the definitions of the types."""
         import sqlite3
 
         with closing(self._connected()) as base:
@@ -52,7 +52,7 @@ class SqliteStorage(Storage):
         return merged(iter(found))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """The messages of a topic, sorted by the time of recording, for which the table has an index."""
+        """Yield the messages of a topic, sorted by the time of recording, for which the table has an index."""
         import sqlite3
 
         marks = ",".join("?" * len(topic.ids))
@@ -131,7 +131,8 @@ class SqliteStorage(Storage):
 
     @staticmethod
     def _table(base: sqlite3.Connection, name: str) -> bool:
-        """Whether the database has a table of this name. A view is not accepted, because it could run arbitrary SQL."""
+        """Return whether the database has a table of this name. A view is not accepted, because it could run arbitrary
+        SQL."""
         query = "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?"
         row = base.execute(query, (name,)).fetchone()
         return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
@@ -141,7 +142,8 @@ class SqliteStorage(Storage):
 
 
 def _indexed(base: sqlite3.Connection) -> bool:
-    """Whether the messages have an index by time; without an index, sorting would need as much space as the file."""
+    """Return whether the messages have an index by time; without an index, sorting would need as much space as the
+    file."""
     for row in base.execute("PRAGMA index_list(messages)").fetchall():
         columns = base.execute("SELECT name FROM pragma_index_info(?)", (row[1],)).fetchall()
         if columns and columns[0][0] == "timestamp":

@@ -11,7 +11,7 @@ from gmwm.readers.bagfiles import TEXT_LIMIT, Topic
 from gmwm.readers.cdr import Definition, Description
 
 ENCODINGS = ("cdr", "ros1")
-"""Serialisations of messages that can be read."""
+"""Serialisation formats of messages that gmwm can decode."""
 
 IMU = "sensor_msgs/msg/Imu"
 
@@ -22,7 +22,7 @@ _EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # CDR st
 
 
 def definition(topic: Topic) -> Definition | None:
-    """The type of the messages of a topic, or None if it is not defined or its messages cannot be read.
+    """Return the type of the messages of a topic, or None if it is not defined or its messages cannot be decoded.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def definition(topic: Topic) -> Definition | None:
 
 
 def _builtin(ros1: bool) -> Mapping[str, Sequence[tuple[str, Description]]]:
-    """The types that ROS includes, for recordings before ROS 2 Iron, which do not contain definitions."""
+    """Return the types that ROS includes, for recordings before ROS 2 Iron, which do not contain definitions."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
@@ -47,7 +47,7 @@ def _builtin(ros1: bool) -> Mapping[str, Sequence[tuple[str, Description]]]:
 
 
 def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
-    """The types in the definition text of a topic."""
+    """Parse the definition text of a topic into its types."""
     from rosbags.typesys import Stores, get_typestore
 
     if len(topic.text) > TEXT_LIMIT:
@@ -83,7 +83,7 @@ def _parse(text: str, topic: Topic) -> dict[str, Any]:
 
 
 def _idl_parts(text: str) -> list[str]:
-    """The files in a joined IDL text: each behind a line of = and one that names it."""
+    """Split a joined IDL text into its files. A line of = and a line with the name precede each file."""
     line = "=" * 80 + "\n"
     if not text.startswith(f"{line}IDL: "):
         return [text]
@@ -91,7 +91,8 @@ def _idl_parts(text: str) -> list[str]:
 
 
 def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: Topic) -> None:
-    """Names must be names, and arrays of texts or messages short: code is made of them."""
+    """Raise an error for unusual field names, and for long arrays of texts or messages: the decoder is generated from
+    them."""
     plain = bool(_TYPE.fullmatch(name))
     for field, (sort, inner) in fields:
         plain &= bool(_NAME.fullmatch(field))

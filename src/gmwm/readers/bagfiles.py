@@ -70,11 +70,11 @@ class Storage(ABC):
 
     @abstractmethod
     def topics(self) -> tuple[Topic, ...]:
-        """The recorded topics."""
+        """Return the recorded topics."""
 
     @abstractmethod
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """The messages of a topic."""
+        """Yield the messages of a topic."""
 
 
 def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:

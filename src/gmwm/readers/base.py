@@ -1,4 +1,4 @@
-"""The contract of a reader, and the registry that finds the reader of a file.
+"""Base class of readers, and the registry that finds the reader for a file.
 
 A format is one module in this folder: a subclass of `Reader` under `@register`. A reader recognises its files,
 describes their columns before any number is read, and gives the numbers in chunks. Axes, units and the time base are
@@ -21,7 +21,7 @@ from gmwm.errors import OptionError, ReadError
 from gmwm.remarks import Remark
 
 HEAD_BYTES = 1 << 16
-"""Number of bytes at the beginning of a file by which readers recognise it."""
+"""Number of bytes at the beginning of a file that readers use to recognise the format."""
 
 Rows = Mapping[int, NDArray[Any]]
 """Consecutive rows of a recording: the numbers of each wanted column, float64 or int64, by its index."""
@@ -109,7 +109,7 @@ class Layout:
     stamped: bool = True
 
     def read_as(self, bad_lines: str, stamped: bool) -> Layout:
-        """The layout with the options for its rows.
+        """Return the layout with the options for its rows.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class Reader(ABC):
 
     @abstractmethod
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Give the numbers of the wanted columns in consecutive chunks of bounded size.
+        """Yield the numbers of the wanted columns in consecutive chunks of bounded size.
 
         A missing value is NaN, or `gmwm.readers.lost_samples.MISSING` in a column of integers.
 
@@ -180,11 +180,12 @@ class Reader(ABC):
         """
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """The beginning of each chunk, and a mark at the end; empty if a file can only be read from its beginning."""
+        """Return a mark for the beginning of each chunk and one for the end; empty if reading must start at the
+        beginning."""
         return ()
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Give the chunks of `chunks` from a mark on. By default the rows before the mark are read and dropped."""
+        """Yield the chunks of `chunks` from a mark on. By default, the rows before the mark are read and dropped."""
         row = 0
         for chunk in self.chunks(path, layout, wanted):
             if row >= mark.row:
@@ -231,12 +232,12 @@ def register(reader: R) -> R:
 
 
 def registered() -> tuple[Reader, ...]:
-    """All formats, in the order in which they are tried."""
+    """Return all formats, in the order in which they are tried."""
     return tuple(_READERS.values())
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
-    """The path of a file that exists and is not empty.
+    """Return the path of a file, after a check that it exists and is not empty.
 
     Raises
     ------
@@ -274,7 +275,7 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
 
 
 def _sign_of(folder: Path) -> Path:
-    """The file by which a directory is recognised as one recording."""
+    """Return the file by which a directory is recognised as one recording."""
     for reader in _READERS.values():
         if reader.folder_sign and (folder / reader.folder_sign).is_file():
             return folder / reader.folder_sign

@@ -63,11 +63,11 @@ class RowSummary:
         return replace(self, stop=later.stop + shift, gaps=self.gaps + moved, lost=self.lost + later.lost)
 
     def time_base(self, found: Interpretation) -> TimeBase:
-        """The time base of the recording, from the time stamps of all rows."""
+        """Return the time base of the recording, from the time stamps of all rows."""
         return replace(self.live or found.timing.base, start=self.start, gaps=self.gaps, lost=self.lost)
 
     def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
-        """Remarks that need all rows: on lost samples, and on the time stamps of a live stream."""
+        """Return the remarks that need all rows: on lost samples, and on the time stamps of a live stream."""
         return (*self.about, *about_lost(self.time_base(found)))
 
 
@@ -132,7 +132,7 @@ class SampleBuilder:
         yield from self._settled(self._live.take(rows[columns["time"]]) if self._live else self._known.take(size))
 
     def samples(self, rows: RowSource) -> Iterator[Samples]:
-        """The samples of all rows from a source."""
+        """Yield the samples of all rows of a source."""
         columns, reading = self._found.choice.columns, self._found.first_temperature
         chunks = rows.chunks(list(columns.values()))
         for some in chunks if reading is None else with_temperature(chunks, columns, reading):
@@ -145,7 +145,7 @@ class SampleBuilder:
             yield from self._settled(self._live.end())
 
     def summary(self) -> RowSummary:
-        """The summary of all rows so far."""
+        """Return the summary of all rows so far."""
         live = None if self._live is None else self._live.base()
         stamped = self._known.gaps(self._first, self._came) if live is None else live.gaps
         # Where the clock was set back, no sample is missing.
@@ -171,7 +171,7 @@ class SampleBuilder:
         return values
 
     def _settled(self, settled: Settled) -> Iterator[Samples]:
-        """The samples among the waiting rows up to the last one whose segment is known."""
+        """Yield the waiting samples up to the last one whose segment is known."""
         first = self._came - self._lost.size
         count = settled.stop - first
         ready = {role: v[:count] for role, v in self._waiting.items()}
@@ -198,7 +198,7 @@ class SampleBuilder:
     def _samples(
         self, ready: dict[str, Vector], turns: NDArray[np.int64], clock: tuple[NDArray[np.int64], Vector], rows: _Rows
     ) -> Samples:
-        """Samples in SI units; a segment begins at each of the places `turns` among them."""
+        """Make samples in SI units. `turns` are the positions at which a segment begins."""
         begins = self._broken or bool(turns.size and turns[0] == 0)
         gap = begins and self._next > 0  # rows before the first sample of the recording are no gap
         self._parted |= gap and self._next == self._first
@@ -223,14 +223,14 @@ class SampleBuilder:
 
 @dataclass(frozen=True)
 class _Rows:
-    """The numbers of rows: `count` rows from `first` on, or those that are listed."""
+    """Row numbers: `count` consecutive rows from `first`, or a list of rows."""
 
     first: int
     count: int
     listed: NDArray[np.int64] | None
 
     def at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The rows at some places."""
+        """Return the row numbers at some positions."""
         return places + self.first if self.listed is None else self.listed[places]
 
 
@@ -239,7 +239,7 @@ def _joined(before: NDArray[Any], after: NDArray[Any]) -> NDArray[Any]:
 
 
 def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
-    """The recording that consists of these samples, from its beginning.
+    """Join samples into one recording, from its beginning.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ MAX_RATIO = 200
 tests/readers/test_compressed.py."""
 
 RATIO_FROM = 64 << 20
-"""Unpacked bytes from which the ratio is checked: a small file may be very regular."""
+"""Number of unpacked bytes from which the ratio is checked: a small file may be very regular."""
 
 MAX_MEMBERS = 1000
 """Largest number of files in an archive: phones export some ten tables."""
@@ -39,12 +39,12 @@ GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
 
 
 class PackedError(ReadError):
-    """Packed bytes that cannot be unpacked: damaged, cut off, encrypted, or more than any recording."""
+    """Packed bytes that cannot be unpacked: damaged, cut off, encrypted, or larger than the limits."""
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """The bytes of a file. `str()` of a source is its name in messages."""
+    """A file as a source of bytes. `str()` of a source is its name in messages."""
 
     path: Path
 
@@ -81,7 +81,7 @@ class FileSource:
 
 @dataclass(frozen=True)
 class CompressedSource(FileSource):
-    """The bytes inside a gzip or Zstandard file, known by its first bytes."""
+    """The bytes inside a gzip or Zstandard file. The first bytes show the compression."""
 
     @property
     def named(self) -> Path:
@@ -90,7 +90,7 @@ class CompressedSource(FileSource):
 
     @property
     def seekable(self) -> bool:
-        """No: the end is known only after everything was decompressed."""
+        """False, because the end is known only after all data were decompressed."""
         return False
 
     def open(self) -> BinaryIO:
@@ -119,7 +119,7 @@ class MemberSource(FileSource):
 
     @property
     def seekable(self) -> bool:
-        """No: the end is known only after everything was decompressed."""
+        """False, because the end is known only after all data were decompressed."""
         return False
 
     def open(self) -> BinaryIO:
@@ -140,7 +140,7 @@ class MemberSource(FileSource):
 
 
 def zstd_library() -> ModuleType:
-    """The Zstandard module: part of the standard library from Python 3.14, a backport before."""
+    """Return the Zstandard module: from the standard library since Python 3.14, from a backport before."""
     if sys.version_info >= (3, 14):
         from compression import zstd
     else:
@@ -167,7 +167,7 @@ def open_archive(path: Path) -> zipfile.ZipFile:
 
 
 def require_ratio(unpacked: int, packed: int, name: object) -> None:
-    """Require that the unpacked bytes are not more than a recording of this packed size can have.
+    """Raise an error if the ratio of unpacked to packed bytes is larger than any recording can have.
 
     Parameters
     ----------
@@ -194,22 +194,22 @@ def _bounded(stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile |
 
 
 class _Counted(io.RawIOBase):
-    """Unpacked bytes, counted. Errors of the libraries become `PackedError`."""
+    """A stream that counts unpacked bytes. It converts errors of the libraries to `PackedError`."""
 
     def __init__(self, stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None) -> None:
         self._stream, self._name, self._packed, self._owner = stream, name, packed, owner
         self._count = 0
 
     def readable(self) -> bool:
-        """Always true: the bytes can be read."""
+        """Return True: the bytes can be read."""
         return True
 
     def tell(self) -> int:
-        """Number of unpacked bytes so far."""
+        """Return the number of unpacked bytes so far."""
         return self._count
 
     def readinto(self, buffer: WriteableBuffer) -> int:
-        """The next bytes."""
+        """Read the next bytes into a buffer."""
         view = memoryview(buffer).cast("B")
         try:
             data = self._stream.read(len(view))
@@ -225,7 +225,7 @@ class _Counted(io.RawIOBase):
         return len(data)
 
     def close(self) -> None:
-        """Close the compressed file, too."""
+        """Close the stream and the compressed file."""
         if not self.closed:
             self._stream.close()
             if self._owner is not None:

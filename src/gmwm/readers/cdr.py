@@ -29,7 +29,7 @@ SIZES = {
     "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2",
     "uint32": "u4", "int32": "i4", "uint64": "u8", "int64": "i8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
-"""Types that are a single number, and their names in NumPy."""
+"""Types that are a single number, with their names in NumPy."""
 
 TIME = "builtin_interfaces/msg/Time"
 """The type of a time stamp: seconds and nanoseconds, 32 bits each."""
@@ -107,7 +107,7 @@ class Definition:
             yield from self._leaves(inner, f"{path}.", depth + 1)
 
     def fields(self, kind: str) -> Sequence[tuple[str, Description]]:
-        """The fields of one of the types."""
+        """Return the fields of one of the types."""
         if kind not in self.types:
             raise ReadError(
                 f"the message type {self.name} holds {kind}, which the recording does not define",
@@ -288,7 +288,7 @@ class Decoder:
         self.definition = definition
         self.wanted = tuple(wanted)
         self.slow = 0
-        """Number of messages that the general decoder decoded."""
+        """Number of messages that needed the general decoder."""
         self._known: list[Template] = []
         self._store: Any = None
 
@@ -323,7 +323,7 @@ class Decoder:
         return out
 
     def _template(self, message: bytes) -> Template:
-        """A template that fits a message: a known or a new one."""
+        """Return a template that fits a message: a known one, or a new one."""
         for plan in self._known:
             if plan.size == len(message) and bool(self._strided(message, plan)[1][0]):
                 return plan
@@ -332,7 +332,8 @@ class Decoder:
         return plan
 
     def _strided(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
-        """The numbers of messages at the offsets of the template, and a mask of the messages that fit the template."""
+        """Read the numbers at the offsets of the template; return them with a mask of the messages that fit the
+        template."""
         names, formats, offsets = [], [], []
         for name, (kind, offset) in plan.places.items():
             for k, word in enumerate(_TIME_WORDS if kind == "time" else (kind,)):
@@ -414,7 +415,7 @@ def _wide(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _path(leaf: str) -> list[str | int]:
-    """The steps to a number: "a.b[2]" is a, b, 2."""
+    """Split the name of a number into steps: "a.b[2]" becomes a, b, 2."""
     steps: list[str | int] = []
     for part in leaf.split("."):
         name, *indices = part.replace("]", "").split("[")
@@ -423,7 +424,7 @@ def _path(leaf: str) -> list[str | int]:
 
 
 def _follow(message: Any, path: Sequence[str | int]) -> Any:
-    """The number in a decoded message; a time stamp in nanoseconds."""
+    """Return the number at a path in a decoded message; a time stamp in nanoseconds."""
     from rosbags.typesys.base import normalize_fieldname
 
     for step in path:
@@ -432,7 +433,7 @@ def _follow(message: Any, path: Sequence[str | int]) -> Any:
 
 
 def _store(definition: Definition) -> Any:
-    """The types in the form for the decoder of rosbags."""
+    """Convert the types to the form that the decoder of rosbags needs."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.EMPTY)

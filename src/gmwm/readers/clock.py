@@ -1,4 +1,4 @@
-"""The clock of a recording: rate, segments and irregularities, from all of its time stamps.
+"""The clock of a recording: sampling rate, segments and irregularities, from all time stamps.
 
 The time stamps come in chunks of any size, so a file in memory and one larger than memory have the same clock. They are
 analysed in blocks of 2²⁰ rows, each with 2¹⁶ rows before and after it.
@@ -32,9 +32,11 @@ _RATE_TOLERANCE = 1e-2
 """Relative difference between a declared rate and the time stamps beyond which they contradict each other.
 The clock of a MEMS gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
-"""Relative differences from a declared rate that are remarked and warned of: a crystal has 1e-4 or less."""
+"""Relative differences between the declared rate and the time stamps that cause a remark, and a warning. The error of a
+crystal is 1e-4 or less."""
 _REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
-"""Fewest gaps, share of lost samples, and variation of their distances at which losses are regular."""
+"""Conditions for regular losses: the fewest gaps, the smallest share of lost samples, and the largest relative standard
+deviation of their intervals."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,8 @@ class _Block:
 
 
 def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> tuple[Timing, Remark | None]:
-    """Rate, segments and irregularities of a recording; with a remark if the unit of time is inferred or long.
+    """Return rate, segments and irregularities of a recording; with a remark if the unit of time is inferred or
+    unusually long.
 
     The sampling interval and the lost samples are those of `find_losses`. A declared rate is used if it agrees with the
     time stamps within 1 %; they only place the gaps then. If the difference is more than 0.1 %, and a clock of the
@@ -133,7 +136,7 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
 def rows_between(
     values: NDArray[Any], unit: str, rate: float | None, *, begin: float, end: float
 ) -> tuple[slice, float]:
-    """The rows between two times (s) from the first time stamp, and the time of the first of these rows.
+    """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows.
 
     Parameters and errors are those of `clock_of`, for a whole column. Before a clock is known, each row has the time of
     its time stamp.
@@ -146,7 +149,7 @@ def rows_between(
 
 
 def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int, int]]:
-    """Blocks of rows with the rows around them, and where the block begins and ends in these."""
+    """Yield blocks of rows with margins, and the positions at which the block begins and ends inside them."""
     waiting: list[NDArray[Any]] = []
     count = begin = 0
     for chunk in chunks:
@@ -166,7 +169,7 @@ def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int
 
 @dataclass(frozen=True)
 class _Window:
-    """Time stamps in ticks from the first of the recording, and their resolution."""
+    """Time stamps in ticks from the first time stamp of the recording, and their resolution."""
 
     ticks: Vector
     origin: float
@@ -192,7 +195,7 @@ class _Window:
 
 
 def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[_Block], rate: float | None) -> _Block:
-    """Analyse the rows `begin` to `end` of a window; the first of them is `row` of the recording."""
+    """Analyse the rows `begin` to `end` of a window; row `begin` is row number `row` of the recording."""
     per_second, offset = window.per_second, row - begin
     order = in_order(window.ticks, window.integer, per_second)
     nominal = nominal_interval(order.ticks)
@@ -246,7 +249,7 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
 
 
 def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str, *, rate: float | None) -> Timing:
-    """The clock from all blocks."""
+    """Combine all blocks into the clock of the recording."""
     rows, lost = (np.concatenate([getattr(b.found, name) for b in blocks]) for name in ("rows", "lost"))
     count = sum(b.rows for b in blocks)
     interval, remark = _interval(blocks, rows, lost, count=count, per_second=per_second)
@@ -286,7 +289,8 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
 def _starts(
     segments: Sequence[tuple[int, int]], lost: dict[int, int], walls: dict[int, float], rate: float
 ) -> tuple[float, ...]:
-    """Times of the first samples of the segments (s), whole intervals apart unless the clock was set back."""
+    """Return the start times of the segments (s). They differ by whole sampling intervals unless the clock was set
+    back."""
     begin, time, missing, starts = 0, walls[0], 0, []
     for first, _ in segments:
         if first in walls:
@@ -299,7 +303,8 @@ def _starts(
 def _interval(
     blocks: Sequence[_Block], rows: Rows, lost: Rows, count: int, per_second: int
 ) -> tuple[float, Remark | None]:
-    """Sampling interval in ticks, with the digits that the time stamps show, and a remark if it is a mean."""
+    """Return the sampling interval in ticks, with the digits that the time stamps show, and a remark if it is a
+    mean."""
     interval, median, spacing = _slope(blocks), blocks[0].median, max(b.spacing for b in blocks)
     whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
     mean = whole / max(1, count - 1 + int(np.sum(lost)) - repeated)
@@ -317,7 +322,7 @@ def _interval(
 
 
 def _slope(blocks: Sequence[_Block]) -> float:
-    """Slope of the line through the time stamps of all blocks, from their own slopes and their means."""
+    """Return the slope of the line through the time stamps of all blocks, from the slope and mean of each block."""
     if len(blocks) == 1:
         return blocks[0].found.interval
     sizes = np.array([b.rows for b in blocks], dtype=np.float64)
@@ -328,7 +333,7 @@ def _slope(blocks: Sequence[_Block]) -> float:
 
 
 def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | None:
-    """A remark if samples are missing at regular distances, which a lower rate explains as well."""
+    """Return a remark if samples are missing at regular intervals, which a lower sampling rate would also explain."""
     share = float(np.sum(lost)) / count
     if rows.size < _REGULAR or share < _REGULAR_SHARE or np.median(lost) > 2:
         return None
@@ -344,7 +349,8 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
 
 
 def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> float:
-    """The interval rounded to the fewest digits, of itself or of its rate, that lie within the tolerance of float64."""
+    """Round the interval to the fewest decimal digits, of the interval or of its rate, within the tolerance of
+    float64."""
     tolerance = max(tolerance, 4 * float(np.finfo(np.float64).eps))
     if tolerance > 1e-6:
         return interval
@@ -385,7 +391,7 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
 
 
 def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remark]:
-    """A remark if the declared rate differs from the rate of the time stamps (Hz); `grave` if it is also a warning."""
+    """Report a declared rate that differs from the rate of the time stamps (Hz); `grave` if it is also a warning."""
     apart = abs(measured / rate - 1)
     if apart <= _RATE_REMARK:
         return

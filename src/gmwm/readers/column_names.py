@@ -48,7 +48,7 @@ _REMARKS = {
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")
-"""An element of an array of three numbers: gyroADC[0] is x."""
+"""An element of an array of three numbers: gyroADC[0] is the x axis."""
 
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
@@ -106,7 +106,7 @@ def recognise(name: str) -> ColumnName:
 
 
 def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
-    """The axis of a column whose name is only a letter, by its unit: X (rad/s)."""
+    """Return the axis of a column whose name is only a letter, from its unit: X (rad/s)."""
     if words in (["x"], ["y"], ["z"]) and not tail:
         for quantity in ("gyro", "accel"):
             if found := unit_of(unit, quantity):
@@ -115,7 +115,7 @@ def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
 
 
 def named_unit(name: str, axis: str) -> str:
-    """The unit in a column name, if it is a unit of the axis of this column; otherwise "".
+    """Return the unit in a column name if it suits the axis of this column; otherwise "".
 
     >>> named_unit("ch3 [dps]", "gyro_x")
     'deg/s'
@@ -131,7 +131,7 @@ def named_unit(name: str, axis: str) -> str:
 
 
 def unknown_unit(name: str, stated: str, axis: str) -> str:
-    """The text in the place of the unit of a column, if it is not a unit of its axis; otherwise "".
+    """Return the text in the place of the unit of a column if it is not a unit of its axis; otherwise "".
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
 
 
 def unit_of(text: str, axis: str) -> str:
-    """The unit in a text, if it is a unit of `axis`; otherwise ""."""
+    """Return the unit in a text if it is a unit of `axis`; otherwise ""."""
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
         return find_time_unit(text)
@@ -166,7 +166,7 @@ def unit_of(text: str, axis: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a cell contains only a unit, as in a row of units below the header."""
+    """Return whether a cell contains only a unit, as in a row of units below the header."""
     key = text.strip().strip("[](){}<>").strip()
     return bool(key) and (
         any(unit_of(key, axis) for axis in ("time", "gyro", "accel")) or unit_of(key, "temperature") == "°C"
@@ -174,7 +174,7 @@ def is_unit(text: str) -> bool:
 
 
 def clean(name: str) -> str:
-    """A name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
+    """Return a name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
     return name.strip().lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
 
 
@@ -183,13 +183,13 @@ def _harmless(text: str) -> bool:
 
 
 def _words(text: str) -> list[str]:
-    """The words of a name in lower case, split at signs, at camelCase, and before digits that are not an exponent."""
+    """Split a name into words in lower case: at signs, at camelCase, and before digits that are not an exponent."""
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     return [word.casefold() for word in re.split(r"[^\w²°µμ]+|_", text) if word]
 
 
 def _axis(words: list[str]) -> str:
-    """The axis for the words of a name, or ""."""
+    """Return the axis for the words of a name, or ""."""
     joined = "".join(words)
     if joined in _TIME:
         return "time"
@@ -205,7 +205,7 @@ def _axis(words: list[str]) -> str:
 
 
 def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
-    """All ways to split words into an axis letter and the words for the sensor."""
+    """Return all ways to split words into an axis letter and the words for the sensor."""
     splits = []
     if words[-1] in {"x", "y", "z"}:
         splits.append((words[-1], words[:-1]))
@@ -221,7 +221,7 @@ def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
 
 
 def _quantity(words: list[str]) -> str:
-    """The sensor for the words of a name, "gyro" or "accel", or ""."""
+    """Return the sensor for the words of a name, "gyro" or "accel", or ""."""
     joined = "".join(words)
     long = [word for word in words if len(word) > 1]
     if "angular" in joined and "acceleration" in joined:

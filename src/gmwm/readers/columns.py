@@ -20,7 +20,7 @@ from gmwm.units import STANDARD_GRAVITY
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns that are read.
+    """The columns to read, and their roles.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Choice:
         return tuple(axis for axis in AXES if axis in self.columns)
 
     def only(self, axes: Sequence[str]) -> Choice:
-        """The choice without the axes that are not among `axes`."""
+        """Return the choice with only those axes that are in `axes`."""
         kept = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
         return Choice(kept, self.remarks)
 
@@ -69,14 +69,14 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
 
 
 def described(layout: Layout) -> str:
-    """The columns of a file for a message: their names, or their number."""
+    """Describe the columns of a file for a message: their names, or their number."""
     if layout.named:
         return ", ".join(channel.name or "(unnamed)" for channel in layout.channels)
     return f"{len(layout.channels)} columns without names"
 
 
 def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
-    """The choice, checked, with a remark on the columns that are not read."""
+    """Check the choice, and add a remark on the columns that are not read."""
     indices = list(choice.columns.values())
     repeated = next((k for k in indices if indices.count(k) > 1), None)
     if repeated is not None:
@@ -103,7 +103,7 @@ def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
 
 
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
-    """Indices of roles that are given in the order of the columns, None or "" for a column that is not read."""
+    """Return the column indices of roles listed in the order of the columns; None or "" skips a column."""
     if len(roles) != len(layout.channels):
         raise OptionError(
             f"{counted(len(roles), 'column')} named, but {path} has {len(layout.channels)} columns (first row: "
@@ -116,7 +116,7 @@ def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[s
 
 
 def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
-    """Index of the column for a role, given by name or index."""
+    """Return the index of the column for a role, given by name or index."""
     names = [channel.name for channel in layout.channels]
     if isinstance(column, int) and not isinstance(column, bool):
         if 0 <= column < len(names):
@@ -142,7 +142,7 @@ def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
 
 
 def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tuple[dict[str, int], tuple[Remark, ...]]:
-    """Columns of the wanted roles by the format or by the names, without the columns in `used`."""
+    """Find the columns of the wanted roles by the format or by the names; columns in `used` are excluded."""
     candidates: dict[str, list[int]] = {}
     for k, channel in enumerate(layout.channels):
         role = channel.axis or recognise(channel.name).axis
@@ -172,7 +172,8 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
 
 
 def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
-    """The stamp in the header of ROS messages, if other columns hold a time too, such as the time of recording.
+    """Return the index of the time stamp in the header of ROS messages if other columns, such as the time of recording,
+    also contain a time.
 
     A driver that does not set it leaves zeros.
     """
@@ -184,12 +185,12 @@ def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
 
 
 def _shown(layout: Layout) -> str:
-    """The first cells of the first row."""
+    """Return the first cells of the first row, for a message."""
     return ", ".join(layout.first_row[:8]) + (", …" if len(layout.first_row) > 8 else "")
 
 
 def _is_gravity(cells: Sequence[str]) -> bool:
-    """Whether three numbers are those of accelerometers at rest, in m/s² or g, within 10 %."""
+    """Return whether the norm of three numbers is standard gravity in m/s² or g, within 10 %."""
     try:
         norm = math.hypot(*map(float, cells))
     except ValueError:
@@ -198,7 +199,7 @@ def _is_gravity(cells: Sequence[str]) -> bool:
 
 
 def _nameless(layout: Layout, path: Path) -> ReadError:
-    """The error for columns without names, with the first row and an example of the option."""
+    """Make the error for columns without names, with the first row and an example of the option."""
     count = len(layout.channels)
     usual = {7: ("time", *AXES), 6: AXES, 4: ("time", *AXES[:3]), 3: AXES[:3], 2: ("time", "gyro_x"), 1: ("gyro_x",)}
     guess = usual.get(count, (*AXES, *[""] * max(0, count - 6)))

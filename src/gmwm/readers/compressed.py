@@ -15,30 +15,30 @@ from gmwm.readers.text import TextReader
 
 @register
 class CompressedReader(Reader):
-    """Text formats that are compressed as .gz or .zst."""
+    """Reader for text that is compressed as .gz or .zst."""
 
     name: ClassVar[str] = "compressed"
     extensions: ClassVar[tuple[str, ...]] = (".gz", ".zst", ".zstd")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.9 for the signatures of gzip and Zstandard, because another format may be compressed too."""
+        """Return 0.9 for the signatures of gzip and Zstandard, because another format may also be compressed."""
         return 0.9 if head.startswith((GZIP, ZSTD)) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The recordings in the text inside."""
+        """Return the recordings in the compressed text."""
         source = CompressedSource(path)
         reader, layouts = packed_text(source, path.with_suffix(""))
         return tuple(replace(layout, state=(reader, layout)) for layout in layouts)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The numbers, unpacked while they are read."""
+        """Yield the numbers; the text is unpacked while it is read."""
         reader, inner = layout.state
         inner = replace(inner, skip_bad_lines=layout.skip_bad_lines)
         return reader.rows(CompressedSource(path), inner, wanted)  # type: ignore[no-any-return]
 
 
 def packed_text(source: FileSource, name: Path) -> tuple[TextReader, tuple[Layout, ...]]:
-    """The text format of compressed bytes, and the recordings in them.
+    """Return the text format of compressed bytes, and the recordings in them.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class _Message:
 
 @dataclass(frozen=True)
 class _Selection:
-    """The messages of a recording: their type, and the number of the sensor (-1 if they have none)."""
+    """Which messages belong to a recording: their type, and the number of the sensor (-1 if messages have none)."""
 
     message: _Message
     instance: int
@@ -65,7 +65,7 @@ class _Selection:
 
 @dataclass
 class _Summary:
-    """What a pass over a log finds: the types, counts and times of the inertial messages, and damaged places."""
+    """Result of a pass over a log: the types, counts and times of the inertial messages, and damaged places."""
 
     types: dict[int, _Message] = field(default_factory=dict)
     counts: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -76,13 +76,13 @@ class _Summary:
 
 @register
 class DataflashReader(Reader):
-    """ArduPilot's DataFlash logs, by their first message."""
+    """Reader of ArduPilot's DataFlash logs."""
 
     name: ClassVar[str] = "ardupilot"
     extensions: ClassVar[tuple[str, ...]] = (".bin",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with the message that defines FMT messages."""
+        """Return 1 if the file begins with the message that defines FMT messages."""
         return 1.0 if head.startswith(_MARK + bytes([_FMT])) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
@@ -104,7 +104,7 @@ class DataflashReader(Reader):
         return tuple(layouts)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The numbers, one chunk for each block of the file."""
+        """Yield the numbers, one chunk for each block of the file."""
         selection: _Selection = layout.state
         for message, table in _messages(path, _Summary(), only=selection.message.name):
             own = table if selection.instance < 0 else table[table["I"] == selection.instance]
@@ -153,7 +153,8 @@ def _count(found: _Summary, message: _Message, table: NDArray[Any]) -> None:
 
 
 def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Message, NDArray[Any]]]:
-    """The inertial messages of a log, one table for each type and block; `found` collects types and damaged places."""
+    """Yield the inertial messages of a log, one table for each type and block; `found` collects types and damaged
+    places."""
     lengths = [0] * 256
     lengths[_FMT] = _FMT_LENGTH
     rest = b""
@@ -170,7 +171,7 @@ def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Me
 
 
 def _walk(block: bytes, lengths: list[int], found: _Summary, only: str) -> tuple[dict[int, list[int]], int]:
-    """The positions of inertial messages in a block by their types, and the number of bytes that were read."""
+    """Return the positions of inertial messages in a block by type, and the number of bytes that were read."""
     places: dict[int, list[int]] = {number: [] for number in found.types}
     position, end = 0, len(block)
     while position + 3 <= end:
@@ -197,7 +198,7 @@ def _walk(block: bytes, lengths: list[int], found: _Summary, only: str) -> tuple
 
 
 def is_inertial(name: str, names: Sequence[str]) -> bool:
-    """Whether a message is one of an inertial sensor, by its name and the names of its values."""
+    """Return whether a message comes from an inertial sensor, by its name and the names of its values."""
     if name.rstrip("0123456789") not in ("IMU", "ACC", "GYR") or not set(STAMPS) & set(names):
         return False
     axes = {ROLES[one][0] for one in names if one in ROLES} - {"temperature"}
@@ -205,7 +206,7 @@ def is_inertial(name: str, names: Sequence[str]) -> bool:
 
 
 def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: bytes) -> _Message | None:
-    """The type that a FMT message defines, if it is one of an inertial sensor."""
+    """Return the message type that an FMT message defines if it belongs to an inertial sensor; otherwise None."""
     title = name.rstrip(b"\0").decode("latin-1")
     names = labels.rstrip(b"\0").decode("latin-1").split(",")
     kinds = [_TYPES.get(character) for character in fields.rstrip(b"\0").decode("latin-1")]

@@ -25,7 +25,8 @@ _ROWS = 1 << 16
 
 @dataclass
 class _Found:
-    """A recording: its message and instance (-1 if it has none), names of the values, extent, and whether T is used."""
+    """A recording in the log: message name, instance (-1 if it has none), names of the values, extent, and whether T is
+    used."""
 
     name: str
     instance: int
@@ -38,7 +39,7 @@ class _Found:
 
 @dataclass
 class _Log:
-    """The inertial messages of a log: names of their values, and the number of lines that are damaged."""
+    """The inertial messages of a log: names of their values, and the number of damaged lines."""
 
     names: dict[str, tuple[str, ...]] = field(default_factory=dict)
     damaged: int = 0
@@ -65,13 +66,13 @@ class _Log:
 
 @register
 class DataflashTextReader(Reader):
-    """ArduPilot's DataFlash logs as text, by their first line."""
+    """Reader of ArduPilot's DataFlash logs in text form."""
 
     name: ClassVar[str] = "ardupilot text"
     extensions: ClassVar[tuple[str, ...]] = (".log",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with the line that defines FMT lines."""
+        """Return 1 if the file begins with the line that defines FMT lines."""
         first = head.lstrip(b"\xef\xbb\xbf").split(b"\n", 1)[0]
         return 1.0 if [part.strip() for part in first.split(b",")[:4:3]] == [b"FMT", b"FMT"] else 0.0
 
@@ -93,7 +94,7 @@ class DataflashTextReader(Reader):
         return tuple(_layout(found[key], remarks) for key in sorted(found))
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The numbers of the messages."""
+        """Yield the numbers of the messages."""
         one: _Found = layout.state
         places = {k: one.names.index(layout.channels[k].name) for k in wanted}
         instance = one.names.index("I") if one.instance >= 0 else -1
@@ -110,7 +111,7 @@ class DataflashTextReader(Reader):
 
 
 def _values(line: str) -> list[float]:
-    """The values of a message; none if one of them is not a number."""
+    """Return the values of a message; an empty list if one of them is not a number."""
     try:
         return [float(value) for value in line.split(",")[1:]]
     except ValueError:
@@ -139,6 +140,6 @@ def _layout(found: _Found, remarks: tuple[Remark, ...]) -> Layout:
 
 
 def _numbers(rows: Sequence[Sequence[float]], layout: Layout, wanted: Sequence[int]) -> Rows:
-    """The columns of some rows: time stamps as integers, all others as float64."""
+    """Convert rows to columns: time stamps as integers, all others as float64."""
     columns = zip(wanted, zip(*rows, strict=True), strict=True)
     return {k: np.array(column, dtype=np.int64 if k == 0 else np.float64) for k, column in columns}

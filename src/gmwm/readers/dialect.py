@@ -22,7 +22,7 @@ BLANKS = " "
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
 MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>")
-"""What programs write in place of a missing number, besides NaN and nothing."""
+"""Words that programs write instead of a missing number, besides NaN and an empty cell."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?|\([^)]*\)|\[[^\]]*\]")
@@ -99,7 +99,7 @@ class Dialect:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, without the blanks and quotes around them. A quoted delimiter is text."""
+    """Split a line into cells, without the blanks and quotes around them. A quoted delimiter is text."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
     if '"' in line:
@@ -111,12 +111,12 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(cell: str, decimal_comma: bool = False) -> bool:
-    """Whether a cell is a number, NaN or infinity."""
+    """Return whether a cell is a number, NaN or infinity."""
     return _NUMBER.fullmatch(cell.replace(",", ".", 1) if decimal_comma else cell) is not None
 
 
 def comment_sign(line: str) -> str:
-    """The comment sign with which a line begins, or ""."""
+    """Return the comment sign with which a line begins, or ""."""
     text = line.lstrip()
     return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
 
@@ -199,7 +199,7 @@ _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 
 
 def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[str, ...]]:
-    """What to replace in each line, and the names of the columns if each number has a label.
+    """Return the replacements to make in each line, and the names of the columns if each number has a label.
 
     Programs for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1".
     """
@@ -217,7 +217,7 @@ def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[
 
 
 def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:
-    """The column that states which of several sensors a row is of, and its values in the first rows."""
+    """Find the column that states the sensor of each row; return its index and its values in the first rows."""
     for k, name in enumerate(names):
         if name.casefold() in _SENSOR_COLUMNS:
             values = sorted({row[k] for row in rows})
@@ -231,7 +231,7 @@ _MOST_SENSORS = 16
 
 
 def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, int] | None:
-    """The columns of the seconds and the nanoseconds of time stamps in two columns."""
+    """Find the columns of time stamps that consist of seconds and nanoseconds."""
     keys = {re.sub(r"[^a-z]", "", name.casefold()): k for k, name in enumerate(names)}
     for seconds, rest in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
         found = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, rest)]
@@ -241,7 +241,8 @@ def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, i
 
 
 def _delimiter(lines: list[str]) -> tuple[str, bool]:
-    """The delimiter and decimal sign with which most cells are numbers and most lines have the same number of cells."""
+    """Return the delimiter and decimal sign with which most cells are numbers and most lines have the same number of
+    cells."""
     sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
     best, best_score = (",", False), (-1.0, -1.0, -1)
     for delimiter in (",", ";", "\t", "|", BLANKS):
@@ -260,14 +261,14 @@ def _delimiter(lines: list[str]) -> tuple[str, bool]:
 
 
 def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:
-    """For each field of a row of the usual length, whether most rows hold a number in it."""
+    """Return, for each field of a row of the usual length, whether most rows contain a number in it."""
     fields = Counter(map(len, rows[len(rows) // 2 :])).most_common(1)[0][0]
     body = [row for row in rows[len(rows) // 2 :] if len(row) == fields]
     return [2 * sum(is_number(row[c], decimal_comma) for row in body) > len(body) for c in range(fields)]
 
 
 def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
-    """Whether a line is a row of the recording: its numeric fields hold numbers or are empty."""
+    """Return whether a line is a row of the recording: its numeric fields contain numbers or are empty."""
     if len(cells) != len(numeric):
         return False
     there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted and cell not in ("", *MISSING_WORDS)]
@@ -275,7 +276,7 @@ def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
 
 
 def _trimmed(cells: list[str], columns: int) -> list[str]:
-    """Cells without empty ones after the last column."""
+    """Return the cells without empty cells after the last column."""
     while len(cells) > columns and cells[-1] == "":
         cells = cells[:-1]
     return cells
@@ -289,7 +290,7 @@ def _parted(
     delimiter: str,
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Names and units if the delimiter also splits the time stamps, which have one name; None if it does not.
+    """Return names and units if the delimiter also splits the time stamps, which have one name; None if it does not.
 
     Raises
     ------
@@ -323,7 +324,7 @@ def _header(
     delimiter: str,
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of the columns from the lines above the numbers."""
+    """Return names and units of the columns from the lines above the numbers."""
     # A header may have another delimiter than the rows, for example commas above blanks.
     texts = dict(body)
     header = [(k, _named_cells(texts[k], columns, delimiter) or c) for k, c in header]
@@ -358,12 +359,13 @@ def _header(
 
 
 def _axes(names: Sequence[str]) -> int:
-    """Number of names that are known as an axis."""
+    """Return the number of names that are known as an axis."""
     return sum(recognise(name).axis not in ("", "time", "temperature") for name in names)
 
 
 def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of two lines: "Gyroscope" above "X (deg/s)". A merged cell stands only above its first column."""
+    """Combine the names of two header lines: "Gyroscope" above "X (deg/s)". A merged cell is only above its first
+    column."""
     joined, group = [], ""
     for above, name in zip(groups, names, strict=True):
         group = clean(above) or group
@@ -372,20 +374,21 @@ def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """The cells of a comment that has one for each column; otherwise none."""
+    """Return the cells of a comment that has one cell for each column; otherwise none."""
     text = line.strip()[len(comment_sign(line)) :].strip()
     text = re.sub(r"^(units?|columns?|fields?|header)\s*[:=]\s*", "", text, flags=re.IGNORECASE)
     return _cells(text, columns, delimiter)
 
 
 def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """The cells of a header that may have its own delimiter; none if no cell is a known name or a unit."""
+    """Return the cells of a header that may have its own delimiter; none if no cell is a known name or a unit."""
     cells = _cells(line, columns, delimiter)
     return cells if any(recognise(cell).axis or is_unit(cell) for cell in cells) else []
 
 
 def _cells(text: str, columns: int, delimiter: str) -> list[str]:
-    """One cell for each column, split by the delimiter of the rows, by commas or by blanks; otherwise none."""
+    """Split text into one cell for each column, by the delimiter of the rows, by commas or by blanks; none if that
+    fails."""
     ways = [split(text, delimiter), split(text, ",")]
     if not re.search(r"[,;\t|]", text):
         # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
@@ -395,7 +398,7 @@ def _cells(text: str, columns: int, delimiter: str) -> list[str]:
 
 
 def _stated_units(comments: list[str]) -> dict[str, str]:
-    """Units that comments state for a whole sensor: "gyro in deg/s, accel in g", "units: rad/s, m/s^2"."""
+    """Return the units that comments state for a whole sensor: "gyro in deg/s, accel in g", "units: rad/s, m/s^2"."""
     found: dict[str, str] = {}
     for line in comments:
         text = line.casefold()
@@ -414,7 +417,7 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
 
 
 def _stated_rate(comments: list[str]) -> float | None:
-    """The one sampling rate (Hz) that comments state: "// Update Rate: 100.0Hz", "#Log,Output Rate,200.0"."""
+    """Return the only sampling rate (Hz) that comments state: "// Update Rate: 100.0Hz", "#Log,Output Rate,200.0"."""
     found = {float(number) * (1e3 if kilo else 1) for line in comments for number, kilo in _RATE.findall(line)}
     return found.pop() if len(found) == 1 and min(found) > 0 else None
 
@@ -427,7 +430,8 @@ _RATE = re.compile(
 
 
 def _is_clear(word: str, clause: str) -> bool:
-    """Whether a unit of time in a comment is the unit of the time stamps; minutes and hours may state the length."""
+    """Return whether a unit of time in a comment must be the unit of the time stamps. Minutes and hours may state a
+    duration."""
     stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
     return word in _CLEAR or (word in _LONG and stands_alone)
 

@@ -33,11 +33,11 @@ class EpsonReader(TextReader):
     extensions: ClassVar[tuple[str, ...]] = (".csv",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.9 if there are scale factors and columns with Epson's names."""
+        """Return 0.9 if there are scale factors and columns with Epson's names."""
         return 0.9 if b"SF_" in head and re.search(rb"\b(Gx|Ax|DAx|DVx)\[(dps|mG|deg|m/s|dec)\]", head) else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns by Epson's names, with the size of a count as their scale."""
+        """Return the columns by Epson's names, with the size of a count as their scale."""
         found = super().layout(source)
         with source.open() as file:
             head = file.read(HEAD_BYTES).decode("latin-1")

@@ -32,8 +32,8 @@ _NAME = Path("the table")
 
 
 def is_table(data: object) -> bool:
-    """Whether data are a data frame, a table of Arrow, an xarray object, an array of records, or a mapping in which
-    some names are not axes or some values are missing.
+    """Return whether data are a data frame, a table of Arrow, an xarray object, an array of records, or a mapping in
+    which some names are not axes or some values are missing.
 
     >>> is_table(np.zeros((9, 6))), is_table(np.zeros(9, dtype=[("gyro_x", float)]))
     (False, True)
@@ -52,7 +52,8 @@ def _has_missing(values: Any) -> bool:
 
 
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
-    """The recording in a table: names are recognised as in a file, and units that no name states are rad/s and m/s².
+    """Read the recording in a table. Names are recognised as in a file. Without a stated unit, rad/s and m/s² are
+    assumed.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
 
 
 def _unstated(layout: Layout, choice: Choice) -> dict[str, str]:
-    """SI units for the sensors whose columns state none."""
+    """Return SI units for the sensors whose columns state no unit."""
     stated = {
         axis_quantity(axis)
         for axis in choice.axes
@@ -104,7 +105,7 @@ def _unstated(layout: Layout, choice: Choice) -> dict[str, str]:
 
 
 def _columns(data: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of the columns of a table, with its index if that is a time."""
+    """Yield names and values of the columns of a table, with its index if the index is a time."""
     if hasattr(data, "collect_schema") and hasattr(data, "collect"):  # a lazy frame of Polars
         data = data.collect()
     if isinstance(data, Mapping) and not hasattr(data, "coords"):
@@ -129,13 +130,13 @@ def _columns(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _of_pandas(column: Any) -> NDArray[Any]:
-    """The values of a column or an index, dates with a time zone in UTC."""
+    """Return the values of a column or an index, dates with a time zone in UTC."""
     zoned = getattr(column.dtype, "tz", None) is not None
     return np.asarray(column.to_numpy(dtype="M8[ns]") if zoned else column.to_numpy())
 
 
 def _of_xarray(data: Any) -> Iterator[tuple[str, Any]]:
-    """The variables of a data set, or the columns of a data array, with its time."""
+    """Yield the variables of a data set, or the columns of a data array, with its time."""
     first = next(iter(data.data_vars.values())) if hasattr(data, "data_vars") else data
     along = first.dims[0]
     if along in data.coords:
@@ -153,7 +154,7 @@ def _of_xarray(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _arrays(name: str, values: Any) -> list[Array]:
-    """The arrays of a column or a table, with NaN for masked and missing values."""
+    """Return the arrays of a column or a table, with NaN for masked and missing values."""
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     array: NDArray[Any] = np.asarray(values)

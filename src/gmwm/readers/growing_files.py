@@ -23,11 +23,11 @@ from gmwm.readers.streams import Stream, first_rows
 from gmwm.readers.text import TextReader
 
 POLL = 0.2
-"""Seconds between two checks for new data."""
+"""Time between two checks for new data (s)."""
 BLOCK = 1 << 20
 """Largest number of bytes in one read."""
 LINES = 256
-"""Number of lines from which units, rate and time stamps are determined, if they arrive soon enough."""
+"""Number of lines from which units, rate and time stamps are determined, unless they take too long to arrive."""
 FEWEST = 24
 """Number of lines that are sufficient after some seconds."""
 
@@ -36,7 +36,7 @@ Take = Callable[[], bytes | None]
 
 
 class GrowingFile:
-    """The content of a growing file, from its beginning. If reading ended, `trouble` is the reason."""
+    """The content of a growing file, from its beginning. `trouble` is the reason why reading ended."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.trouble = path, ""
@@ -51,7 +51,7 @@ class GrowingFile:
         self._taken = 0
 
     def __call__(self) -> bytes | None:
-        """The bytes since the last call; None after the file was truncated or replaced."""
+        """Return the bytes since the last call; None after the file was truncated or replaced."""
         if self.trouble:
             return None
         here = os.fstat(self._file.fileno())
@@ -89,7 +89,7 @@ class GrowingPipe:
         threading.Thread(target=self._pump, args=(stream,), daemon=True).start()
 
     def __call__(self) -> bytes | None:
-        """The bytes since the last call; None at the end."""
+        """Return the bytes since the last call; None at the end."""
         if self._ended:
             return None
         try:
@@ -130,7 +130,7 @@ class Lines:
         self.ended = False
 
     def look(self) -> bytes:
-        """The complete lines since the last call, possibly none."""
+        """Return the complete lines since the last call, possibly none."""
         goes_on = self._breathe()
         data = self._take() if goes_on else None
         if data is None:
@@ -145,7 +145,7 @@ class Lines:
         return out
 
     def wait(self) -> bytes:
-        """Wait for the next complete lines; empty at the end."""
+        """Wait for the next complete lines; return empty bytes at the end."""
         while not self.ended:
             if lines := self.look():
                 return lines
@@ -155,13 +155,13 @@ class Lines:
 
 
 class _Live(io.RawIOBase):
-    """A file object whose reads return the available bytes, first `begin`, and wait if there are none."""
+    """A file object whose reads return the available bytes, starting with `begin`, and wait if there are none."""
 
     def __init__(self, begin: bytes, lines: Lines) -> None:
         self._ready, self._lines = begin, lines
 
     def read(self, size: int = -1) -> bytes:
-        """Read at most `size` bytes; empty at the end."""
+        """Read at most `size` bytes; return empty bytes at the end."""
         if not self._ready:
             self._ready = self._lines.wait()
         size = len(self._ready) if size < 0 else size
@@ -169,7 +169,7 @@ class _Live(io.RawIOBase):
         return out
 
     def readline(self, size: int | None = -1) -> bytes:
-        """The next line. Only lines of the header are read like this, which are available already."""
+        """Return the next line. Only the header is read line by line, and its lines are already available."""
         end = self._ready.find(b"\n") + 1
         return self.read(end or len(self._ready))
 
@@ -182,7 +182,7 @@ class _Head(FileSource):
 
     @property
     def seekable(self) -> bool:
-        """No: the end is not known yet."""
+        """False, because the end is not known yet."""
         return False
 
     def open(self) -> BinaryIO:
@@ -199,7 +199,7 @@ class _Whole(FileSource):
 
     @property
     def seekable(self) -> bool:
-        """No: the end is not known yet."""
+        """False, because the end is not known yet."""
         return False
 
     def open(self) -> BinaryIO:
@@ -257,7 +257,7 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
 
 
 def _first_lines(lines: Lines, patience: float) -> bytes:
-    """The first lines, from which columns, units and rate are determined."""
+    """Read the first lines, from which columns, units and rate are determined."""
     parts: list[bytes] = []
     count, since = 0, time.monotonic()
     while count < LINES and not lines.ended:
@@ -273,7 +273,7 @@ def _first_lines(lines: Lines, patience: float) -> bytes:
 
 
 def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
-    """The reader for the text dialect of the first lines, and their columns."""
+    """Return the reader for the text dialect of the first lines, and their columns."""
     readers = [reader for reader in registered() if isinstance(reader, TextReader)]
     best = max(readers, key=lambda reader: reader.sniff(path, head))
     if best.sniff(path, head) <= 0:

@@ -45,28 +45,28 @@ class Hdf5Reader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".h5", ".hdf5", ".hdf")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with HDF5's signature."""
+        """Return 1 if the file begins with HDF5's signature."""
         return 1.0 if head.startswith(MAGIC) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the data sets of the same length."""
+        """Return the recordings: data sets of the same length are the columns of one."""
         return layouts_of(arrays_in(path), path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Rows of the data sets."""
+        """Yield rows of the data sets."""
         return chunks_of(layout, wanted, path)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for blocks of rows; a file can be read from any row on."""
+        """Return marks for blocks of rows; a file can be read from any row."""
         return marks_of(layout)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The chunks from a row on."""
+        """Yield the chunks from a row on."""
         return chunks_of(layout, wanted, path, mark.row)
 
 
 def arrays_in(path: Path) -> list[Array]:
-    """All arrays of numbers in an HDF5 file, by their paths without the first slash.
+    """Return all arrays of numbers in an HDF5 file, named by their paths without the first slash.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def _dataset(node: Any, name: str, path: Path) -> list[Array]:
 
 
 class _Rows:
-    """Rows of a data set; the file is open only while they are read."""
+    """Rows of a data set. The file is open only while they are read."""
 
     def __init__(self, path: Path, name: str, dimensions: int) -> None:
         self._path, self._name, self._dimensions = path, name, dimensions
@@ -157,7 +157,7 @@ class _Rows:
 
 
 def _unit(node: Any) -> str:
-    """The unit that an attribute states; "" if none does."""
+    """Return the unit that an attribute states; "" if there is none."""
     for key in ("units", "unit", "Units", "Unit", "UNITS"):
         text = _attribute(node, key)
         if isinstance(text, bytes):
@@ -168,7 +168,7 @@ def _unit(node: Any) -> str:
 
 
 def _stated_rates(node: Any, where: str) -> list[Array]:
-    """The rates that attributes state, as arrays of one number."""
+    """Return the rates that attributes state, as arrays of one number."""
     rates = []
     for key in node.attrs:
         if isinstance(key, str) and is_rate(key):
@@ -180,7 +180,8 @@ def _stated_rates(node: Any, where: str) -> list[Array]:
 
 
 def _attribute(node: Any, key: str, most: int = _SHORT) -> Any:
-    """The value of an attribute; None for one of more bytes, which may take minutes to read from a damaged file."""
+    """Return the value of an attribute; None if it has more than `most` bytes, which could take minutes in a damaged
+    file."""
     if key not in node.attrs:
         return None
     known = node.attrs.get_id(key)

@@ -31,7 +31,7 @@ _CLOCKS = {1: "UTC", 2: "GPS"}
 
 @dataclass(frozen=True)
 class _Header:
-    """The header: byte order, sensors that give increments, rate (Hz), scales to deg and m/s, and remarks."""
+    """The header: byte order, sensors that record increments, rate (Hz), scales to deg and m/s, and remarks."""
 
     order: str
     increments: tuple[bool, bool]
@@ -48,11 +48,11 @@ class ImrReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".imr",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 for the signature $IMURAW with a zero byte."""
+        """Return 1 for the signature $IMURAW with a zero byte."""
         return 1.0 if head.startswith(_SIGNATURE) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Time and six axes, with the scales of the header."""
+        """Return the time and six axes, with the scales of the header."""
         header = _header(path)
         dtype = record("i4", header.order)
         whole_records(path, dtype, _HEADER_BYTES)
@@ -62,16 +62,16 @@ class ImrReader(Reader):
         return (Layout(channels, rate=header.rate, remarks=(*header.remarks, *_rate(path, header)), state=header),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Counts and times of the file."""
+        """Yield the counts and times of the file."""
         header: _Header = layout.state
         return record_chunks(path, record("i4", header.order), _HEADER_BYTES, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for blocks of records; a file can be read from any record on."""
+        """Return marks for blocks of records; a file can be read from any record."""
         return record_marks(path, record("i4", layout.state.order), _HEADER_BYTES)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The chunks from a record on."""
+        """Yield the chunks from a record on."""
         return record_chunks(
             path, record("i4", layout.state.order), offset=_HEADER_BYTES, wanted=wanted, first=mark.row
         )
@@ -131,7 +131,7 @@ def _header(path: Path) -> _Header:
 
 
 def _rate(path: Path, header: _Header) -> tuple[Remark, ...]:
-    """A remark if the first time stamps contradict the rate of the header by more than 1 %.
+    """Return a remark if the first time stamps contradict the rate of the header by more than 1 %.
 
     The header may state the rate of the device instead of the rate of the records, so this is not a warning.
     """

@@ -1,4 +1,4 @@
-"""How the columns of a recording are understood: the axes that work, their units, and the clock."""
+"""How gmwm interprets the columns of a recording: the working axes, their units, and the clock."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from gmwm.signals import MINIMUM_SAMPLES
 T = TypeVar("T")
 
 HEAD = 1 << 18
-"""Rows from which the unit of the accelerometers and the unit of time stamps are inferred: 44 min at 100 Hz. It is a
-choice."""
+"""Number of rows from which the unit of the accelerometers and the unit of time stamps are inferred: 44 min at 100 Hz.
+It is a choice."""
 TEMPERATURE = "temperature"
 
 
@@ -76,17 +76,17 @@ class Interpretation:
 
     @property
     def roles(self) -> tuple[str, ...]:
-        """The axes, and the temperature if it is read."""
+        """Names of the axes, and of the temperature if it is read."""
         return (*self.choice.axes, *([TEMPERATURE] if TEMPERATURE in self.choice.columns else []))
 
     def without_temperature(self) -> Interpretation:
-        """The same columns without the temperature, which a part of a recording cannot interpolate at its ends."""
+        """Return the same columns without the temperature: a part of a recording cannot interpolate it at its ends."""
         columns = {role: k for role, k in self.choice.columns.items() if role != TEMPERATURE}
         return replace(self, choice=Choice(columns, self.choice.remarks), first_temperature=None)
 
 
 class RowSource(Protocol):
-    """Where the rows of a recording come from."""
+    """Source of the rows of a recording."""
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
         """Iterate over the rows of the wanted columns from the first one on."""
@@ -95,7 +95,7 @@ class RowSource(Protocol):
 def understand(
     layout: Layout, choice: Choice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
 ) -> Interpretation:
-    """Find the axes that work, the units and the clock of a recording.
+    """Find the working axes, the units and the clock of a recording.
 
     Parameters
     ----------
@@ -171,7 +171,8 @@ def understand(
 
 
 def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> Choice:
-    """The columns that are read for the samples: without time stamps that place no row and interpolate nothing."""
+    """Return the columns to read for the samples. Time stamps are left out if the segments do not depend on them and no
+    temperature is interpolated."""
     columns = dict(choice.columns)
     if not temperature:
         columns.pop(TEMPERATURE, None)
@@ -182,14 +183,15 @@ def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temp
 
 
 def _first_samples(rows: Rows, choice: Choice, axes: Sequence[str]) -> dict[str, Vector]:
-    """The samples among the first rows, as numbers of the file; rows without a value in some of `axes` are left out."""
+    """Return the samples among the first rows, in the numbers of the file; rows without a value in one of `axes` are
+    dropped."""
     head = sift({k: column[:HEAD] for k, column in rows.items()}, choice.columns, axes)
     kept = slice(None) if head.lost is None else ~head.lost
     return {axis: as_floats(head.rows[choice.columns[axis]])[kept] for axis in choice.axes}
 
 
 def _dead(rows: Rows, choice: Choice, source: RowSource) -> dict[str, tuple[float, int]]:
-    """The axes that are constant over all rows of a recording: their value and the number of rows."""
+    """Return the axes that are constant over all rows of a recording, with their value and the number of rows."""
     columns, size = choice.columns, next(iter(rows.values())).size
     found = {axis: (value, size) for axis, value in dead_axes(rows, columns, choice.axes).items()}
     if not found or size < HEAD:
@@ -209,13 +211,13 @@ def _dead(rows: Rows, choice: Choice, source: RowSource) -> dict[str, tuple[floa
 
 
 def _about_dead(constants: Mapping[str, tuple[float, int]]) -> Iterator[Remark]:
-    """A remark on each axis that is left out."""
+    """Yield a remark for each constant axis, which is left out."""
     for axis, (value, rows) in constants.items():
         yield Remark.of("axis-dead", axis, kind="missing" if np.isnan(value) else "constant", value=value, rows=rows)
 
 
 def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float | None:
-    """The first temperature of a recording; None if there is none."""
+    """Return the first temperature of a recording; None if there is none."""
     blocks = [rows] if source is None or rows[column].size < HEAD else source.chunks([column])
     for block in blocks:
         missing = is_missing(block[column])
@@ -228,7 +230,7 @@ def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float |
 def _timing(
     layout: Layout, choice: Choice, options: ReadOptions, samples: int, stamps: Iterable[NDArray[Any]] | None
 ) -> tuple[Timing, tuple[Remark, ...]]:
-    """The time base, and remarks on the unit or form of the time stamps.
+    """Return the time base, and remarks on the unit or form of the time stamps.
 
     `stamps` has chunks of the time column, None if there is none; then the recording has one segment of `samples`.
     """
@@ -242,7 +244,7 @@ def _timing(
 
 
 class TimeColumn:
-    """The time stamps of all rows that the clock of a recording counts, in chunks, from a pass over the file.
+    """The time stamps of all rows that the clock counts, in chunks, from a pass over the file.
 
     Parameters
     ----------
@@ -281,7 +283,7 @@ class TimeColumn:
             yield sifted.rows[time]
 
     def of(self, clock: Callable[[Iterable[NDArray[Any]]], T]) -> T:
-        """What a clock finds in them, by all columns if the time stamps alone do not suffice."""
+        """Analyse the time stamps with `clock`; use all columns if the time stamps alone do not suffice."""
         try:
             return clock(self)
         except _UnplacedRowsError:
@@ -329,7 +331,8 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
 
 
 def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: Layout, path: Path) -> DataError:
-    """The error for a file in which most rows lack the values of some axes, as of sensors with different rates."""
+    """Make the error for a file in which most rows lack some axes, for example because the sensors have different
+    rates."""
     size = next(iter(sifted.rows.values())).size
     counts = {}
     for axis in axes:
@@ -361,7 +364,7 @@ def require_samples(samples: int, what: str) -> None:
 
 
 def constant(what: str, role: str, value: float, rows: int) -> DataError:
-    """The error for a recording in which no axis works."""
+    """Make the error for a recording in which no axis works."""
     how = "no finite number" if np.isnan(value) else f"the same value {value:g}"
     return DataError(
         f"{what} has {how} in all {counted(rows, 'row')}, and no other axis works",
@@ -371,7 +374,7 @@ def constant(what: str, role: str, value: float, rows: int) -> DataError:
 
 
 def column_words(layout: Layout, choice: Choice, role: str, path: Path) -> str:
-    """Name of a column in messages: the file, the role, and the name in the file."""
+    """Name a column in messages: the file, the role, and the name in the file."""
     k = choice.columns[role]
     name = layout.channels[k].name or f"number {k}"
     return f"{path}: {role}" + ("" if name == role else f" (column {name!r})")

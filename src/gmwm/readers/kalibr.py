@@ -23,12 +23,12 @@ class KalibrReader(TextReader):
     extensions: ClassVar[tuple[str, ...]] = (".csv",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.9 if the first line is Kalibr's header."""
+        """Return 0.9 if the first line is Kalibr's header."""
         first = head.removeprefix(b"\xef\xbb\xbf").lstrip(b"# ").split(b"\n", 1)[0]
         return 0.9 if first.strip().replace(b" ", b"") == _HEADER else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns with Kalibr's units."""
+        """Return the columns with Kalibr's units."""
         found = super().layout(source)
         channels = tuple(Channel(c.name, _UNITS.get(c.name.partition("_")[0], ""), c.axis) for c in found.channels)
         known = Remark.of("layout-known", format="Kalibr's imu0.csv")

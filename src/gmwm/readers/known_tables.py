@@ -18,7 +18,7 @@ _RAD, _DEG, _SI, _G = "rad/s", "deg/s", "m/s²", "g"
 
 @dataclass(frozen=True)
 class KnownTable:
-    """A table of a program.
+    """Definition of the table of one program: how to recognise it, and the role and unit of its columns.
 
     Parameters
     ----------
@@ -140,7 +140,8 @@ _TABLES = (
 
 
 def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:
-    """The program that wrote a table, and role and unit of its columns by index; "" if the table is not known.
+    """Recognise a table by its column names; return the program, and role and unit of the columns by index. "" if
+    unknown.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Levels of lost samples: whole numbers that follow noisy values, and the rows at which they rise.
+"""Estimate the number of lost samples before each row: a level that is a whole number, from values with noise.
 
 See `gmwm.readers.sampling_interval` for what the values are.
 """
@@ -15,21 +15,22 @@ Rows = NDArray[np.int64]
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
 
 _SOON = 64
-"""Rows within which a late delivery ends, unless a longer interval shows that it lasts longer."""
+"""Number of rows within which a late delivery ends, unless a longer interval shows that it lasts longer."""
 _STATES = 3
-"""Levels above and below the guess among which the path is searched."""
+"""Number of levels above and below the first guess among which the path is searched."""
 _DOUBTFUL = 0.45
-"""Distance from the guess, in samples, from which a row is doubtful: a wrong level is 0.5 away or more."""
+"""Distance from the first guess, in samples, from which a row is doubtful: a wrong level is 0.5 away or more."""
 _KEEP, _MARGIN = 64, 32
-"""Rows of a part whose path is searched, and rows before and after it that are searched with it."""
+"""Number of rows of a part whose path is searched, and of the rows before and after it that are searched with it."""
 _NEXT = 8
-"""Rows between two rises of blocks that are one, or an eighth of a block if that is longer."""
+"""Largest number of rows between two rises of blocks that belong to the same loss, or an eighth of a block if
+longer."""
 _RISE, _AT_STEP = 8.0, 2.0
-"""Price of a rise, in mean deviations of a row, and how much less it is before the longest interval."""
+"""Cost of a rise, in mean deviations of a row, and the reduction of this cost before the longest interval."""
 
 
 def follow(x: Vector) -> Rows:
-    """The whole numbers that follow x = levels + noise best, by dynamic programming.
+    """Return the whole numbers that fit x = levels + noise best, by dynamic programming.
 
     They decrease only where a row was written twice: below all levels of some rows before.
     """
@@ -46,7 +47,7 @@ def follow(x: Vector) -> Rows:
 
 
 def _median_of_five(v: Vector) -> Vector:
-    """Running median of five, which leaves a sequence that never decreases as it is."""
+    """Running median of five. It does not change a sequence that never decreases."""
     if v.size < 5 or np.all(v[1:] >= v[:-1]):
         return v
     wide = np.concatenate([v[:1], v[:1], v, v[-1:], v[-1:]])
@@ -57,7 +58,7 @@ def _median_of_five(v: Vector) -> Vector:
 
 
 def least_ahead(v: Vector, width: int) -> Vector:
-    """The least of each value and the `width` values after it."""
+    """Return the minimum of each value and the `width` values after it."""
     width = min(width, v.size)
     out, reach = v, 1
     while reach < width:
@@ -68,7 +69,7 @@ def least_ahead(v: Vector, width: int) -> Vector:
 
 
 def _best_path(x: Vector, guess: Rows) -> Rows:
-    """The path of levels with the least cost: squared distance of x, and a price for each rise.
+    """Return the path of levels with the lowest cost: squared distance from x, and a fixed cost for each rise.
 
     Levels are searched near doubtful rows, in parts that are processed side by side.
     """
@@ -92,7 +93,8 @@ def _best_path(x: Vector, guess: Rows) -> Rows:
 
 
 def _viterbi(cost: Vector, steps: Rows, price: float) -> Rows:
-    """Index of the state of each row along the cheapest path; `steps` is the rise of the guess between rows."""
+    """Return the index of the state of each row along the path of lowest cost; `steps` is the rise of the guess between
+    rows."""
     count, length, size = cost.shape
     value = cost[:, 0].copy()
     back = np.zeros((length, count, size), dtype=np.int8)
@@ -125,7 +127,7 @@ def _viterbi(cost: Vector, steps: Rows, price: float) -> Rows:
 
 
 def median_of_three(v: Vector) -> Vector:
-    """Running median of three, which leaves a sequence that never decreases as it is."""
+    """Running median of three. It does not change a sequence that never decreases."""
     if v.size < 3:
         return v
     a, b, c = v[:-2], v[1:-1], v[2:]
@@ -135,7 +137,7 @@ def median_of_three(v: Vector) -> Vector:
 
 
 def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
-    """Levels of rows from those of blocks: each rise at the row that fits best."""
+    """Return the levels of rows from the levels of blocks: each rise is placed at the row that fits best."""
     level = np.maximum.accumulate(level)
     d = x[: level.size * width] - np.repeat(level, width)
     up, down = (max(float(np.mean(np.maximum(v, 0.0))), 0.05) for v in (d, -d))
@@ -164,7 +166,7 @@ def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
 
 
 def _cheapest(costs: Vector, price: Vector) -> list[tuple[int, int, int]]:
-    """The path from the first to the last level with the least cost.
+    """Return the path from the first to the last level with the lowest cost.
 
     Parameters
     ----------

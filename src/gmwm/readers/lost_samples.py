@@ -25,13 +25,14 @@ from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase
 
 CUT = -1
-"""Key of a column of bool among rows: the recording is cut before these rows, and what is missing is not known."""
+"""Key of a Boolean column among the rows: the recording is cut before a marked row, and the number of missing samples
+is unknown."""
 MISSING = int(np.iinfo(np.int64).min)
-"""A missing integer, which is also the missing time of NumPy (NaT)."""
+"""Value of a missing integer. It is also the missing time of NumPy (NaT)."""
 
 
 def is_missing(column: NDArray[np.generic]) -> NDArray[np.bool_] | None:
-    """The rows without a finite number; None if there is none.
+    """Return a mask of the rows without a finite number; None if there is no such row.
 
     >>> is_missing(np.array([1.0, np.nan])), is_missing(np.array([1, 2]))
     (array([False,  True]), None)
@@ -48,7 +49,7 @@ def is_missing(column: NDArray[np.generic]) -> NDArray[np.bool_] | None:
 
 @dataclass(frozen=True)
 class Sifted:
-    """Rows of a recording that its clock counts, and which of them are lost samples.
+    """Rows of a recording that count for its clock, and which of them are lost samples.
 
     Attributes
     ----------
@@ -70,7 +71,7 @@ class Sifted:
 
 
 def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
-    """Leave out the rows that the clock does not count, and mark those that are lost samples.
+    """Remove the rows that do not count for the clock, and mark lost samples.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
 
 
 def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> dict[str, float]:
-    """The axes that have the same value in all rows, with that value; NaN for an axis without a finite value."""
+    """Return the axes with the same value in all rows, with this value; NaN for an axis without a finite value."""
     found = {}
     for axis in axes:
         column = np.asarray(rows[columns[axis]])
@@ -128,7 +129,7 @@ def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> di
 
 
 def as_floats(column: NDArray[np.generic]) -> Vector:
-    """The numbers as float64, missing integers as NaN."""
+    """Convert numbers to float64, missing integers to NaN."""
     floats: Vector = column.astype(np.float64, copy=False)
     if column.dtype.kind != "f" and (missing := is_missing(column)) is not None:
         floats[missing] = np.nan
@@ -136,7 +137,7 @@ def as_floats(column: NDArray[np.generic]) -> Vector:
 
 
 def about_lost(base: TimeBase) -> Iterator[Remark]:
-    """A remark if samples are lost."""
+    """Yield a remark if samples are lost."""
     if base.lost:
         yield Remark.of("samples-lost", count=base.lost)
 
@@ -144,7 +145,7 @@ def about_lost(base: TimeBase) -> Iterator[Remark]:
 def gaps_of(
     pairs: Sequence[tuple[int, int]], samples: Sequence[int], stamped: Sequence[tuple[int, float]], rate: float
 ) -> tuple[tuple[int, float], ...]:
-    """The gaps of a recording with lost samples: index of the first sample after each, and its duration (s).
+    """Return the gaps of a recording with lost samples: index of the first sample after each gap, and its duration (s).
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _MAX_FIELDS = 1000
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The numeric matrices and the texts in a file; those in structures are named "structure/field".
+    """Yield the numeric matrices and the texts in a file. Fields of structures are named "structure/field".
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class _Element:
 
 
 def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
-    """The element at a position. Short elements have their bytes in the tag."""
+    """Read the element at a position. A short element has its bytes in the tag."""
     tag = data[at : at + 8]
     if len(tag) < 8:
         raise _cut(path)
@@ -99,7 +99,7 @@ def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
 
 
 def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The numbers of a matrix, or the matrices in the fields of a structure."""
+    """Yield the numbers of a matrix, or the matrices in the fields of a structure."""
     if not len(data):
         return  # an empty field
     parts = []
@@ -144,7 +144,7 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
 
 
 def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, path: Path, name: str) -> NDArray[Any]:
-    """A matrix. Its numbers may be stored in a smaller type than the type of the matrix."""
+    """Read the numbers of a matrix. They may be stored in a smaller type than the type of the matrix."""
     values = _stored(element, order, path)
     if values.size != int(np.prod(shape, dtype=object)):
         raise ReadError(

@@ -1,4 +1,4 @@
-"""MATLAB's .mat files: versions 5 to 7 by `gmwm.readers.mat5`, version 7.3, which is HDF5, by h5py.
+"""MATLAB's .mat files. `gmwm.readers.mat5` reads versions 5 to 7, and h5py version 7.3, which is HDF5.
 
 Arrays are recognised by their names. Two layouts of other programs are known: `data_imu`, a table of time,
 accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `t` and `freq` (NaveGo).
@@ -41,11 +41,11 @@ class MatlabReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".mat",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 for the text with which .mat files of versions 5 to 7.3 begin."""
+        """Return 1 for the text with which .mat files of versions 5 to 7.3 begin."""
         return 1.0 if head.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the arrays of the same length."""
+        """Return the recordings: arrays of the same length are the columns of one."""
         with path.open("rb") as file:
             head = file.read(512 + len(MAGIC))
         texts: list[str] = []
@@ -60,12 +60,12 @@ class MatlabReader(Reader):
         return layouts_of(arrays, path, remarks)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Rows of the arrays."""
+        """Yield rows of the arrays."""
         return chunks_of(layout, wanted, path)
 
 
 def _known(array: Array, others: Sequence[Array]) -> Array:
-    """The array with roles and units of its columns, if it belongs to one of the known layouts."""
+    """Add roles and units to the columns of an array that belongs to one of the known layouts."""
     where, own = split_path(array.name)
     turned = upright(array)
     if own == "data_imu" and turned.columns == 7:
@@ -77,7 +77,7 @@ def _known(array: Array, others: Sequence[Array]) -> Array:
 
 
 def _older(path: Path, texts: list[str]) -> list[Array]:
-    """The arrays of a file of versions 5 to 7; its texts are appended to `texts`."""
+    """Return the arrays of a file of versions 5 to 7; append its texts to `texts`."""
     found: list[Array] = []
     for name, value in variables(path):
         if value.dtype.kind == "U":

@@ -28,11 +28,11 @@ class NpyReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".npy",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with NumPy's signature."""
+        """Return 1 if the file begins with NumPy's signature."""
         return 1.0 if head.startswith(_MAGIC) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the array."""
+        """Return the columns of the array."""
         with path.open("rb") as file:
             shape, order, dtype = _header(file, path)
             offset = file.tell()
@@ -48,15 +48,15 @@ class NpyReader(Reader):
         return layouts_of(fields_of("", shape, dtype, partial(part_of, array)), path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Rows of the mapped file."""
+        """Yield rows of the memory-mapped file."""
         return chunks_of(layout, wanted, path)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for blocks of rows, because reading can begin at any row."""
+        """Return marks for blocks of rows; a file can be read from any row."""
         return marks_of(layout)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The rows from a mark on."""
+        """Yield the rows from a mark on."""
         return chunks_of(layout, wanted, path, mark.row)
 
 
@@ -68,14 +68,14 @@ class NpzReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".npz",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file is a zip archive whose first member is an array of NumPy."""
+        """Return 1 if the file is a zip archive whose first member is an array of NumPy."""
         if not head.startswith(ZIP) or len(head) < 30:
             return 0.0
         size = int.from_bytes(head[26:28], "little")
         return 1.0 if head[30 : 30 + size].endswith(b".npy") else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the arrays that belong together."""
+        """Return the recordings: arrays of the same length are the columns of one."""
         with open_archive(path) as archive:
             members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
         require_ratio(sum(m.file_size for m in members), sum(m.compress_size for m in members), path)
@@ -83,7 +83,7 @@ class NpzReader(Reader):
         return layouts_of(arrays, path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Rows of the arrays, each unpacked once."""
+        """Yield rows of the arrays. Each array is unpacked once."""
         return chunks_of(layout, wanted, path)
 
     @staticmethod
@@ -101,7 +101,7 @@ class NpzReader(Reader):
 
 
 class PicklesError(ReadError):
-    """The array holds Python objects, which only a pickle can restore."""
+    """The array contains Python objects, which only a pickle can restore."""
 
 
 class _Packed:
@@ -129,7 +129,7 @@ class _Packed:
 
 
 def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, order and type of an array, from the header of its file.
+    """Return shape, order and type of an array, from the header of its file.
 
     Raises
     ------

@@ -32,11 +32,11 @@ class ParquetReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with PAR1."""
+        """Return 1 if the file begins with PAR1."""
         return 1.0 if head.startswith(_MAGIC) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the schema. A column of dates is the time, in the unit of its type."""
+        """Return the columns of the schema. A column of dates is the time, in the unit of its type."""
         import polars as pl
 
         try:
@@ -59,18 +59,18 @@ class ParquetReader(Reader):
         return (Layout(channels, tuple(str(value) for value in first.row(0))),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Slices of the wanted columns; integers as int64, all others as float64."""
+        """Yield slices of the wanted columns; integers as int64, all others as float64."""
         return self.chunks_from(path, layout, wanted, Mark(0))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for the slices, by the number of rows that the file states."""
+        """Return marks for the slices, from the number of rows that the file states."""
         import polars as pl
 
         rows = int(pl.scan_parquet(path).select(pl.len()).collect().item())
         return (*(Mark(row) for row in range(0, rows, ROWS)), Mark(rows))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The chunks that start at a mark."""
+        """Yield the chunks from a mark on."""
         import polars as pl
 
         names = [layout.channels[k].name for k in wanted]
@@ -93,7 +93,7 @@ class ParquetReader(Reader):
 
 
 def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:
-    """A column as an array, with NaN or `MISSING` for a null; `first` is its first cell in the file.
+    """Convert a column to an array, with NaN or `MISSING` for a null; `first` is its first cell in the file.
 
     Raises
     ------

@@ -25,7 +25,7 @@ from gmwm.readers.streams import FileRows, Stream
 from gmwm.readers.topics import one_layout
 
 SHORTEST = 4096
-"""Smallest number of rows of a part: reading fewer takes less time than starting to read."""
+"""Smallest number of rows of a part. Reading fewer rows takes less time than opening the file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +71,12 @@ class Part:
 
     @property
     def first(self) -> int:
-        """Number of the first row of the part in the recording, from 0."""
+        """Index in the recording of the first row of the part, from 0."""
         return self.begin.row
 
     @property
     def stop(self) -> int | None:
-        """Number of the row after the last one; None for a whole recording whose rows were not counted."""
+        """Index of the row after the last one; None for a whole recording whose rows were not counted."""
         return None if self.whole else self.end.row
 
     def __iter__(self) -> Iterator[Chunk]:
@@ -128,7 +128,7 @@ class PartReader:
         self.summary = builder.summary()
 
     def _lost_before(self) -> bool:
-        """Whether the row before the first one is lost."""
+        """Whether the row before the part is lost."""
         part = self._part
         if part.first == 0:
             return False
@@ -137,7 +137,7 @@ class PartReader:
         return lost or (rows.cut is not None and bool(rows.cut[-1]))
 
     def _rows(self, mark: Mark, stop: int) -> Sifted:
-        """The rows from a mark up to a row."""
+        """Return the rows from a mark up to row `stop`."""
         choice, row, taken = self._part.found.choice, mark.row, []
         wanted = list(choice.columns.values())
         for chunk in self._reader.chunks_from(self._part.path, self._layout, wanted, mark):
@@ -193,7 +193,7 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
 
 
 def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
-    """The marks at which parts begin, without the first part."""
+    """Return the indices of the marks at which parts begin, without the first part."""
     rows = [mark.row for mark in marks]
     cuts, last = list[int](), 0
     for k in range(1, count) if rows else ():
@@ -206,7 +206,7 @@ def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
 
 
 def _opened(part: Part) -> tuple[Reader, Layout]:
-    """The reader and the layout of the file, after a check that the file has not changed."""
+    """Return the reader and the layout of the file, after a check that the file has not changed."""
     try:
         path = existing_file(part.path)
     except ReadError as error:

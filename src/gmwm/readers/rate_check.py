@@ -14,23 +14,26 @@ from gmwm.remarks import Quantity
 # with pauses, with one change) and test_timebase.py (out of order, set back), which pin them.
 
 _BLOCK = 64
-"""Intervals in a block, at least: the jitter of single time stamps averages out over them."""
+"""Smallest number of intervals in a block: the jitter of single time stamps averages out over them."""
 _BLOCKS = 64
-"""Blocks in a recording, at most: a change is found if it lasts for 3/64 of the recording."""
+"""Largest number of blocks in a recording: a change is found if it lasts for 3/64 of the recording."""
 _BESIDE = 3
-"""Blocks compared on each side of a change: a gap or a pause affects only one of them."""
+"""Number of blocks compared on each side of a change: a gap or a pause affects only one of them."""
 _BESIDE_BURSTS = 8
-"""The same if samples come in bursts, whose mean varies more from block to block."""
+"""The same number if samples come in bursts, whose mean varies more from block to block."""
 _CHANGED = 1.05
-"""Factor between two rates that is a change: oscillators drift by less, the settings of a sensor differ by more."""
+"""Ratio of two rates from which the rate has changed: oscillators drift by less, the settings of a sensor differ by
+more."""
 _CHANGED_BURSTS = 1.2
-"""The same if samples come in bursts: a block holds one burst more or less."""
+"""The same ratio if samples come in bursts: a block can contain one burst more or less."""
 _NEAR = 8.0
-"""Intervals: a time stamp that steps back by less is out of order; by more, the clock was set back."""
+"""Number of sampling intervals. A time stamp that steps back by less is out of order; by more, the clock was set
+back."""
 _SOME, _SHARE = 2, 1e-3
-"""Time stamps out of order that are accepted in any recording, and their accepted share."""
+"""Number of time stamps out of order that is accepted in any recording, and the accepted share."""
 _RESETS, _RESET_SHARE = 8, 1e-2
-"""Backward steps of the clock that are accepted in any recording, and their share; they split the recording."""
+"""Number of backward steps of the clock that is accepted in any recording, and the accepted share. They split the
+recording."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,7 @@ def rate_change(ticks: Vector) -> Change | None:
 
 @dataclass(frozen=True)
 class _Sides:
-    """Blocks before and after a place: the medians and ranges of both sides."""
+    """Blocks on both sides of a possible change: the medians and ranges of each side."""
 
     before: float
     after: float
@@ -151,20 +154,20 @@ class _Sides:
         return cls(float(np.median(left)), float(np.median(right)), ranges)
 
     def apart(self, factor: float) -> bool:
-        """Whether the sides differ by more than a factor, and by more than the range of either."""
+        """Return whether the sides differ by more than a factor, and by more than the range of either side."""
         low, high, first, last = self.ranges
         if self.before <= 0 or self.after <= 0 or (first <= factor * high and low <= factor * last):
             return False
         return max(first - high, low - last) > max(high - low, last - first)
 
     def agrees(self, other: _Sides) -> bool:
-        """Whether both change by about the same factor."""
+        """Return whether two changes have about the same factor."""
         mine, theirs = np.log(self.after / self.before), np.log(other.after / other.before)
         return bool(abs(mine) > np.log(_CHANGED) and abs(mine - theirs) < np.log(_CHANGED_BURSTS))
 
 
 def _burst(steps: Vector) -> int:
-    """Number of samples in a burst; 1 if the median interval is the interval of uniform sampling.
+    """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling.
 
     Samples come in bursts if more than 5 % of the intervals are longer than 4 medians: gaps are rarer.
     """
@@ -175,7 +178,7 @@ def _burst(steps: Vector) -> int:
 
 
 def _corner(steps: Vector, low: int, high: int, sides: _Sides) -> int:
-    """The last sample with the old interval, within a range of samples that holds the change."""
+    """Return the last sample with the old interval, within a range of samples that contains the change."""
     part = steps[low:high]
     # Each interval has one vote, for the rate that it is nearer to, so a gap counts no more than any other interval.
     votes = np.where(np.abs(part - sides.before) < np.abs(part - sides.after), 1, -1)

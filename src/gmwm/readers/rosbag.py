@@ -70,13 +70,13 @@ class RosbagReader(Reader):
     folder_sign: ClassVar[str] = "metadata.yaml"
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 for the signatures of ROS 1 bags, SQLite and MCAP, and for the first key of a metadata.yaml."""
+        """Return 1 for the signatures of ROS 1 bags, SQLite and MCAP, and for the first key of a metadata.yaml."""
         if head.startswith((b"#ROSBAG V", bag_sqlite.MAGIC, bag_mcap.MAGIC)) or _is_metadata(head):
             return 1.0
         return 1.0 if head.startswith(ZSTD) and path.name.lower().endswith(_PACKED) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """One recording for each topic whose messages hold numbers."""
+        """Return one recording for each topic whose messages contain numbers."""
         with _opened(path) as storages:
             topics = merged(topic for storage in storages for topic in storage.topics())
             found = [layout for topic in topics if (layout := _layout_or_error(topic, storages, path)) is not None]
@@ -92,7 +92,7 @@ class RosbagReader(Reader):
         return tuple(found)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The numbers of a topic, one chunk for each batch of messages."""
+        """Yield the numbers of a topic, one chunk for each batch of messages."""
         stream: _Stream = layout.state
         names = {k: layout.channels[k].name for k in wanted}
         stamp = next((c.name for c in layout.channels if c.axis == "time"), LOG_TIME)
@@ -132,7 +132,7 @@ def _opened(path: Path) -> Iterator[list[Storage]]:
 
 
 def _storage(path: Path) -> Storage:
-    """The storage of a file, by its signature.
+    """Open a bag file (ROS 1, SQLite or MCAP); the signature at its beginning shows the format.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def _storage(path: Path) -> Storage:
 
 
 def _plain(path: Path, folder: Path) -> Path:
-    """The file, or its unpacked content in `folder` if it is compressed as a whole."""
+    """Return the file, or its unpacked content in `folder` if it is compressed as a whole."""
     with path.open("rb") as file:
         if not file.read(4).startswith(ZSTD):
             return path
@@ -173,7 +173,7 @@ def _plain(path: Path, folder: Path) -> Path:
 
 
 def _listed(path: Path) -> list[Path]:
-    """The files that a metadata.yaml lists.
+    """Return the files that a metadata.yaml lists.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def _listed(path: Path) -> list[Path]:
 
 
 def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
-    """The messages of a topic in all files; each file may have another number for the topic."""
+    """Yield the messages of a topic in all files; each file may have another number for the topic."""
     for storage in storages:
         for own in storage.topics():
             if (own.name, own.type, own.encoding) == (topic.name, topic.type, topic.encoding):
@@ -227,7 +227,8 @@ def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
 
 
 def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
-    """The layout of a topic, unreadable if there is an error: an error in one topic must not hide the others."""
+    """Return the layout of a topic, or an unreadable layout if there is an error, so that the other topics remain
+    available."""
     try:
         return _layout(topic, storages, path)
     except ReadError as error:
@@ -235,7 +236,7 @@ def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> L
 
 
 def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> list[Layout]:
-    """The layouts, those of inertial sensors with the temperature of a topic beside them.
+    """Add the temperature of a topic with a similar name to the layouts of inertial sensors.
 
     A temperature belongs to the inertial topic with which its name has the most letters in common.
     """
@@ -260,14 +261,14 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
 
 
 def _letters_in_common(one: str, other: str) -> int:
-    """Number of letters with which both names begin."""
+    """Return the number of letters with which both names begin."""
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
 
 
 def _temperatures(
     topic: Topic | None, stamp: str, storages: Sequence[Storage], path: Path
 ) -> tuple[NDArray[np.int64], Vector]:
-    """Time stamps (ns) and temperatures (°C) of a topic, in the order of time."""
+    """Read the time stamps (ns) and temperatures (°C) of a topic, in the order of time."""
     kind = None if topic is None else definition(topic)
     stamps, values = [np.empty(0, dtype=np.int64)], [np.empty(0)]
     if topic is not None and kind is not None:
@@ -284,7 +285,7 @@ def _temperatures(
 
 
 def _interpolated(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int64]) -> Vector:
-    """The temperature at some time stamps (ns), interpolated linearly; NaN if none was recorded."""
+    """Return the temperature at some time stamps (ns), interpolated linearly; NaN if none was recorded."""
     at, values = slow
     if not at.size:
         return np.full(stamps.size, np.nan)
@@ -293,7 +294,7 @@ def _interpolated(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int
 
 
 def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
-    """The layout of a topic; None if its messages hold no numbers."""
+    """Return the layout of a topic; None if its messages contain no numbers."""
     try:
         kind = definition(topic)
         leaves = () if kind is None else kind.leaves()
@@ -330,12 +331,13 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
 
 
 def _imu_leaves() -> set[str]:
-    """The numbers that a type must have to be sensor_msgs/Imu, in addition to its name."""
+    """Return the names of the numbers that a type must have to be sensor_msgs/Imu, in addition to its name."""
     return {STAMP, *(f"{sensor}{part}" for sensor in _SENSORS for part in (".x", ".y", ".z", "_covariance[0]"))}
 
 
 def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages: Sequence[Storage]) -> Layout:
-    """The layout of a topic of sensor_msgs/Imu, without sensors that are marked as absent or are zero throughout."""
+    """Return the layout of a sensor_msgs/Imu topic, without sensors that are marked as absent or are zero
+    throughout."""
     names = [leaf for leaf in leaves if leaf == STAMP or leaf.split(".")[0] in _SENSORS]
     first = _first(topic, kind, [*names, *(f"{sensor}_covariance[0]" for sensor in _SENSORS)], storages)
     remarks = [Remark.of("topic-read", topic=topic.name, type=topic.type)]
@@ -375,7 +377,7 @@ def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> boo
 
 
 def _first(topic: Topic, kind: Definition, names: Sequence[str], storages: Sequence[Storage]) -> dict[str, Any]:
-    """Numbers of the first messages of a topic; empty arrays if it has no messages."""
+    """Return numbers of the first messages of a topic; empty arrays if it has no messages."""
     for _, messages in _batches(storages, topic):
         return _decoded(Decoder(kind, names), messages[:_PEEK], topic, storages[0].path)
     return {name: np.empty(0) for name in names}
@@ -389,7 +391,7 @@ def _decoded(decoder: Decoder, messages: Sequence[bytes], topic: Topic, path: Pa
 
 
 def _axis(leaf: str) -> str:
-    """The axis of a field by its name; the three numbers of an array are x, y and z."""
+    """Return the axis of a field by its name; the three numbers of an array are x, y and z."""
     match = _ELEMENT.fullmatch(leaf)
     axis = recognise(f"{match[1]}_{'xyz'[int(match[2])]}" if match else leaf).axis
     return axis if axis in AXES else ""

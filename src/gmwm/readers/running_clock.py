@@ -1,4 +1,4 @@
-"""Find where segments begin, for rows in blocks: of a file, whose clock is known, and of a live stream."""
+"""Find the rows at which segments begin, block by block: for a file with a known clock, and for a live stream."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 # Pinned by tests/readers/test_growing.py.
 
 KEPT = 4096
-"""Time stamps before a block that are analysed again with it, so that each gap is decided by both sides."""
+"""Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
 _BEHIND = 128
-"""Rows after a row by which it is decided whether the row begins a segment, at least: late deliveries end before."""
+"""Smallest number of later rows that decide whether a row begins a segment: late deliveries end before."""
 _SOME = 1024
-"""Fewest of the last rows by which a change of the rate is recognised."""
+"""Smallest number of the last rows in which a change of the rate is recognised."""
 _CHANGED, _CHANGED_BURSTS = 1.05, 1.2
-"""Factors between two rates that are a change, as in `gmwm.readers.rate_check`."""
+"""Ratios of two rates from which the rate has changed, as in `gmwm.readers.rate_check`."""
 _APART = 1e-3
-"""Relative difference between the rates of the first rows and of all rows that is warned of, as for a declared rate."""
+"""Relative difference between the rates of the first rows and of all rows that causes a warning, as for a declared
+rate."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Settled:
 
 
 class KnownClock:
-    """The clock of a recording whose time stamps were all analysed before.
+    """Clock of a recording whose time stamps were all analysed before.
 
     Parameters
     ----------
@@ -70,11 +71,11 @@ class KnownClock:
         return None if self._rows is None else self._rows - self._row
 
     def gaps(self, first: int, stop: int) -> tuple[tuple[int, float], ...]:
-        """The gaps before the rows from `first` to `stop`: the row after each, and its length (s)."""
+        """Return the gaps before the rows from `first` to `stop`: the row after each, and its length (s)."""
         return tuple(gap for gap in self._gaps if first <= gap[0] < stop)
 
     def segment_at(self, row: int) -> tuple[int, float]:
-        """The first row and its time (s) of the segment that holds a row."""
+        """Return the first row of the segment that contains a row, and its time (s)."""
         k = int(np.searchsorted(self._firsts, row, side="right")) - 1
         return int(self._firsts[k]), self._starts[k]
 
@@ -129,16 +130,16 @@ class Pace:
 
     @property
     def behind(self) -> int:
-        """Number of rows from a row on by which it is decided whether the row begins a segment."""
+        """Number of later rows that decide whether a row begins a segment."""
         return min(_BEHIND + 4 * self.width, KEPT)
 
     def ticks(self, values: NDArray[Any]) -> Vector:
-        """Time stamps of the file, counted in ticks from the first."""
+        """Convert time stamps of the file to ticks from the first time stamp."""
         ticks: Vector = (values - self.first).astype(np.float64)
         return ticks * self.seconds if self.seconds != 1 else ticks
 
     def time(self, tick: float) -> float:
-        """Time of a tick (s) on the clock of the recording."""
+        """Convert a tick to a time (s) on the clock of the recording."""
         return (float(self.first) * self.seconds + tick) / self.per_second
 
 
@@ -204,11 +205,11 @@ class RunningClock:
         return self._settle(max(self._stop, self.rows - self.pace.behind))
 
     def end(self) -> Settled:
-        """Decide the last rows."""
+        """Decide the last rows, at the end of the stream."""
         return self._settle(self.rows)
 
     def base(self) -> TimeBase:
-        """The time base of the rows up to the last one whose segment is known."""
+        """Return the time base of the rows up to the last one whose segment is known."""
         counted, pace = self._counted, self.pace
         jitter = np.sqrt(counted.squares / counted.inside) / pace.per_second if counted.inside else 0.0
         return TimeBase(
@@ -222,7 +223,7 @@ class RunningClock:
         )
 
     def remarks(self) -> Iterator[Remark]:
-        """Remarks on the time stamps of these rows."""
+        """Yield remarks on the time stamps of these rows."""
         counted, pace = self._counted, self.pace
         yield from about_stamps(self.base())
         if self._stop > pace.rows and counted.span > 0:
@@ -269,7 +270,7 @@ class RunningClock:
             )
 
     def _repaired(self, ticks: Vector) -> tuple[Vector, NDArray[np.int64]]:
-        """Time stamps of the window that never decrease, and the rows in it where the clock was set back."""
+        """Return time stamps of the window that never decrease, and the rows in it where the clock was set back."""
         pace = self.pace
         ordered = in_order(ticks, pace.spacing == 0, pace.per_second, pace.interval).ticks
         return without_steps_back(ordered, pace.interval)
@@ -300,7 +301,8 @@ class RunningClock:
         return Settled(stop, tuple(firsts), tuple(starts))
 
     def _count(self, steps: Vector, raw: Vector, firsts: list[int]) -> None:
-        """Add the intervals before the rows that were decided last, the first of them row `_stop` (or row 1)."""
+        """Add the intervals before the rows that were decided last. The first of these rows is row `_stop` (or row
+        1)."""
         inside = np.ones(steps.size, dtype=bool)
         inside[[row - max(self._stop, 1) for row in firsts]] = False
         kept, counted = steps[inside], self._counted

@@ -27,35 +27,40 @@ from gmwm.readers.loss_levels import Rows, follow, least_ahead, median_of_three,
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
 
 _COARSE = 0.35
-"""Resolution of the time stamps in sampling intervals from which their rounding hides the phase of a row."""
+"""Resolution of the time stamps, in sampling intervals, from which rounding hides the phase of a row."""
 _REGULAR = 0.35
-"""Least coherence of single rows, which jitter of 0.23 sampling intervals has (exp(-2π²σ²))."""
+"""Smallest coherence of single rows: the value for jitter of 0.23 sampling intervals (exp(-2π²σ²))."""
 _TURNS = 0.15
-"""Least coherence of two rows by which the interval is refined: over longer distances the clock wanders too far."""
+"""Smallest coherence of two rows from which the interval is refined: over longer distances the clock wanders too
+far."""
 _LATE = 0.01
-"""Share of rows that may be more than 0.75 samples from their level: delays have a heavier tail than jitter."""
+"""Largest share of rows that may be more than 0.75 samples from their level: delays have a heavier tail than jitter."""
 _STEADY = 0.85
-"""Coherence of neighbouring blocks that suffices: their statistics have a standard deviation of 0.06 samples."""
+"""Coherence of neighbouring blocks that is sufficient: their statistics have a standard deviation of 0.06 samples."""
 _NEAR = 0.02
-"""Largest relative change of the interval when the phases of blocks are compared: more is a multiple of the phase."""
+"""Largest relative change of the interval when the phases of blocks are compared. A larger change is a multiple of the
+phase."""
 _MOST_LOST = 2.5
-"""Sampling intervals to a row from which short intervals are those within a burst, and nothing is lost,"""
+"""Ratio of the mean interval to the short intervals above which rows come in bursts, and no sample is lost."""
 _RUNS, _RUN = 8, 16
-"""if there are so many bursts, of fewer rows than these or with pauses four times as long."""
+"""Conditions for that: the number of bursts, and the number of rows up to which a burst needs no pause of four times
+its length."""
 _LONG = 1.5
 """Interval, in samples, halfway between the intervals without and with a lost sample."""
 _FAR = 256
-"""Samples from which a gap is closed before the phases are compared, because the clock may drift within it."""
+"""Number of samples from which a gap is closed before the phases are compared, because the clock may drift within
+it."""
 _SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
-"""Rows over which the phase is averaged, and between two of its values; blocks over which theirs is."""
+"""Number of rows over which the phase is averaged, step between two of its values, and number of blocks for phases of
+blocks."""
 _SOME = 1 << 17
-"""Rows from which intervals are found that all rows then refine."""
+"""Number of rows from which the interval is first found; all rows then refine it."""
 _PER_DOUBLING = 0.03
-"""Coherence that a block of twice the rows must gain."""
+"""Increase of the coherence that is required of a block with twice the rows."""
 _BLOCKS = 12
-"""Least number of blocks."""
+"""Smallest number of blocks."""
 _SLIPS = 5
-"""Regular steps from which they are rounding at another rate, and not losses."""
+"""Number of regular steps from which they are rounding at another rate, and not losses."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
 
 
 def resolution_of(ticks: Vector, spacing: float) -> float:
-    """The largest unit of which all differences of time stamps are multiples; `spacing` if there is none."""
+    """Return the largest unit of which all differences of time stamps are multiples; `spacing` if there is none."""
     steps = np.abs(np.diff(ticks))
     for decimals in range(10):
         unit = 1
@@ -127,12 +132,12 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
 
 
 def _typical(ticks: Vector) -> float:
-    """Median interval of some rows."""
+    """Return the median interval of some rows."""
     return float(np.median(np.diff(ticks[(ticks.size - min(ticks.size, _SOME)) // 2 :][:_SOME])))
 
 
 def _burst(ticks: Vector) -> float:
-    """Approximate number of rows in a burst; 1 if rows do not come in bursts."""
+    """Return the approximate number of rows in a burst; 1 if rows do not come in bursts."""
     steps = np.diff(ticks)
     rough, middle = (ticks[-1] - ticks[0]) / steps.size, _typical(ticks)
     if middle >= 0.5 * rough:
@@ -141,7 +146,8 @@ def _burst(ticks: Vector) -> float:
 
 
 def _windowed_mean(ticks: Vector, burst: float) -> float:
-    """Mean of the middle half of averages over many intervals, without those that hold an unusually long one."""
+    """Return the mean of the middle half of averages over many intervals, without averages that contain an unusually
+    long one."""
     steps = np.diff(ticks)
     window = max(1, min(int(max(64, min(8 * burst**2, 2048))), ticks.size // 8))
     averages = (ticks[window:] - ticks[:-window]) / window
@@ -157,7 +163,8 @@ def _windowed_mean(ticks: Vector, burst: float) -> float:
 
 
 def _one_line(ticks: Vector, resolution: float) -> float | None:
-    """The interval of a uniform clock that explains all time stamps within their resolution; None if there is none."""
+    """Return the interval of a uniform clock that explains all time stamps within their resolution; None if there is
+    none."""
     k = np.arange(ticks.size, dtype=np.float64)
     slope = _slope(k, ticks)
     away = ticks - slope * k
@@ -175,7 +182,7 @@ def _one_line(ticks: Vector, resolution: float) -> float | None:
 
 
 def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
-    """Slope of the lines through t over k, the same on both sides of the rows `far`, but with steps there."""
+    """Return the common slope of lines through t over k, with a free step at each of the rows `far`."""
     edges = np.concatenate([[0], [] if far is None else far, [k.size]]).astype(np.int64)
     sizes = np.diff(edges)
     c, m = (v - np.repeat(np.add.reduceat(v, edges[:-1]) / sizes, sizes) for v in (k, t))
@@ -183,13 +190,13 @@ def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
 
 
 def _are_slips(found: Found) -> bool:
-    """Whether there are no gaps, or so many regular ones that they are the rounding of another rate."""
+    """Return whether there are no gaps, or so many regular ones that they are the rounding of another rate."""
     count = found.rows.size + found.repeated.size
     return count == 0 or count >= _SLIPS
 
 
 def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Found | None:
-    """Losses by single rows, if the intervals are multiples of one interval; None if they are not."""
+    """Find losses from single rows if the intervals are multiples of one interval; return None if they are not."""
     if single <= 0:
         return None
     steps = np.diff(ticks)
@@ -221,7 +228,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
 
 
 def _with_long_steps(level: Rows, steps: Vector) -> Rows:
-    """The levels without the rises and falls that no single interval (in samples) shows: the clock wandered there."""
+    """Remove rises and falls of the levels that no single interval (in samples) shows: the clock wandered there."""
     rise = np.diff(level)
     near = np.abs(steps[steps < _LONG] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
@@ -235,7 +242,7 @@ def _with_long_steps(level: Rows, steps: Vector) -> Rows:
 
 
 def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
-    """Time stamps without their long gaps, and the rows after these."""
+    """Return time stamps without their long gaps, and the rows after these gaps."""
     steps = np.diff(ticks)
     r = ticks / interval - np.arange(ticks.size)
     jumps = np.flatnonzero(steps > _FAR * interval)
@@ -253,7 +260,8 @@ def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 
 
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
-    """The interval at which single rows are coherent, near the given one, and the slow phase of the rows in samples."""
+    """Return the interval near the given one at which single rows are coherent, and the slow phase of the rows in
+    samples."""
     n = ticks.size
     some = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
     runs = np.flatnonzero(np.abs(np.diff(some) / interval - 1) > 0.5) + 1
@@ -281,7 +289,7 @@ def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]
 
 
 def _moving_mean(z: NDArray[np.complex128], width: int) -> NDArray[np.complex128]:
-    """Moving mean over `width` values, over fewer at the ends."""
+    """Return the moving mean over `width` values, over fewer at the ends."""
     half = width // 2
     total = np.concatenate([np.zeros(1, dtype=z.dtype), np.cumsum(z)])
     index = np.arange(z.size)
@@ -291,7 +299,8 @@ def _moving_mean(z: NDArray[np.complex128], width: int) -> NDArray[np.complex128
 
 
 def _tapered_mean(r: Vector) -> Vector:
-    """Mean of each row of a matrix with the weights of Hann, which hides where in a burst the block begins."""
+    """Return the mean of each row of a matrix with Hann weights, so that the start of a block within a burst has no
+    effect."""
     width = r.shape[1]
     weights = np.sin(np.pi * (np.arange(width) + 0.5) / width) ** 2
     return np.asarray(r @ (weights / np.sum(weights)))
@@ -305,7 +314,7 @@ _STATISTICS: dict[str, Callable[[Vector], Vector]] = {
 
 
 def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) -> Found:
-    """Losses by statistics of blocks of rows."""
+    """Find losses from statistics of blocks of rows."""
     closed, far = _closed(ticks, interval)
     n = closed.size
     # The least or largest of rounded time stamps is a whole number at any interval that is a multiple of their unit.
@@ -346,7 +355,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
 
 
 def _moving_median(v: Vector, width: int) -> Vector:
-    """Running median over `width` values, with the end values repeated."""
+    """Return the running median over `width` values, with the end values repeated."""
     half = min(width, v.size) // 2
     wide = np.concatenate([np.full(half, v[0]), v, np.full(half, v[-1])])
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1), axis=1))
@@ -359,7 +368,7 @@ def _blocks(ticks: Vector, interval: float, width: int, name: str) -> Vector:
 
 
 def _refined(ticks: Vector, interval: float, width: int, name: str) -> float:
-    """The interval at which the statistics of blocks keep their phase."""
+    """Return the interval at which the statistics of blocks keep their phase."""
     lag = 1
     for _ in range(2):
         b = _blocks(ticks, interval, width, name)
@@ -373,13 +382,14 @@ def _refined(ticks: Vector, interval: float, width: int, name: str) -> float:
 
 
 def _turn(b: Vector, lag: int) -> float:
-    """Mean change of the phase over some blocks, in turns."""
+    """Return the mean change of the phase over some blocks, in turns."""
     z = np.exp(2j * np.pi * b)
     return float(np.angle(np.mean(np.conj(z[:-lag]) * z[lag:]))) / (2 * np.pi)
 
 
 def _coherence(b: Vector) -> float:
-    """Agreement of neighbouring blocks modulo 1: 1 if exact, and exp(-4π²σ²) for statistics with deviation σ."""
+    """Return the agreement of neighbouring blocks modulo 1: 1 if exact, and exp(-4π²σ²) for statistics with deviation
+    σ."""
     z = np.exp(2j * np.pi * b)
     return float(np.abs(np.mean(np.conj(z[:-1]) * z[1:])))
 
@@ -387,7 +397,7 @@ def _coherence(b: Vector) -> float:
 def _assembled(
     ticks: Vector, closed: Vector, far: Rows, level: Rows, interval: float, width: int, name: str = "mean"
 ) -> Found:
-    """Gaps from the levels of the rows, with the long gaps that were closed."""
+    """Return the gaps from the levels of the rows, together with the long gaps that were closed."""
     index = (np.arange(ticks.size) + (level - level[0])).astype(np.float64)
     slope = _slope(index, closed, far)
     if width > 1:

@@ -1,4 +1,4 @@
-"""Convert raw counts and increments to numbers with a unit, by the factors of the file and by declared factors."""
+"""Convert raw counts and increments to numbers with a unit, by the factors of the file or by declared factors."""
 
 from __future__ import annotations
 

@@ -35,11 +35,11 @@ class SensorLoggerReader(TextReader):
     extensions: ClassVar[tuple[str, ...]] = (".csv",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.9 if the first line is the header and the name is one of an inertial sensor."""
+        """Return 0.9 if the first line is the header and the file has the name of an inertial sensor."""
         return 0.9 if head.split(b"\n", 1)[0].strip() == _HEADER and sensor(path) else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns, with the sensor and unit that the name of the table states."""
+        """Return the columns, with the sensor and unit that the name of the table states."""
         found = super().layout(source)
         path = Path(source.member) if isinstance(source, MemberSource) else source.path
         known = _SENSORS.get(sensor(path))
@@ -56,7 +56,7 @@ class SensorLoggerReader(TextReader):
 
 
 def sensor(path: Path) -> str:
-    """The sensor that the name of a table states, in lower case; "" for another name.
+    """Return the sensor that the name of a table states, in lower case; "" for another name.
 
     >>> sensor(Path("Gyroscope.csv")), sensor(Path("Location.csv"))
     ('gyroscope', '')

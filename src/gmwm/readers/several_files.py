@@ -26,7 +26,7 @@ Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
 def found_reader(path: Source, format: str | None) -> tuple[Path, Reader]:
-    """The file and its reader; of several files the first one, and a reader of all of them.
+    """Return the file and its reader; for several files, the first file and a reader of all of them.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def found_reader(path: Source, format: str | None) -> tuple[Path, Reader]:
 
 
 def files_of(path: Any) -> list[Any]:
-    """The paths of a recording: one, or all that a sequence or a pattern has."""
+    """Return the paths of a recording: a single path, the items of a sequence, or the matches of a pattern."""
     if isinstance(path, list | tuple) and path:
         return list(path)
     if not isinstance(path, str | os.PathLike) or not re.search(r"[*?\[]", os.fsdecode(path)) or Path(path).exists():
@@ -53,12 +53,12 @@ def files_of(path: Any) -> list[Any]:
 
 
 def _in_order(path: Path) -> list[tuple[int, str]]:
-    """A key that sorts numbers in names by their size: hour_2 before hour_10."""
+    """Return a key that sorts numbers in names by their size: hour_2 before hour_10."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", str(path))]
 
 
 def source_words(path: Source) -> str:
-    """Name of a recording for titles.
+    """Return the name of a recording for titles.
 
     >>> source_words("a.csv"), source_words(["a.csv", "b.csv", "c.csv"])
     ('a.csv', 'a.csv and 2 more')
@@ -78,18 +78,18 @@ class SeveralFiles(Reader):
         self._files, self._readers = tuple(files), tuple(readers)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0, because the number of files decides."""
+        """Return 0, because this reader is chosen by the number of files."""
         return 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The recordings of the first file."""
+        """Return the recordings of the first file."""
         joined = Remark.of("files-joined", files=tuple(file.name for file in self._files))
         return tuple(
             replace(layout, remarks=(*layout.remarks, joined)) for layout in self._readers[0].layouts(self._files[0])
         )
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The rows of all files."""
+        """Yield the rows of all files."""
         for k, (file, reader) in enumerate(zip(self._files, self._readers, strict=True)):
             own = layout if k == 0 else self._alike(file, reader, layout, wanted)
             cut = k > 0 and not layout.stamped
@@ -98,7 +98,7 @@ class SeveralFiles(Reader):
                 cut = False
 
     def _alike(self, file: Path, reader: Reader, layout: Layout, wanted: Sequence[int]) -> Layout:
-        """The recording of another file that continues the recording of the first file.
+        """Return the recording of another file that continues the recording of the first file.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class SeveralFiles(Reader):
 
 
 def _cut_before(rows: Rows) -> Rows:
-    """The rows with a mark that the recording is cut before the first one."""
+    """Add a mark that cuts the recording before the first of the rows."""
     cut = np.zeros(next(iter(rows.values())).size, dtype=bool)
     cut[:1] = True
     return {**rows, CUT: cut}

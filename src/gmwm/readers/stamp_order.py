@@ -15,19 +15,20 @@ from gmwm.remarks import Quantity, Remark
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md, and by tests/readers/test_steady.py.
 
 _WINDOW = 64
-"""Intervals over which the nominal interval is averaged, so that the rounding of single time stamps averages out."""
+"""Number of intervals over which the nominal interval is averaged, so that the rounding of time stamps averages out."""
 _BITS = (16, 24, 32)
 """Bits of counters that wrap around."""
 _HOUR = 3600
-"""Seconds by which summer time moves a clock."""
+"""Step of a clock at a change to or from summer time (s)."""
 _HOUR_WITHIN = 0.25
-"""Largest difference of such a step from an hour and one sampling interval (s), unless half an interval is longer."""
+"""Largest difference of such a step from an hour and one sampling interval (s); half an interval if that is longer."""
 _LOST = 64
-"""Most samples that may be lost where a counter wraps around."""
+"""Largest number of samples that may be lost where a counter wraps around."""
 _LONGEST = 1e10
-"""Longest time between two time stamps of a recording (s), 300 years: nanoseconds since 1970 reach as far."""
+"""Longest time between two time stamps of a recording (s), 300 years: the range of nanoseconds since 1970."""
 _BEHIND = 8
-"""Time stamps after a step backward that show whether the clock was set back or one time stamp was out of order."""
+"""Number of time stamps after a backward step that show whether the clock was set back or one time stamp is out of
+order."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Steps:
     hours: tuple[tuple[int, int], ...] = ()
 
     def between(self, begin: int, end: int) -> Steps:
-        """The steps before the rows `begin` to `end`."""
+        """Return the steps before the rows `begin` to `end`."""
         wraps = tuple(wrap for wrap in self.wraps if begin <= wrap[0] < end)
         return Steps(wraps, tuple(hour for hour in self.hours if begin <= hour[0] < end))
 
@@ -49,7 +50,7 @@ class Steps:
         return cls(tuple(w for one in several for w in one.wraps), tuple(h for one in several for h in one.hours))
 
     def remarks(self, per_second: int) -> Iterator[Remark]:
-        """Remarks on these steps."""
+        """Yield remarks on these steps."""
         if self.wraps:
             length = Quantity(self.wraps[0][1] / per_second, "s")
             yield Remark.of("stamps-wrapped", count=len(self.wraps), length=length)
@@ -60,14 +61,14 @@ class Steps:
 
 @dataclass(frozen=True)
 class Ordered:
-    """Time stamps in ticks without wraps of a counter and without summer time, and where these were."""
+    """Time stamps in ticks without counter wraps and summer time, and the rows at which these occurred."""
 
     ticks: Vector
     steps: Steps
 
 
 def nominal_interval(ticks: Vector) -> float:
-    """Approximate sampling interval in ticks: the median interval, or the mean of time stamps in bursts.
+    """Return the approximate sampling interval in ticks: the median interval, or the mean of time stamps in bursts.
 
     Raises
     ------
@@ -123,14 +124,15 @@ def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | Non
 
 
 def _parts(per_second: int) -> tuple[float, ...]:
-    """Units of counters in ticks: ns, µs, ms, and the tick itself."""
+    """Return the possible units of counters in ticks: ns, µs, ms, and the tick itself."""
     return tuple(sorted({1.0, *(per_second / parts for parts in (10**3, 10**6, 10**9))}))
 
 
 def _wraps(
     steps: Vector, nominal: float, near: float, units: tuple[float, ...]
 ) -> Iterator[tuple[float, NDArray[np.int64]]]:
-    """Length of the counter and the intervals in which it wraps, if most steps backward are wraps of it."""
+    """Yield the length of the counter and the intervals in which it wraps, if most backward steps are wraps of this
+    counter."""
     back = np.flatnonzero(steps < 0)
     for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
         rest = steps[back] + length
@@ -143,7 +145,7 @@ def _wraps(
 
 
 def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[np.int64]]:
-    """Time stamps that never decrease, and the rows before which the clock was set back.
+    """Return time stamps that never decrease, and the rows before which the clock was set back.
 
     A single time stamp out of order is moved next to its neighbour. If the clock was set back, the time stamps continue
     one sampling interval after the last one.
@@ -165,7 +167,7 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
 
 
 def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
-    """Require that time stamps in order reach over a time that a recording can last.
+    """Raise an error if the time stamps span a longer time than a recording can last.
 
     Raises
     ------

@@ -32,23 +32,23 @@ if TYPE_CHECKING:
     from gmwm.variance.axes_result import WaveletVariances
 
 CHUNK = 1_000_000
-"""Samples in a chunk, if no other number is asked for."""
+"""Default number of samples in a chunk."""
 LARGE = 300_000_000
-"""Size of a file (bytes) from which commands and fleets stream it. It is a choice: smaller files fit into the memory of
+"""File size (bytes) from which commands and fleets stream a file. It is a choice: smaller files fit into the memory of
 any computer together with the copies that an estimate needs."""
 Kept = Sequence[tuple[float, float]]
 """Ranges of time (s), in order."""
 
 
 def is_large(path: Path) -> bool:
-    """Whether commands and fleets stream a file, or several by their pattern, instead of reading it."""
+    """Return whether commands and fleets stream a file, or several by their pattern, instead of reading it."""
     files = [Path(file) for file in files_of(path)]
     return sum(file.stat().st_size for file in files if file.is_file()) >= LARGE
 
 
 @dataclass(frozen=True, eq=False)
 class FileRows:
-    """The rows of a recording in a file, which are read in every iteration.
+    """The rows of a recording in a file. Each iteration reads them again.
 
     Attributes
     ----------
@@ -72,15 +72,15 @@ class FileRows:
         return chunks if self.limits is None else _between(chunks, *self.limits)
 
     def first(self, choice: Choice) -> Rows:
-        """At least `HEAD` rows of each column, or all rows of a shorter recording."""
+        """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
         return first_rows(self.chunks(list(choice.columns.values())), choice)
 
     def limited(self, begin: int, end: int) -> FileRows:
-        """The rows `begin` to `end` − 1."""
+        """Return the rows `begin` to `end` − 1."""
         return replace(self, limits=(begin, end))
 
     def held(self, choice: Choice) -> HeldRows:
-        """The rows of the chosen columns in memory. Only time stamps need the precision of integers."""
+        """Read the rows of the chosen columns into memory. Only time stamps need the precision of integers."""
         wanted = list(choice.columns.values())
         parts: dict[int, list[Any]] = {k: [] for k in wanted}
         cuts, marked = [], False
@@ -104,20 +104,20 @@ class HeldRows:
     rows: Rows
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
-        """All rows of the wanted columns, at once."""
+        """Yield all rows of the wanted columns, at once."""
         yield {k: self.rows[k] for k in (*wanted, *([CUT] if CUT in self.rows else []))}
 
     def first(self, choice: Choice) -> Rows:
-        """All rows."""
+        """Return all rows."""
         return self.rows
 
     def limited(self, begin: int, end: int) -> HeldRows:
-        """The rows `begin` to `end` − 1."""
+        """Return the rows `begin` to `end` − 1."""
         return HeldRows({k: column[begin:end] for k, column in self.rows.items()})
 
 
 def first_rows(chunks: Iterator[Rows], choice: Choice) -> Rows:
-    """At least `HEAD` rows of each column, or all rows of a shorter recording."""
+    """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
     parts, count = [], 0
     for some in chunks:
         parts.append(some)
@@ -128,7 +128,7 @@ def first_rows(chunks: Iterator[Rows], choice: Choice) -> Rows:
 
 
 def _between(chunks: Iterator[Rows], begin: int, end: int) -> Iterator[Rows]:
-    """The rows `begin` to `end` − 1."""
+    """Yield the rows `begin` to `end` − 1."""
     row = 0
     for chunk in chunks:
         size = next(iter(chunk.values())).size
@@ -172,7 +172,7 @@ class Stream:
 
     @property
     def rows(self) -> int:
-        """Number of rows that the clock counts; of the first rows if the recording has no time stamps."""
+        """Number of rows that count for the clock; number of first rows if the recording has no time stamps."""
         return self._found.timing.segments[-1][1]
 
     def wavelet_variance(
@@ -374,7 +374,7 @@ def _again(
     path: Path, format: str, topic: str | None, skip: bool, limits: tuple[int, int] | None, found: Interpretation,
     size: int, kept: Kept | None,
 ) -> Stream:  # fmt: skip
-    """The stream that was pickled. Its warnings were given when it was made."""
+    """Restore a pickled stream, without repeating its warnings."""
     reader = find_reader(existing_file(path), format)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

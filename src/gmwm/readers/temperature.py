@@ -1,4 +1,4 @@
-"""The temperature of every row, from the rows that have a reading.
+"""Temperature of every row, interpolated between the rows that have a reading.
 
 Other rows are interpolated linearly: by the time stamps if they increase, so that rows of the temperature alone are
 used too, and over the rows otherwise. Before the first reading, and over more than `LONGEST` rows without one, the
@@ -19,13 +19,13 @@ from gmwm.readers.base import Rows
 from gmwm.readers.lost_samples import is_missing
 
 LONGEST = 1 << 20
-"""Rows over which the temperature is interpolated: 17 min at 1 kHz. So many rows wait for the next reading at most, so
-that memory is bounded. It is a choice."""
+"""Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most so many rows wait for the
+next reading, which bounds the memory. It is a choice."""
 
 
 @dataclass(frozen=True)
 class _Reading:
-    """A temperature, the number of its row, and its time stamp from the first one."""
+    """A temperature, its row number, and its time from the first time stamp."""
 
     row: int
     stamp: float
@@ -34,7 +34,7 @@ class _Reading:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Consecutive rows, from row `first` of the file on."""
+    """Consecutive rows, starting with row `first` of the file."""
 
     rows: Rows
     first: int
@@ -43,11 +43,12 @@ class _Block:
     missing: NDArray[np.bool_]
 
     def reading(self, k: int) -> _Reading:
-        """The reading of row k."""
+        """Return the reading of row k."""
         return _Reading(self.first + k, float(self.stamps[k]), float(self.values[k]))
 
     def filled(self, column: int, before: _Reading, after: _Reading | None) -> Rows:
-        """The rows with a temperature in each of them, from the readings here, before and after."""
+        """Return the rows with a temperature in each row, interpolated between the readings in the block and next to
+        it."""
         known, at = np.flatnonzero(~self.missing), np.flatnonzero(self.missing)
         if not at.size:
             return self.rows
@@ -71,7 +72,7 @@ class _Block:
 
 
 def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
-    """Yield the rows of chunks with a temperature in each of them.
+    """Yield the chunks with a temperature in each row.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: 
 
 
 def _since(stamps: NDArray[Any], origin: Any) -> Vector:
-    """Time stamps from the first one; NaN where they are missing."""
+    """Return the time since the first time stamp; NaN where a time stamp is missing."""
     since: Vector = (stamps - origin).astype(np.float64)
     missing = is_missing(stamps)
     if missing is not None:

@@ -27,13 +27,13 @@ from gmwm.readers.text_stamps import UNIT, is_time_of_day
 from gmwm.remarks import Remark
 
 BLOCK_BYTES = 8 << 20
-"""Bytes in a block: large enough to parse in parallel, small enough that several fit into memory."""
+"""Number of bytes in a block: large enough to parse in parallel, small enough that several fit into memory."""
 
 LINE_BYTES = 8 * BLOCK_BYTES
-"""Most bytes in a line: a longer one is no row of a table."""
+"""Largest number of bytes in a line. A longer line is not a row of a table."""
 
 TAIL_BYTES, TAIL_LINES = 1 << 16, 1000
-"""Bytes and lines at the end of a file with which a last line without a line end is compared."""
+"""Number of bytes and lines at the end of a file that are compared with a last line without a newline."""
 _ENOUGH = 10  # lines from which the usual length of a number is known; pinned by tests/readers/test_stamps.py
 
 
@@ -54,7 +54,7 @@ class TextReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.5 if the first bytes are text that holds a digit, 0.1 if they are any other text."""
+        """Return 0.5 if the first bytes are text with a digit, 0.1 if they are any other text."""
         if head.startswith((b"\xff\xfe", b"\xfe\xff")):
             return 0.5  # UTF-16, for which `layout` raises an error with advice
         control = sum(head.count(bytes([c])) for c in (*range(9), *range(14, 32)))
@@ -63,11 +63,12 @@ class TextReader(Reader):
         return 0.5 if re.search(rb"\d", head) else 0.1
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns, with names from the header or a comment; one recording for each sensor in the rows."""
+        """Return the columns, with names from the header or a comment; one recording for each sensor in the rows."""
         return self.layouts_of(FileSource(path))
 
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
-        """The recordings in a text, from a file or unpacked: several if a column states the sensor of each row."""
+        """Return the recordings in a text, from a file or unpacked: several if a column states the sensor of each
+        row."""
         layout = self.layout(source)
         dialect: Dialect = layout.state
         if dialect.sensors is None:
@@ -79,11 +80,11 @@ class TextReader(Reader):
         )
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """One chunk for each block; a column whose first rows hold long integers stays int64."""
+        """Yield one chunk for each block; a column whose first rows contain long integers stays int64."""
         return self.rows(FileSource(path), layout, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for the blocks. Their rows are counted in a pass over the file that parses no numbers.
+        """Return a mark for each block. The rows are counted in a pass over the file that parses no numbers.
 
         There are no marks if a column holds times of day, whose midnights must be counted from the first row, or if
         only some rows are read.
@@ -100,11 +101,11 @@ class TextReader(Reader):
         return (*marks, Mark(row))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The chunks from a block on."""
+        """Yield the chunks from a block on."""
         return self.rows(FileSource(path), layout, wanted, mark.place)
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns of a text, from a file or unpacked."""
+        """Return the columns of a text, from a file or unpacked."""
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
@@ -134,7 +135,7 @@ class TextReader(Reader):
     def rows(
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
     ) -> Iterator[Rows]:
-        """Give the numbers of a text, from the first row or from the block at a place on."""
+        """Yield the numbers of a text, from the first row or from the block at `place` on."""
         dialect: Dialect = layout.state
         _require_end(source, layout)
         stamp, read = dialect.columns, list(wanted)
@@ -152,7 +153,7 @@ class TextReader(Reader):
 
 
 def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
-    """The time stamps (ns) of a table with seconds and nanoseconds in two columns."""
+    """Return the time stamps (ns) of a table with seconds and nanoseconds in two columns."""
     assert dialect.stamp_parts is not None
     parts = [np.asarray(chunk[k]) for k in dialect.stamp_parts]
     missing = [is_missing(part) for part in parts]
@@ -162,7 +163,7 @@ def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
 
 
 def _time_by_content(dialect: Dialect) -> int | None:
-    """The column that is the time because it holds dates or times of day; None if a name states the time."""
+    """Return the column that contains dates or times of day; None if a name states the time column."""
     timed = dialect.stamp_parts is not None or any(recognise(name).axis == "time" for name in dialect.names)
     if not dialect.names or timed:
         return None
@@ -171,7 +172,7 @@ def _time_by_content(dialect: Dialect) -> int | None:
 
 
 def _head_lines(source: FileSource) -> list[str]:
-    """The first complete lines as text, without a byte order mark.
+    """Return the first complete lines as text, without a byte order mark.
 
     Raises
     ------
@@ -205,10 +206,10 @@ def _head_lines(source: FileSource) -> list[str]:
 
 
 def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()] | None:
-    """How the last line ends: None with a line end, () without one.
+    """Check the end of the last line: None if it ends with a newline, () if it does not but may be complete.
 
-    If it ends in a number that was cut off, and so has fewer digits than in all lines before: its last cell, and the
-    last cell of the line before.
+    If the last number has fewer digits than the last number of all lines before, it was cut off. In this case, return
+    the last cell of the last line, and the last cell of the line before.
     """
     with source.open() as file:
         size = file.seek(0, os.SEEK_END)
@@ -223,7 +224,7 @@ def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()]
 
 
 def _require_end(source: FileSource, layout: Layout) -> None:
-    """Require that the last number is complete.
+    """Raise an error if the last number may be cut off.
 
     Raises
     ------
@@ -241,13 +242,13 @@ def _require_end(source: FileSource, layout: Layout) -> None:
 
 
 def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
-    """Whether a number is shorter than all others, or lacks the exponent that all others have."""
+    """Return whether a number is shorter than all others, or lacks the exponent that all others have."""
     powers = [len(other.lower().partition("e")[2].lstrip("+-")) for other in (cell, *others)]
     return len(cell) < min(map(len, others)) or powers[0] < min(powers[1:])
 
 
 def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
-    """Blocks of complete lines from the first row on, or from the block at a place on, each with its place."""
+    """Yield blocks of complete lines with their places, from the first row or from the block at `place` on."""
     first_line = dialect.first_line
     with source.open() as file:
         line, rest, reached = first_line, b"", 0

@@ -29,7 +29,7 @@ _BIG_INTEGER = 15  # digits that float64 always holds exactly
 _BLANK_LINE, _BLANK_START = re.compile(rb"\n(?=[ \t\r]*\n)"), re.compile(rb"[ \t\r]*\n")
 _BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*\n)+")
 _GAP = b"NA"
-"""What stands in each cell of a row that replaces a bad line."""
+"""Text in each cell of a row that replaces a bad line."""
 _WORDS = re.compile(rb"(?i)n/?a\b|null|none")
 OR_SKIP = " To count such lines as lost samples, pass {--bad_lines=skip}."
 
@@ -55,7 +55,7 @@ class RowParser:
         self.sign = dialect.comment.encode()
 
     def parse(self, block: bytes, line: int) -> Rows | None:
-        """The numbers of a block that begins in `line`; None if it has no row."""
+        """Return the numbers of a block that begins in `line`; None if it has no row."""
         import polars as pl
 
         for pattern, replacement in self.cleaning:
@@ -70,7 +70,7 @@ class RowParser:
         return {k: self._column(frame.get_column(str(k)), k, block, line) for k in self.wanted}
 
     def _column(self, column: pl.Series, k: int, block: bytes, line: int) -> NDArray[Any]:
-        """The numbers of column `k` of a block: NaN or `MISSING` for a missing value."""
+        """Return the numbers of column `k` of a block: NaN or `MISSING` for a missing value."""
         if k in self.long:
             return np.ascontiguousarray(column.fill_null(MISSING).to_numpy())
         if k not in self.stamps:
@@ -87,7 +87,8 @@ class RowParser:
         return times
 
     def count(self, block: bytes, line: int) -> int:
-        """Number of rows in a block that begins in `line`. It is parsed only if it holds quotes or comments."""
+        """Return the number of rows in a block that begins in `line`. It is parsed only if it contains quotes or
+        comments."""
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
@@ -97,11 +98,11 @@ class RowParser:
         return block.count(b"\n") - blank + (not ended) - again
 
     def _repeats(self, block: bytes) -> bool:
-        """Whether a header may occur again in a block."""
+        """Return whether a header may occur again in a block."""
         return any(header in block for header in self.headers)
 
     def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
-        """The columns of a block, with nulls for missing values; None if it has no row.
+        """Return the columns of a block, with nulls for missing values; None if it has no row.
 
         Raises
         ------
@@ -131,7 +132,7 @@ class RowParser:
             ) from error
 
     def _frame_or_none(self, block: bytes) -> pl.DataFrame | None:
-        """The columns of a block; None if it has no row."""
+        """Return the columns of a block; None if it has no row."""
         import polars as pl
 
         try:
@@ -152,14 +153,14 @@ class RowParser:
         return None if frame.is_empty() else frame
 
     def _even(self, block: bytes) -> bool:
-        """Whether each line of a block has the right number of cells, by a count of the delimiters."""
+        """Return whether each line of a block has the right number of cells, by a count of the delimiters."""
         if self.dialect.delimiter == BLANKS or b'"' in block or (self.sign and self.sign in block):
             return False
         sign, counts = self.dialect.delimiter.encode(), {self.dialect.fields - 1, self.dialect.columns - 1}
         return all(line.count(sign) in counts for line in block.split(b"\n") if line.strip())
 
     def _repaired(self, block: bytes, line: int) -> bytes:
-        """The block without repeated headers, and with rows of missing values for bad lines.
+        """Return the block without repeated headers, and with rows of missing values for bad lines.
 
         Raises
         ------
@@ -182,7 +183,7 @@ class RowParser:
         return b"\n".join(good)
 
     def _plain(self, block: bytes) -> bytes:
-        """The block without blanks around cells, and with single blanks as delimiters."""
+        """Return the block without blanks around cells, and with single blanks as delimiters."""
         if self.dialect.delimiter == BLANKS:
             block = re.sub(rb"[ \t\r]+", b" ", block)
             return re.sub(rb"(?m)^ | $", b"", block)
@@ -191,7 +192,7 @@ class RowParser:
         return block
 
     def _error_in(self, text: str, number: int, block: bytes, line: int) -> ReadError | None:
-        """The error for a line of a block that begins in `line`; None if it is a row."""
+        """Return the error for a line of a block that begins in `line`; None if the line is a valid row."""
         d = self.dialect
         cells = split(text, d.delimiter)
         if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
@@ -204,7 +205,7 @@ class RowParser:
         return next((error for k in self.wanted if (error := self._error_of(cells[k], k, number))), None)
 
     def _lines(self, block: bytes, line: int) -> Iterator[tuple[int, str]]:
-        """The rows of a block that begins in `line`, each with the number of its line."""
+        """Yield the rows of a block that begins in `line`, each with its line number."""
         for number, raw in enumerate(block.split(b"\n"), line):
             text = _text(raw)
             if text.strip().encode() in self.headers:
@@ -229,7 +230,7 @@ class RowParser:
         return self.layout.channels[column].name or f"number {column}"
 
     def _error_of(self, cell: str, column: int, line: int) -> ReadError | None:
-        """The error for a cell; None if it is a number, a time stamp or a missing value."""
+        """Return the error for a cell; None if it is a number, a time stamp or a missing value."""
         name = self._name(column)
         if cell in MISSING_WORDS or cell == "":
             return None
@@ -257,7 +258,7 @@ class RowParser:
 
 
 def _text(line: bytes) -> str:
-    """A line as text, without the end of line of Windows."""
+    """Decode a line to text, without the line end of Windows."""
     try:
         return line.decode("utf-8").strip("\r")
     except UnicodeDecodeError:
@@ -265,11 +266,11 @@ def _text(line: bytes) -> str:
 
 
 def _advice(block: bytes, line: int, number: int) -> str:
-    """What to do about a bad line of a block that begins in `line`."""
+    """Return the advice for a bad line of a block that begins in `line`."""
     last = not block.endswith(b"\n") and number == line + block.count(b"\n")
     return "The file ends there; if it was cut off, remove the line." if last else "Repair or remove the line."
 
 
 def _without_blank_lines(block: bytes) -> bytes:
-    """The block without blank lines, which Polars reads as rows of nulls."""
+    """Return the block without blank lines, which Polars reads as rows of nulls."""
     return re.sub(rb"(?m)^[ \t\r]*\n", b"", block)

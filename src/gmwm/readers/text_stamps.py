@@ -47,7 +47,7 @@ _OR_LEAVE_OUT = "or leave it out with {--columns=time:none} and pass {--rate}."
 
 
 def is_stamp(cell: str) -> bool:
-    """Whether a cell is a date with a time, to the second or finer, or a time of day.
+    """Return whether a cell is a date with a time, to the second or finer, or a time of day.
 
     >>> is_stamp("2024-05-01 12:00:00,5+02:00"), is_stamp("12:00:00.5"), is_stamp("05/01/2024 12:00:00")
     (True, True, False)
@@ -59,12 +59,12 @@ def is_stamp(cell: str) -> bool:
 
 
 def is_time_of_day(cell: str) -> bool:
-    """Whether a time stamp has no date."""
+    """Return whether a time stamp has no date."""
     return _match(_CLOCK, cell) is not None
 
 
 def parted_stamp(row: Sequence[str]) -> int | None:
-    """Index of the cell in which a time stamp begins that ends in the next cell; None if there is none.
+    """Return the index of the cell in which a time stamp begins that ends in the next cell; None if there is none.
 
     The split is after the date, or before the fraction of a second.
 
@@ -79,12 +79,12 @@ def parted_stamp(row: Sequence[str]) -> int | None:
 
 
 def holds_stamps(layout: Layout, column: int) -> bool:
-    """Whether a column holds dates or times of day, by its first row."""
+    """Return whether a column contains dates or times of day, by its first row."""
     return column < len(layout.first_row) and is_stamp(layout.first_row[column])
 
 
 def described(cell: str) -> Remark:
-    """The remark on how a column that begins with this time stamp is read.
+    """Make the remark on how a column that begins with this time stamp is read.
 
     >>> described("2024-05-01T12:00:00Z").facts["form"]
     'utc'
@@ -130,7 +130,7 @@ def require_readable(cell: str, path: object) -> None:
 
 
 def what_is_wrong(cell: str, first: str) -> str:
-    """Description of a time stamp that cannot be read, compared with the first row of its column."""
+    """Describe a time stamp that cannot be read, compared with the first row of its column."""
     text = cell.strip()
     if is_stamp(text) and is_time_of_day(text) == is_time_of_day(first):
         if bool(_zone(text)) == bool(_zone(first)):
@@ -177,7 +177,7 @@ class Midnights:
         self._days, self._last = 0, -1
 
     def continued(self, times: NDArray[Any]) -> NDArray[np.int64]:
-        """The next times of day (ns), continued from those before.
+        """Return the next times of day (ns), continued from the previous ones.
 
         >>> Midnights().continued(np.array([86_399, 0, 1]) * 10**9) // 10**9
         array([86399, 86400, 86401])
@@ -195,19 +195,20 @@ def _match(pattern: str, cell: str) -> re.Match[str] | None:
 
 
 def _zone(cell: str) -> str:
-    """The offset from UTC in a time stamp; "" if there is none."""
+    """Return the offset from UTC in a time stamp; "" if there is none."""
     shape = _match(_DATED, cell)
     return (shape["zone"] or shape["name"] or "") if shape else ""
 
 
 def _offset(zone: str) -> int:
-    """An offset in nanoseconds."""
+    """Convert an offset from UTC to nanoseconds."""
     digits = re.sub(r"\D", "", zone).ljust(4, "0")
     return (-1 if zone.startswith("-") else 1) * (int(digits[:2]) * 60 + int(digits[2:])) * 60 * _SECOND
 
 
 def _side_by_side(cells: pl.Series, width: int, zoned: bool | None) -> NDArray[np.datetime64] | None:
-    """Parse time stamps of the same width, form and offset; None if they differ, or one of them is not a time."""
+    """Parse time stamps of the same width, form and offset; return None if they differ, or one of them is not a
+    time."""
     first = str(cells[0])
     shape = _match(_CLOCK if zoned is None else _DATED, first)
     if shape is None or (zoned is not None and bool(_zone(first)) != zoned):
@@ -233,7 +234,7 @@ def _side_by_side(cells: pl.Series, width: int, zoned: bool | None) -> NDArray[n
 
 
 def _number(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64]:
-    """The numbers formed by the digits at some positions; 0 for no positions."""
+    """Return the numbers formed by the digits at some positions; 0 for no positions."""
     number = np.zeros(table.shape[1], dtype=np.int64)
     for place in places:
         number *= 10
@@ -242,7 +243,7 @@ def _number(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64
 
 
 def _days(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64] | None:
-    """Days since 1970 of dates; None if one of them does not exist."""
+    """Return the days since 1970 of dates; None if one of the dates does not exist."""
     year, month, day = (_number(table, part) for part in (places[:4], places[4:6], places[6:]))
     if year.min() < _YEARS[0] or year.max() > _YEARS[1] or month.min() < 1 or month.max() > 12 or day.min() < 1:
         return None
@@ -253,7 +254,7 @@ def _days(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64] 
 
 
 def _one_by_one(cells: pl.Series, zoned: bool | None) -> NDArray[np.datetime64]:
-    """Parse time stamps of different forms and offsets. Some programs leave out seconds that are zero."""
+    """Parse time stamps of different forms and offsets, one by one. Some programs leave out seconds that are zero."""
     import polars as pl
 
     groups = cells.str.extract_groups(_CLOCK if zoned is None else _DATED).struct.unnest()

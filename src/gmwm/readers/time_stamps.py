@@ -28,7 +28,7 @@ _PLAUSIBLE = (0.1, 1e5)
 _USUAL = 1e4
 """Rate (Hz) above which a unit is not inferred if another unit gives a lower rate: such recordings are rare."""
 _EPOCH = (1e9, 2.2e9)
-"""Seconds since 1970 of the years 2001 to 2039, as time stamps of computers are."""
+"""Seconds since 1970 in the years 2001 to 2039, the usual time stamps of computers."""
 _AGREES = 0.05
 """Relative difference within which a declared rate agrees with time stamps in one unit; units differ by 1000."""
 _RATE_TOLERANCE = 1e-2
@@ -64,7 +64,7 @@ class Stamps:
 
     @property
     def per_second(self) -> int:
-        """Ticks in a second."""
+        """Number of ticks in a second."""
         return TIME_UNITS[self.unit]
 
 
@@ -83,7 +83,7 @@ class Timing:
 
 
 def unstamped(rate: float, samples: int) -> Timing:
-    """The time base of a recording without time stamps: one segment at the given rate (Hz)."""
+    """Return the time base of a recording without time stamps: one segment at the given rate (Hz)."""
     return Timing(TimeBase(rate), ((0, samples),), starts=(0.0,), remarks=())
 
 
@@ -121,7 +121,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
 
 
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
-    """The only unit in which the time stamps are plausible.
+    """Return the only unit in which the time stamps are plausible.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
 
 
 def beside_stated(found: Timing, stated: float) -> Timing:
-    """The timing with a remark if the file states another rate (Hz) than the time stamps show."""
+    """Add a remark to the timing if the file states another rate (Hz) than the time stamps show."""
     if abs(found.base.rate / stated - 1) <= _RATE_TOLERANCE:
         return found
     remark = Remark.of(
@@ -161,7 +161,7 @@ def beside_stated(found: Timing, stated: float) -> Timing:
 
 
 def about_stamps(base: TimeBase) -> Iterator[Remark]:
-    """Remarks on time stamps that step backward, repeat or jitter."""
+    """Yield remarks on time stamps that step backward, repeat or jitter."""
     if base.backward:
         yield Remark.of("stamps-backward", count=base.backward)
     if base.duplicates:

@@ -55,7 +55,7 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
 
 
 def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
-    """Names of the inertial recordings in a file, in their order.
+    """Return the names of the inertial recordings in a file, in their order.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
 
 
 def _readable(layout: Layout, path: Path) -> Layout:
-    """The layout, if it has columns.
+    """Return the layout, after a check that it has columns.
 
     Raises
     ------
@@ -85,13 +85,13 @@ def _readable(layout: Layout, path: Path) -> Layout:
 
 
 def _topics(layouts: Sequence[Layout], most: int = 20) -> str:
-    """Topics with their axes, for a message."""
+    """List topics with their axes, for a message."""
     named = [topic_words(layout) for layout in layouts[:most]]
     return ", ".join(named) + (f" and {len(layouts) - most} more" if len(layouts) > most else "") or "none"
 
 
 def topic_words(layout: Layout) -> str:
-    """A topic with its axes, rate and length, for a message.
+    """Describe a topic with its axes, rate and length, for a message.
 
     >>> topic_words(Layout((), topic="/imu", extent=(501, 5.0)))
     '/imu (100 Hz, 5 s)'
@@ -109,6 +109,6 @@ _APART = " Gyroscopes and accelerometers with different clocks are read and cali
 
 
 def _apart(layouts: Sequence[Layout]) -> bool:
-    """Whether one recording has only gyroscopes and another only accelerometers."""
+    """Return whether one recording has only gyroscopes and another only accelerometers."""
     sensors = [{channel.axis[:-2] for channel in layout.channels if channel.axis in AXES} for layout in layouts]
     return {"gyro"} in sensors and {"accel"} in sensors

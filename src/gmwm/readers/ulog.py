@@ -45,17 +45,18 @@ class _Watched(io.BufferedReader):
 
 @register
 class UlogReader(Reader):
-    """PX4 ULog, by its signature."""
+    """Reader of PX4 ULog files."""
 
     name: ClassVar[str] = "ulog"
     extensions: ClassVar[tuple[str, ...]] = (".ulg", ".ulog")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 for the signature of ULog."""
+        """Return 1 for the signature of ULog."""
         return 1.0 if head.startswith(_SIGNATURE) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """One recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as sensor_gyro_0.
+        """Return one recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as
+        sensor_gyro_0.
 
         The six axes of sensor_combined are preferred. The temperature comes from the selected gyroscope, which logs it
         with the slower message sensor_gyro.
@@ -79,12 +80,12 @@ class UlogReader(Reader):
         return tuple(out)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """All numbers in one chunk, because pyulog holds the log in memory."""
+        """Yield all numbers in one chunk, because pyulog holds the log in memory."""
         yield {k: layout.state[k] for k in wanted}
 
 
 def _layout(topic: str, axes: Mapping[str, str], data: Mapping[str, np.ndarray[Any, Any]]) -> Layout | None:
-    """The time and the axes of one message, with its temperature if there is one; None if an axis is missing."""
+    """Return the time and the axes of one message, with its temperature if there is one; None if an axis is missing."""
     stamp = next((name for name in _STAMPS if name in data and np.any(data[name])), None)
     names = [
         name for name in axes if name in data and (axes[name] != "temperature" or np.nansum(np.abs(data[name])) > 0)
@@ -101,7 +102,7 @@ def _layout(topic: str, axes: Mapping[str, str], data: Mapping[str, np.ndarray[A
 
 
 def _with_temperature(layout: Layout, messages: Sequence[Any]) -> Layout:
-    """The layout of sensor_combined with the temperature of its gyroscope, interpolated linearly."""
+    """Add the temperature of the gyroscope, interpolated linearly, to the layout of sensor_combined."""
     selection: Mapping[str, Any] = next((item.data for item in messages if item.name == "sensor_selection"), {})
     chosen = selection.get("gyro_device_id", np.zeros(1))[-1]
     sensors = [item for item in messages if item.name in ("sensor_gyro", "sensor_accel") and "temperature" in item.data]
@@ -164,7 +165,7 @@ def _loaded(path: Path) -> Any:
 
 
 def _require_small(path: Path, formats: Mapping[str, Any]) -> None:
-    """Require that no message, with its nested types, has more than `_MOST_FIELDS` fields.
+    """Raise an error if a message, with its nested types, has more than `_MOST_FIELDS` fields.
 
     Raises
     ------

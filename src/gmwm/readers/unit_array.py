@@ -1,4 +1,4 @@
-"""Read an array: several units in one file, as numbered columns or as topics, or a file for each unit."""
+"""Read an array of several units: one file with numbered columns or with topics, or a file for each unit."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def read_array(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
 
 
 def read_units(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], options: ReadOptions) -> dict[str, Imu]:
-    """The recordings of all units of an array, as `read_array` gives them, by options that are checked."""
+    """Read the recordings of all units of an array, by options that are already checked; see `read_array`."""
     if not isinstance(path, str | os.PathLike):
         files = [Path(file) for file in path]
         if len(files) != 1:
@@ -75,7 +75,7 @@ def read_units(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
 
 
 def numbered_columns(layout: Layout) -> dict[str, dict[str, int]]:
-    """For each number in column names, the column of each axis; empty unless there are several numbers.
+    """Return the column of each axis, for each number in column names; empty unless there are several numbers.
 
     The letters of an axis are never its number: gyro[0], gyro[1] and gyro[2] are one unit.
     """
@@ -89,7 +89,7 @@ def numbered_columns(layout: Layout) -> dict[str, dict[str, int]]:
 
 
 def _numbered(name: str) -> tuple[str, str] | None:
-    """The number of the unit and the axis of a column.
+    """Split a column name into the number of the unit and the axis; None if it has none.
 
     >>> _numbered("gyro_x[3] [rad/s]"), _numbered("imu12.acc_y_mps2"), _numbered("acc_x [m/s2]"), _numbered("gyro[2]")
     (('3', 'gyro_x'), ('12', 'accel_y'), None, None)

@@ -24,63 +24,63 @@ from gmwm.remarks import Quantity, Remark
 from gmwm.units import STANDARD_GRAVITY
 
 BLOCK = 1 << 18
-"""Records in a chunk."""
+"""Number of records in a chunk."""
 
 # The limits separate the records of every type and byte order in tests/readers/test_waypoint.py and test_imr.py.
 _SLOWEST, _SHORTEST = 10.0, 1e-6
 """Longest and shortest interval (s) between the time stamps of an inertial sensor."""
 _LATEST = 1e10
-"""Time (s) that no time stamp reaches, neither as seconds of a week nor since 1970."""
+"""Upper limit of time stamps (s), for seconds of a week and for seconds since 1970."""
 _IN_ORDER = 0.9
-"""Share of intervals that must be plausible: gaps and resets of the clock are rarer."""
+"""Smallest share of plausible intervals; the other intervals are gaps and resets of the clock."""
 _NEAR_GRAVITY = 0.2
-"""Relative difference from gravity within which accelerometers at rest are plausible: the accelerometer scales of
+"""Largest relative difference from gravity at which accelerometers at rest are plausible. The accelerometer scales of
 different types of records are equal or differ by a factor of 1.5 or more."""
 
 
 class RecordReader(Reader):
-    """One type of .imu file, which the user names."""
+    """Reader of one type of .imu file, which the user names in the option `format`."""
 
     extensions: ClassVar[tuple[str, ...]] = ()
     kind: ClassVar[RecordType]
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0, because a type is never guessed."""
+        """Return 0, because the type cannot be recognised from the content."""
         return 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Time and six axes, if the records have the size of this type."""
+        """Return the time and six axes, if the records have the size of this type."""
         return (_layout(path, self.kind, self.kind.name),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The counts and times in the file, unchanged."""
+        """Yield the counts and times in the file, unchanged."""
         return record_chunks(path, self.kind.dtype, 0, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for blocks of records, because reading can begin at any record."""
+        """Return marks for blocks of records; a file can be read from any record."""
         return record_marks(path, self.kind.dtype)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The records from a mark on."""
+        """Yield the records from a mark on."""
         return record_chunks(path, self.kind.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
 @register
 class ImuReader(Reader):
-    """.imu records whose type the user has not named."""
+    """Reader of .imu files whose type the user has not named."""
 
     name: ClassVar[str] = "imu"
     extensions: ClassVar[tuple[str, ...]] = (".imu",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.6 if records of either size have plausible times; 0.1 for a single record and this extension."""
+        """Return 0.6 if records of either size have plausible times; 0.1 for a single record and this extension."""
         fitting = [_times(head, kind) for kind in _fitting(head)]
         if any(times.size > 1 for times in fitting):
             return 0.6
         return 0.1 if fitting and path.suffix.lower() in self.extensions else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Time and six axes, if the scale is known.
+        """Return the time and six axes, if the scale is known.
 
         Raises
         ------
@@ -109,16 +109,16 @@ class ImuReader(Reader):
         )
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The counts and times in the file, unchanged."""
+        """Yield the counts and times in the file, unchanged."""
         kind: RecordType = layout.state
         return record_chunks(path, kind.dtype, 0, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for blocks of records, because reading can begin at any record."""
+        """Return marks for blocks of records; a file can be read from any record."""
         return record_marks(path, layout.state.dtype)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The records from a mark on."""
+        """Yield the records from a mark on."""
         return record_chunks(path, layout.state.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
@@ -137,7 +137,8 @@ for _type in TYPES:
 def record_channels(
     units: tuple[str, str], scales: tuple[float, float], increments: tuple[bool, bool] = (True, True)
 ) -> tuple[Channel, ...]:
-    """The columns of a record: time in s, and gyroscopes and accelerometers with their units, scales and increments."""
+    """Return the columns of a record: time in s, and gyroscopes and accelerometers with units, scales and
+    increments."""
     sensors = zip(("gyro", "accel"), units, scales, increments, strict=True)
     found = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
     axes = (
@@ -149,7 +150,7 @@ def record_channels(
 
 
 def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
-    """Number of records after the header.
+    """Return the number of records after the header.
 
     Raises
     ------
@@ -202,7 +203,7 @@ def require_times(
 
 
 def record_marks(path: Path, dtype: np.dtype[Any], offset: int = 0) -> tuple[Mark, ...]:
-    """Marks for the blocks of records after a header, and one at the end."""
+    """Return a mark for each block of records after a header, and one for the end."""
     records = whole_records(path, dtype, offset)
     return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
 
@@ -210,7 +211,7 @@ def record_marks(path: Path, dtype: np.dtype[Any], offset: int = 0) -> tuple[Mar
 def record_chunks(
     path: Path, dtype: np.dtype[Any], offset: int, wanted: Sequence[int], first: int = 0
 ) -> Iterator[Rows]:
-    """Give blocks of records from the record `first` on, each field as float64."""
+    """Yield blocks of records from the record `first` on, each field as float64."""
     names = dtype.names or ()
     with path.open("rb") as file:
         file.seek(offset + first * dtype.itemsize)
@@ -219,7 +220,7 @@ def record_chunks(
 
 
 def _layout(path: Path, kind: RecordType, name: str) -> Layout:
-    """The layout of records of one type, with a warning if the accelerometers do not show gravity."""
+    """Return the layout of records of one type, with a warning if the accelerometers do not show gravity."""
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     others = [other for other in _fitting(head) if other.dtype != kind.dtype]
@@ -244,12 +245,12 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
 
 
 def _formats(kinds: Sequence[RecordType]) -> tuple[str, ...]:
-    """Values of the `format` option for some types."""
+    """Return the values of the `format` option for some types."""
     return tuple(kind.format for kind in kinds)
 
 
 def _fitting(head: bytes) -> list[RecordType]:
-    """The types whose records have plausible times."""
+    """Return the types whose records have plausible times."""
     return [kind for kind in TYPES if len(head) >= kind.dtype.itemsize and _plausible(_times(head, kind))]
 
 
@@ -262,7 +263,7 @@ def _times(head: bytes, kind: RecordType) -> Vector:
 
 
 def _plausible(times: NDArray[Any]) -> bool:
-    """Whether numbers can be the time stamps of a recording (s)."""
+    """Return whether numbers can be the time stamps of a recording (s)."""
     with np.errstate(all="ignore"):
         if not times.size or not np.all(np.abs(times) < _LATEST):
             return False
@@ -272,7 +273,7 @@ def _plausible(times: NDArray[Any]) -> bool:
 
 
 def _gravity(head: bytes, kind: RecordType) -> float:
-    """Norm of the mean specific force (m/s²) in the first records, read as this type."""
+    """Return the norm of the mean specific force (m/s²) in the first records, read as this type."""
     times = _times(head, kind)
     rate = 1 / float(np.median(np.diff(times))) if times.size > 1 else np.nan
     means = [float(np.mean(_column(head, kind.dtype, axis))) for axis in AXES[3:]]
@@ -280,5 +281,5 @@ def _gravity(head: bytes, kind: RecordType) -> float:
 
 
 def _heavy(head: bytes, kind: RecordType) -> bool:
-    """Whether the accelerometers show gravity if the records are of this type; true for a single record."""
+    """Return whether the accelerometers show gravity if the records are of this type; True for a single record."""
     return not abs(_gravity(head, kind) / STANDARD_GRAVITY - 1) > _NEAR_GRAVITY

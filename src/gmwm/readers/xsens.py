@@ -42,12 +42,12 @@ class XsensReader(TextReader):
     extensions: ClassVar[tuple[str, ...]] = (".txt", ".csv")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.9 for comments with // above a header with PacketCounter and an inertial column."""
+        """Return 0.9 for comments with // above a header with PacketCounter and an inertial column."""
         known = re.search(rb"(?m)^PacketCounter\b.*\b(Acc_X|Gyr_X|VelInc_X|OriInc_q1)\b", head)
         return 0.9 if known and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns by Xsens' names."""
+        """Return the columns, which Xsens' names determine."""
         found = super().layout(source)
         dialect: Dialect = found.state
         names = {channel.name for channel in found.channels}
@@ -73,14 +73,15 @@ class XsensReader(TextReader):
         return replace(found, channels=tuple(channels), remarks=tuple(remarks))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Marks for the blocks; none if PacketCounter gives the time, whose wraps are counted from the first row."""
+        """Return marks for the blocks; none if PacketCounter is the time, because its wraps are counted from the first
+        row."""
         counted = any(c.name == "PacketCounter" and c.axis == "time" for c in layout.channels)
         return () if counted else super().marks(path, layout)
 
     def rows(
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
     ) -> Iterator[Rows]:
-        """The numbers, with SampleTimeFine in microseconds and PacketCounter in seconds."""
+        """Yield the numbers, with SampleTimeFine in microseconds and PacketCounter in seconds."""
         names = {k: layout.channels[k].name for k in wanted}
         last = packets = None
         for chunk in super().rows(source, layout, wanted, place):
@@ -99,7 +100,8 @@ class XsensReader(TextReader):
 
     @staticmethod
     def _time(found: Layout, dialect: Dialect) -> str:
-        """The time column: SampleTimeFine, or PacketCounter if SampleTimeFine is empty; "" if there is neither."""
+        """Return the time column: SampleTimeFine, or PacketCounter if SampleTimeFine is empty; "" if there is
+        neither."""
         names = [channel.name for channel in found.channels]
         if "SampleTimeFine" in names and dialect.integers[names.index("SampleTimeFine")]:
             return "SampleTimeFine"

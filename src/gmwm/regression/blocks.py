@@ -166,7 +166,8 @@ class Clock:
         return out
 
     def _usual_spread(self, values: Vector) -> float:
-        """Standard deviation of a sample in its block: the median over the blocks of one piece in eight."""
+        """Return the median standard deviation of the samples within a block, over the blocks of every eighth piece of
+        the recording."""
         found = []
         for first, last, place in self.places()[::8]:
             part = values[first + min((-place) % self.length, last - first) : last]

@@ -54,7 +54,7 @@ first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
 MOST_FREE = 1
 """Number of lines, the strongest ones, whose power is fitted; others have the power that the spectrum shows."""
 FILTERED = 3.0
-"""Correlation time (samples) up to which a Gauss-Markov term stands for the sensor's low-pass filter. A filter is not
+"""Correlation time (samples) up to which a Gauss-Markov term describes the sensor's low-pass filter. A filter is not
 exactly of this form, and N is then wrong by 0.5 % while the test accepts the model (docs/validation/sensors.md)."""
 MEMORY = 2000.0
 """Correlation time (samples) of an AR(2) beyond which it is a line and not a shape at high frequencies."""
@@ -177,7 +177,7 @@ def _accepted(ranking: Ranking) -> bool:
 
 
 def _filtered(fit: Fit) -> bool:
-    """Whether a term has a memory so short that it stands for the sensor's low-pass filter."""
+    """Return whether a term has such a short correlation time that it describes the sensor's low-pass filter."""
     rate = fit.wavelet_variance.rate
     times = [process.correlation_time(rate) for process in fit.model.processes if process.scale > 0]
     return any(time is not None and 0 < time * rate <= FILTERED for time in times)

@@ -57,7 +57,7 @@ class Phase:
 
     @property
     def intervals(self) -> int:
-        """Length of the record in samples of the rate."""
+        """Number of sampling intervals of the record: one less than the number of phase values."""
         return int(self.values.size) - 1
 
 
@@ -207,5 +207,6 @@ def mean_squares(
 
 
 def inner_product(a: Vector, b: Vector) -> float:
-    """Compute Σ a_i b_i in this thread: BLAS threads wait for each other, ten times as long on a busy machine."""
+    """Compute Σ a_i b_i without BLAS, whose threads wait for each other: on a busy machine this takes ten times as
+    long."""
     return float(np.einsum("i,i->", a, b))

@@ -120,11 +120,13 @@ def _bias(alphas: NDArray[np.int64]) -> Vector:
 def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int64], points: int) -> Vector:
     """Equivalent degrees of freedom of the total variance, at least 1.
 
-    For rate noise they are b T/τ − c (Howe and Greenhall). This holds for many samples per cluster. For few samples, it
-    is reduced by the same factor as the degrees of freedom of the overlapping Allan variance. For white PM they are, to
-    leading orders in τ/T, 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N), r = T/τ, where the first term comes from the
-    end values (derived for gmwm). For flicker PM they are those of the overlapping Allan variance up to τ = T/4, and
-    proportional to T/τ beyond (simulations).
+    For white, flicker and random-walk noise of the rate: b T/τ − c, with b and c from Howe and Greenhall, which holds
+    for many samples per cluster. With few samples per cluster, this value is reduced by the same factor as the degrees
+    of freedom of the overlapping Allan variance.
+
+    For white PM: 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N) to leading orders in τ/T, with r = T/τ, where the first
+    term comes from the end values (derived for gmwm). For flicker PM: the degrees of freedom of the overlapping Allan
+    variance up to τ = T/4, and proportional to T/τ beyond (simulations).
     """
     intervals = points - 1
     r = intervals / clusters

@@ -61,7 +61,9 @@ class ThinnedValues:
         return ThinnedValues(own, first, values)
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
-        """Prepare the estimate of the mean rise of the whole record from which these values were drawn."""
+        """Return the accumulator for the second pass: the mean rise of the whole record. Values are clipped at limits
+        from the median and the spread of the kept values. `start` is the index of the first sample, `lengths` the
+        lengths of the segments."""
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
         sizes = np.array(lengths, dtype=np.float64)
