@@ -39,12 +39,13 @@ from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
 _RESTLESS = 4.0
-"""Standard deviation of a window over the median of all windows that means motion (tests/test_inspection.py)."""
+"""Ratio of the standard deviation of a window to the median over all windows above which the sensor moved
+(tests/test_inspection.py)."""
 _TURN = 0.1
-"""Turn of gravity (degrees) above which there is a remark (tests/test_inspection.py): the effect of a bias of 1.7
-mg."""
+"""Change of the direction of gravity (degrees) above which there is a remark (tests/test_inspection.py): the effect of
+a bias of 1.7 mg."""
 _UNEXPLAINED = 5.0
-"""Standard errors of the turn of gravity that noise does not reach (tests/test_inspection.py)."""
+"""Change of the direction of gravity, in standard errors, above which it is not noise (tests/test_inspection.py)."""
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -273,7 +274,7 @@ class RecordingStatistics:
 
 
 def _noise(axis: str, one: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:
-    """Block means of an axis without the effect of the conditions."""
+    """Return block means of an axis without the effect of the conditions."""
     if conditions.applied(axis) is None:
         return one.means()
     length = one.length
@@ -286,7 +287,8 @@ def _noise(axis: str, one: AxisStatistics, conditions: Conditions) -> list[tuple
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int
 ) -> tuple[float | None, float | None, float]:
-    """Norm of the mean specific force (m/s²), its largest turn between windows and the turn that noise causes (°)."""
+    """Return the norm of the mean specific force (m/s²), its largest change of direction between windows (°), and the
+    change that noise alone causes (°)."""
     names = ("accel_x", "accel_y", "accel_z")
     if any(axis not in statistics for axis in names):
         return None, None, 0.0
@@ -303,7 +305,8 @@ def _gravity(
 
 
 def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
-    """The window with the largest standard deviation without knocks: begin and length (s), and ratio to the median."""
+    """Return the window with the largest standard deviation without knocks: begin and length (s), and ratio to the
+    median."""
     spreads = np.sqrt(one.calm.variances())
     usual, worst = float(np.median(spreads)), int(np.argmax(spreads))
     if usual > 0 and spreads[worst] > _RESTLESS * usual:

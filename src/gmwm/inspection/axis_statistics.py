@@ -9,7 +9,8 @@ from gmwm.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, level_lengt
 from gmwm.inspection.time_grid import Extent
 
 _RUN = 256
-"""Samples of a run in which the mean hardly changes, for the noise before rounding (tests/test_rounding.py)."""
+"""Number of consecutive samples in which the mean hardly changes, for an estimate of the noise before rounding
+(tests/test_rounding.py)."""
 _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory and speed only
 
 
@@ -43,7 +44,7 @@ class AxisStatistics:
         self._unaveraged = np.empty(0)  # as `_unlevelled`, with NaN for outliers
 
     def update(self, values: Vector) -> None:
-        """Add the next samples, which may span several ranges."""
+        """Add the next samples. They may extend over several ranges without gaps."""
         while values.size:
             _, last = self._extent.joined[self._segment]
             rest = last - self._row - self._waiting.size
@@ -62,15 +63,16 @@ class AxisStatistics:
         return np.concatenate(index), np.concatenate(size)
 
     def levels(self) -> list[tuple[int, Vector]]:
-        """First sample and block medians of each range that has at least five blocks."""
+        """Return the first sample and the block medians of each range that has at least five blocks."""
         return [(first, np.concatenate(medians)) for first, medians in self._levels]
 
     def means(self) -> list[tuple[int, Vector]]:
-        """First sample and block means without outliers of each range that has at least five blocks."""
+        """Return the first sample and the block means, without outliers, of each range that has at least five
+        blocks."""
         return [(first, np.concatenate(means)) for first, means in self._means]
 
     def runs(self) -> list[Vector]:
-        """The first consecutive samples of each window, without outliers."""
+        """Return the first consecutive samples of each window, without outliers."""
         return [np.concatenate(run) for run in self._runs if run]
 
     def _gather(self, part: Vector, ends: bool) -> None:
@@ -118,7 +120,7 @@ class AxisStatistics:
         return np.concatenate(index), np.concatenate(sizes)
 
     def _count(self, slab: Vector, outliers: Indices, first: int) -> None:
-        """Add to the moments of the axis and of its windows."""
+        """Update the moments of the axis and of its windows."""
         begin = self._row
         carried = begin > first
         steps = np.diff(slab, prepend=self._tail[-1:]) if carried else np.diff(slab)
@@ -141,7 +143,7 @@ class AxisStatistics:
             self.steps.add_squares(k, steps[max(own - shift, 0) : high - shift])
 
     def _level(self, slab: Vector, outliers: Indices, first: int) -> None:
-        """Add to the medians of the blocks, and to their means without outliers."""
+        """Append the medians of the blocks, and their means without outliers."""
         if not self._levels or self._levels[-1][0] != first:
             self._levels.append((first, []))
             self._means.append((first, []))
@@ -159,7 +161,7 @@ class AxisStatistics:
 
 
 def _means(blocks: Vector, medians: Vector) -> Vector:
-    """Means of blocks whose outliers are NaN; the median of a block that has outliers only."""
+    """Return the means of blocks whose outliers are NaN; for a block with outliers only, its median."""
     means = np.mean(blocks, axis=1)
     for k in np.flatnonzero(np.isnan(means)):
         kept = blocks[k][~np.isnan(blocks[k])]

@@ -20,28 +20,31 @@ if TYPE_CHECKING:
     from gmwm.regression.result import Regression
 
 MOVED = 1.0
-"""Turn of gravity (degrees) that means motion: an accelerometer bias of 17 mg has the same effect."""
+"""Change of the direction of gravity (degrees) that means motion: an accelerometer bias of 17 mg has the same
+effect."""
 
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
 _OFF = 0.02
-"""Relative error of gravity beyond the bias of a good accelerometer (tests/test_inspection.py)."""
+"""Relative error of gravity above which there is a remark: it exceeds the bias of a good accelerometer
+(tests/test_inspection.py)."""
 _WRONG = 0.05
-"""Relative error of gravity that no bias explains, so that the unit is doubtful (tests/test_inspection.py)."""
+"""Relative error of gravity that no bias explains, so the unit may be wrong (tests/test_inspection.py)."""
 _JITTER = 0.1
 """Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
 (tests/test_inspection.py)."""
 _LATE = 0.5
-"""Share of the recording that a warm-up may take, so that the rest is worth a calibration (docs/howto/record.md)."""
+"""Largest share of the recording that a warm-up may take for the rest to be worth a calibration
+(docs/howto/record.md)."""
 AFFECTED = ("B", "K", "R")
 """Symbols of the numbers that are read at long scales, where a trend looks like noise."""
 ALL = ("N", "B", "K", "Q", "q_c")
 """Symbols of the numbers that rounding affects: all noise densities."""
 _COARSE = 2.0
-"""Quantization steps in standard deviations of the noise up to which the rounding error is white noise of variance
+"""Quantization step, in standard deviations of the noise, up to which the rounding error is white noise of variance
 step²/12: N of the output is then known to 2 % and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
 _ROUNDED = 0.7
-"""Quantization steps in standard deviations of the noise from which on rounding adds 2 % to N: step²/24σ²."""
+"""Quantization step, in standard deviations of the noise, from which rounding adds at least 2 % to N: step²/24σ²."""
 
 
 def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
@@ -132,7 +135,7 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
 
 
 def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
-    """Remarks on the axes that follow the temperature or other conditions, and on those that do not.
+    """Yield remarks on the axes that depend on the temperature or other conditions, and on the axes that do not.
 
     Parameters
     ----------
@@ -150,7 +153,7 @@ def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Rem
 
 
 def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
-    """The remark on an effect that is removed.
+    """Make the remark on an effect that is removed.
 
     Parameters
     ----------
@@ -169,13 +172,14 @@ def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
 
 
 def covariates_text(found: Regression) -> str:
-    """The covariates of a regression in words."""
+    """Name the covariates of a regression for a sentence."""
     words = {"temperature": "the temperature", "time": "a trend in time", "warmup": "a warm-up"}
     return " and ".join(words.get(term.name, term.name) for term in found.terms)
 
 
 def effect_text(found: Regression) -> str:
-    """The first coefficient with half its 95 % interval, in the unit of a datasheet: "0.0123 ± 0.0009 (deg/s)/°C"."""
+    """Format the first coefficient with half its 95 % interval, in the unit of a datasheet: "0.0123 ± 0.0009
+    (deg/s)/°C"."""
     column = found.columns[0]
     one = found[column.name]
     half = (one.interval()[1] - one.interval()[0]) / 2
@@ -188,7 +192,7 @@ def effect_text(found: Regression) -> str:
 
 
 def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
-    """A noise coefficient in SI as a datasheet prints it; `time_power` is the power of the second beside the unit.
+    """Convert a noise coefficient in SI to the unit of a datasheet; `time_power` is the power of seconds in its unit.
 
     >>> in_datasheet_units(1e-3, 0.0, "rad/s")
     Quantity(value=206.26480624709637, unit='deg/h')
@@ -210,7 +214,7 @@ def round_up(seconds: float) -> float:
 
 
 def of_gravity(gravity: float | None) -> Iterator[Remark]:
-    """Remarks on the size of gravity (m/s²)."""
+    """Yield remarks on the size of gravity (m/s²)."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
     if gravity is not None and abs(error) > _OFF:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
@@ -221,7 +225,7 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
 
 
 def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Remark]:
-    """Remarks on quantization, at a sampling rate (Hz)."""
+    """Yield remarks on quantization, at a sampling rate (Hz)."""
     for name, axis in axes.items():
         if axis.lsb is None or axis.before_rounding is None:
             continue
@@ -235,13 +239,13 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
 
 
 def _as_printed(value: float, unit: str) -> Quantity:
-    """A value of a sensor in the unit of its range."""
+    """Convert a value of a sensor to the unit that is usual for its range."""
     name = {"rad/s": "deg/s", "m/s²": "mg"}.get(unit)
     return Quantity(value, unit) if name is None else Quantity(value * datasheet_units(unit)[name], name)
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Remarks on gyroscopes whose noise makes the unit doubtful: deg/s read as rad/s is 57 times the noise.
+    """Yield remarks on gyroscopes whose noise makes the unit doubtful: deg/s read as rad/s gives 57 times the noise.
 
     Parameters
     ----------

@@ -12,23 +12,25 @@ from gmwm._arrays import Vector
 from gmwm.inspection.time_grid import Extent
 
 BLOCK = 1000
-"""Samples of a local median: longer than a knock, shorter than a drift (tests/test_inspection.py)."""
+"""Number of samples of a local median: longer than a knock, shorter than a drift (tests/test_inspection.py)."""
 FEWEST = 64
-"""Samples that a segment needs for a local standard deviation: its relative error is then 1/√128, or 9 %."""
+"""Smallest number of samples of a segment for a local standard deviation: its relative error is then 1/√128, or 9 %."""
 _KNOCK = 8.0
-"""Local standard deviations of an outlier: Gaussian noise exceeds them once in 10¹⁵ samples."""
+"""Distance of an outlier from the local median, in local standard deviations: Gaussian noise exceeds it once in 10¹⁵
+samples."""
 _BURST = 1.0
 """Longest time (s) between outliers of the same knock (tests/test_inspection.py)."""
 _LEVELS = 256
-"""Number of blocks whose medians are compared for jumps (tests/test_inspection.py, as the next four)."""
+"""Number of blocks whose medians are compared for jumps (tests/test_inspection.py, as for the next four constants)."""
 _SHORTEST = 100
-"""Fewest samples of such a block."""
+"""Smallest number of samples of such a block."""
 _DIFFERENCES = 32
-"""Fewest differences between block medians from which their usual size is estimated."""
+"""Smallest number of differences between block medians from which their usual size is estimated."""
 _STEP = 8.0
-"""Standard deviations of these differences that a jump exceeds."""
+"""Smallest size of a jump, in standard deviations of these differences."""
 _ISOLATED = 4.0
-"""Ratio of a jump and the changes beside it. For a ramp, the change over two blocks is twice the change over one."""
+"""Smallest ratio of a jump to the changes beside it. For a ramp, the change over two blocks is twice the change over
+one."""
 
 Indices = NDArray[np.int64]
 Outliers = tuple[Indices, Vector]
@@ -193,6 +195,6 @@ def steps_of(
 
 
 def _corner(values: Vector, before: float, after: float) -> int:
-    """Index of the first sample after the jump; each sample votes for the mean that it is nearer to."""
+    """Return the index of the first sample after the jump; each sample votes for the mean that it is nearer to."""
     votes = np.where(np.abs(values - before) < np.abs(values - after), 1, -1)
     return min(int(np.argmax(np.concatenate([[0], np.cumsum(votes)]))), values.size - 1)

@@ -130,7 +130,7 @@ REST: Mapping[Dialect, str] = {
     Dialect.SHELL: "--all-remarks",
     Dialect.HTML: "",
 }
-"""How to see the remarks that the text does not show."""
+"""Where to find the remarks that the text does not contain."""
 
 
 def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
@@ -184,7 +184,7 @@ def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = 
 
 
 def _trend_line(trend: Trend, unit: str) -> str:
-    """One line about a trend."""
+    """Write one line about a trend."""
     if trend.kind != "exponential" or trend.tau is None:
         return f"{trend.kind} trend of {trend.axis}: {-trend.size:+.3g} {unit} from the beginning to the end"
     size = f"{trend.size:+.3g} {unit} at first, time constant {duration_text(trend.tau)}"

@@ -45,13 +45,14 @@ class Extent:
     def of(
         cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, *, gaps_known: bool = True
     ) -> Extent:
-        """Extent of segments whose start times are known on any clock; the first sample is at the time `left` (s)."""
+        """Make the extent of segments whose start times are known on any clock; the first sample is at the time `left`
+        (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
 
     @cached_property
     def joined(self) -> tuple[Range, ...]:
-        """Index ranges without a gap that cannot be filled. Mean values and outliers do not depend on shorter gaps."""
+        """Index ranges that contain no gap too long to fill. Mean values and outliers do not depend on shorter gaps."""
         return joined_ranges(self.rate, self.segments, self.starts) if self.gaps_known else self.segments
 
     @property
@@ -69,7 +70,7 @@ class Extent:
         return self.segments[-1][1]
 
     def times(self, indices: ArrayLike) -> Vector:
-        """Times (s) of the samples with these indices, as `skip` of `read` counts them."""
+        """Return the times (s) of the samples with these indices, on the time axis of the option `skip` of `read`."""
         return times_of(indices, self.rate, self.segments, self.starts)
 
     def windows(self) -> list[Range]:

@@ -1,4 +1,4 @@
-"""Trends: a mean that follows a smooth course, such as a warm-up, and not only noise."""
+"""Trends: a mean that follows a smooth function of time, such as a warm-up, in addition to noise."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gmwm.inspection.wander import Likelihood, Profile
 Kind = Literal["exponential", "linear", "quadratic"]
 
 _FEWEST = 48
-"""Fewest blocks that are tested; tests/test_inspection_trends.py has the false alarms at 70 and 256 blocks."""
+"""Smallest number of blocks for the test; tests/test_inspection_trends.py has the false alarms at 70 and 256 blocks."""
 _TIMES = 18
 """Number of time constants on the first grid; a second grid refines the best one."""
 _FIRST_STEP = 3
@@ -25,17 +25,18 @@ _FIRST_STEP = 3
 _SIZE = 0.01
 """Level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
-"""The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) for the noise that imitates trends most often, a
-random walk of moderate size (docs/validation/trends.md)."""
+"""Upper tail of the statistic for a random walk of moderate size, the noise that is most often mistaken for a trend: it
+exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) (docs/validation/trends.md)."""
 _EXTRA = 2.0
-"""Gain of −2 log L by chance from a second parameter: twice its number of parameters, as in Akaike's criterion."""
+"""Gain of −2 log L by chance from a second parameter: twice the number of additional parameters, as in Akaike's
+criterion."""
 _VISIBLE = 1.0
-"""Square of the number of standard errors of the noise below which the rest of a trend does not matter."""
+"""Square of a number of standard errors of the noise. A remaining trend below this size does not matter."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trend:
-    """A smooth course of the mean of an axis.
+    """A smooth function of time in the mean of an axis.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ class Trend:
 
     @property
     def settles(self) -> bool:
-        """Whether it is a warm-up: an exponential that falls by at least a factor e in the recording."""
+        """Whether the trend is a warm-up: an exponential that falls by at least a factor e in the recording."""
         return self.until is not None
 
 
@@ -133,7 +134,7 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
 
 
 def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[float, Vector]:
-    """Start (s) and means of the longest part of the recording whose gaps are shorter than a block."""
+    """Return start (s) and block means of the longest part of the recording whose gaps are shorter than a block."""
     parts: list[tuple[float, list[Vector]]] = []
     ends = -math.inf
     last_of = dict(extent.joined)
@@ -205,12 +206,13 @@ class TrendTest:
         self.pvalue = min(1.0, 0.1 * math.exp(-_TAIL[1] * (self.statistic - _TAIL[0])))
 
     def size(self) -> float:
-        """The coefficient of the exponential, or the first value of the line or parabola minus its last one."""
+        """Return the coefficient of the exponential, or the first value of the line or parabola minus the last one."""
         course = self._course()
         return float(course[0] - course[-1]) if self.kind != "exponential" else self._size
 
     def walks(self) -> tuple[float, float, float]:
-        """γ² of a block beside the trend, its 95 % upper limit, and γ² if the trend is taken for noise."""
+        """Return γ² of a block in addition to the trend, its 95 % upper limit, and γ² if the trend is treated as
+        noise."""
         likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
@@ -220,7 +222,8 @@ class TrendTest:
         return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
     def until(self) -> float | None:
-        """Time after which the rest of a warm-up is below a standard error; None if the trend is not a warm-up."""
+        """Return the time after which the rest of a warm-up is below a standard error; None if the trend is not a
+        warm-up."""
         n, profile = self._means.size, self._profile()
         if self.kind != "exponential" or self.tau > n:
             return None
@@ -240,7 +243,7 @@ class TrendTest:
         return self._likelihood.coefficient(int(np.argmin(self._exponential.values)), self._decay)
 
     def _course(self) -> Vector:
-        """The trend at the blocks, up to a constant."""
+        """Return the trend at the blocks, up to a constant."""
         n, likelihood = self._means.size, self._likelihood
         at = np.arange(n) + 0.5
         if self.kind == "exponential":
@@ -253,12 +256,12 @@ class TrendTest:
         return np.asarray(line * at / n + curve * (at / n) ** 2)
 
     def _decays(self, times: Vector) -> tuple[Profile, Matrix]:
-        """The profiles of exponentials, and their transformed courses."""
+        """Return the profile likelihood of exponentials, and their transformed courses."""
         at = np.arange(self._means.size) + 0.5
         courses = self._likelihood.transformed(np.exp(-at / times[:, None]))
         return self._likelihood.with_one(courses), courses
 
 
 def _best(profile: Profile) -> int:
-    """The course with the largest likelihood."""
+    """Return the index of the course with the largest likelihood."""
     return int(np.argmin(np.min(profile.values, axis=0)))

@@ -1,4 +1,4 @@
-"""Likelihood of block means that wander: white noise, a random walk and a Gauss-Markov process, and a known course.
+"""Likelihood of block means that consist of white noise, a random walk, a Gauss-Markov process and a course.
 
 The differences d of n block means of white noise or of a random walk have a tridiagonal Toeplitz covariance. The sine
 transform z_k = √(2/n) Σ d_i sin(πki/n) makes them independent, with variances
@@ -23,17 +23,20 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector
 
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
-"""Ratios γ²/σ². The smallest is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest hides white noise."""
+"""Ratios γ²/σ². The smallest has no visible effect in 1000 blocks, whose lowest θ² is 1e-5; the largest hides white
+noise."""
 _TIMES = (1.5, 5.0, 16.0)
-"""Correlation times of the Gauss-Markov process, in blocks. Longer ones than a tenth of the recording act as a walk."""
+"""Correlation times of the Gauss-Markov process, in blocks. Above a tenth of the recording, it is close to a random
+walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
-"""Spectral density of the Gauss-Markov process at low frequency over that of the white noise."""
+"""Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
 _FINER = np.geomspace(0.67, 1.5, 17)
-"""Steps between two neighbours of `_WALKS`, whose ratio is 1.48, for the walk of the final model."""
+"""Factors for a finer search between two neighbours of `_WALKS`, whose ratio is 1.48, for the random walk of the final
+model."""
 _LIMIT = 3.841
-"""Rise of −2 log L at the upper limit of a walk: the 95 % quantile of χ² with one degree of freedom. The 90 % quantile,
-which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings, because a
-Gauss-Markov process can take the place of a walk (docs/validation/trends.md has the coverage)."""
+"""Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
+quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
+because a Gauss-Markov process can replace a random walk (docs/validation/trends.md has the coverage)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,7 @@ class Grid:
 
 @lru_cache(maxsize=4)
 def grid_of(blocks: int) -> Grid:
-    """The grid for a number of block means."""
+    """Return the grid for a number of block means."""
     k = np.arange(1, blocks)
     transform = np.sqrt(2 / blocks) * np.sin(np.pi * np.outer(k, k) / blocks)
     theta = np.pi * k / blocks
@@ -89,7 +92,8 @@ def grid_of(blocks: int) -> Grid:
 
 
 def _markov(transform: Matrix, time: float) -> Vector:
-    """Variances that a Gauss-Markov process of variance 1 adds: the diagonal of its transformed covariance."""
+    """Return the variances that a Gauss-Markov process of variance 1 adds: the diagonal of its transformed
+    covariance."""
     lags, decay = np.arange(len(transform) + 2), np.exp(-1 / time)
     means = (time * (1 - decay)) ** 2 * np.exp(-np.maximum(lags - 1, 0) / time)  # autocovariance of block means
     means[0] = 2 * time**2 * (1 / time - 1 + decay)
@@ -100,7 +104,8 @@ def _markov(transform: Matrix, time: float) -> Vector:
 
 
 def _crossing(walks: Vector, excess: Vector) -> float:
-    """The largest walk at which an excess becomes positive, between neighbours on the grid of ratios."""
+    """Return the largest γ² at which `excess` becomes positive, interpolated between neighbours on the grid of
+    ratios."""
     inside = excess <= 0
     largest = float(np.max(walks[inside]))
     # The walk grows from model to model, and begins at zero again for the next Gauss-Markov process.
@@ -128,7 +133,7 @@ class Profile:
 
 
 class Likelihood:
-    """The likelihood of n block means.
+    """The likelihood of n block means. A course is a known function of time with an unknown coefficient.
 
     Parameters
     ----------
@@ -142,11 +147,11 @@ class Likelihood:
         self._flat = self.grid.weights @ self.z**2
 
     def transformed(self, courses: Matrix) -> Matrix:
-        """Transform the differences of courses (C, n), one in each row."""
+        """Transform the differences of courses (C, n), one course in each row."""
         return np.asarray(np.diff(courses, axis=1) @ self.grid.transform)
 
     def without(self) -> Profile:
-        """The profile without a course."""
+        """Return the profile likelihood without a course."""
         return self._profile(self._flat[:, None])
 
     def with_one(self, courses: Matrix) -> Profile:
@@ -156,7 +161,7 @@ class Likelihood:
         return self._profile(self._flat[:, None] - cross**2 / own)
 
     def with_two(self, first: Vector, second: Vector) -> Profile:
-        """The profile with two transformed courses together."""
+        """Return the profile likelihood with two transformed courses together."""
         weights, z = self.grid.weights, self.z
         a, b, c = weights @ first**2, weights @ (first * second), weights @ second**2
         u, v = weights @ (first * z), weights @ (second * z)
@@ -175,7 +180,8 @@ class Likelihood:
         return float(np.min(self._minus2(self._flat[models] - np.max(taken, axis=1), self.grid.logs[models])))
 
     def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
-        """The variance γ² of a step of the walk beside courses, and its one-sided 95 % upper limit.
+        """Return the variance γ² of a step of the random walk in addition to courses, and its one-sided 95 % upper
+        limit.
 
         The likelihood is the restricted one (REML), without the low frequencies that the courses explain: with them,
         a walk would be too small.
@@ -201,7 +207,7 @@ class Likelihood:
         return found, max(limit, found)
 
     def _restricted(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
-        """−2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
+        """Return −2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
         squares, free = weights @ self.z**2, self.z.size - len(courses)
         if len(courses):
             gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
@@ -212,7 +218,7 @@ class Likelihood:
         return free * np.log(squares) + logs, squares / free
 
     def coefficient(self, model: int, course: Vector) -> float:
-        """The coefficient of a transformed course for one noise model."""
+        """Return the coefficient of a transformed course for one noise model."""
         weights = self.grid.weights[model]
         return float(weights @ (course * self.z) / (weights @ course**2))
 

@@ -1,4 +1,4 @@
-"""Regression on conditions inside the likelihood: generalised least squares with the covariance of the fitted model.
+"""Regression on conditions in the likelihood: generalised least squares with the covariance of the fitted model.
 
 The coefficients have a flat distribution and are integrated out, as the level of the recording is. The likelihood of
 the noise is then the restricted one (REML), which accounts for the degrees of freedom that the columns take.
@@ -22,7 +22,7 @@ from gmwm.regression.result import Regression
 from gmwm.signals import Signal
 
 _STEP = 0.05
-"""Step of a coordinate for the derivative of a standard error, which decides its degrees of freedom only."""
+"""Step of a coordinate for the derivative of a standard error, which is used only for its degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,8 @@ class Regressed:
         return cls(signal, covariates, first, record)
 
     def regression(self, problem: Problem, found: Maximum) -> Regression:
-        """The coefficients at a maximum of the likelihood, with the degrees of freedom of their standard errors."""
+        """Return the coefficients at a maximum of the likelihood, with the degrees of freedom of their standard
+        errors."""
         estimates, covariance = self._at(problem, found.z)
         relative = np.zeros((len(estimates) + 1, len(found.active)))
         inverse = np.linalg.inv(covariance)
@@ -87,7 +88,7 @@ class Regressed:
         )  # fmt: skip
 
     def _at(self, problem: Problem, z: Vector) -> tuple[Vector, np.ndarray]:
-        """Coefficients (p,) and their covariance (p, p) at coordinates."""
+        """Return the coefficients (p,) and their covariance (p, p) at coordinates."""
         level = problem.value(problem.at_point(z))[1]
         own, scales = slice(len(level.values) - len(self.first), None), self.record.scales
         return level.values[own] / scales, level.covariance[own, own] / np.outer(scales, scales)

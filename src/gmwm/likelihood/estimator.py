@@ -194,7 +194,7 @@ def _started(
     start: Fit | LikelihoodFit | Model | str | None,
     regressed: Regressed | None = None,
 ) -> Model:
-    """The model with starting values."""
+    """Return the model with starting values."""
     if regressed is not None:
         record = record.without(regressed.first.estimates)
     if start is None:
@@ -272,7 +272,7 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
 def _remarks(
     model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: Problem
 ) -> Iterator[Remark]:
-    """Remarks about each term and about the search."""
+    """Yield remarks about each term and about the search."""
     axis = problem.record.axis
     for term, name in acts_as.items():
         yield Remark.of("acts-as", axis, term=term, process=name, known="no")
@@ -292,7 +292,7 @@ def _renamed(name: str, terms: dict[str, str]) -> str:
 
 
 def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
-    """The mean of the recording and its standard error, or None if it is known or is the level of a random walk.
+    """Return the mean of the recording and its standard error; None if it is known, or is the level of a random walk.
 
     If the random walk is estimated as zero, its level is the mean.
     """
@@ -306,7 +306,7 @@ def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, f
 
 
 def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
-    """Terms whose shape parameter is at an end of its domain, and the process that they act as."""
+    """Return the terms whose shape parameter is at an end of its domain, and the process that each acts as there."""
     out = {}
     for k in found.at_end:
         coordinate = problem.coordinates[k]
@@ -323,7 +323,7 @@ def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, s
 
 
 def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> tuple[list[str], Matrix]:
-    """Names and covariance of the parameters that are estimated inside their domains."""
+    """Return names and covariance of the parameters that are estimated inside their domains."""
     active = list(found.active)
     turned = jacobian(problem, best)
     names, rows = [], []
@@ -358,12 +358,12 @@ def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> 
 
 
 def _same(found: Maximum, active: list[int]) -> bool:
-    """Whether the last evaluation has derivatives with respect to exactly these coordinates."""
+    """Return whether the last evaluation has derivatives with respect to exactly these coordinates."""
     return len(found.evaluation.gradient) == len(active) and not found.at_end
 
 
 def inverted(information: Matrix) -> Matrix:
-    """The inverse of the information matrix; infinite for coordinates in directions without information."""
+    """Invert the information matrix; the inverse is infinite for coordinates in directions without information."""
     size = np.sqrt(np.diag(information))
     known = size > 0
     size = np.where(known, size, 1.0)
@@ -376,7 +376,7 @@ def inverted(information: Matrix) -> Matrix:
 
 
 def jacobian(problem: Problem, model: Model) -> dict[str, Vector]:
-    """Derivatives ∂θ/∂z (q,) of each parameter by the coordinates, by name of the parameter."""
+    """Derivatives ∂θ/∂z (q,) of each parameter with respect to the coordinates, by name of the parameter."""
     out: dict[str, Vector] = {}
     q = len(problem.coordinates)
     for k, coordinate in enumerate(problem.coordinates):

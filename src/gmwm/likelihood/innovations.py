@@ -92,7 +92,7 @@ class Residuals(Summarised):
         return min(max(int(10 * math.log10(self.observed.size)), self.estimated + 5), self.observed.size - 1)
 
     def acf(self, lags: int | None = None) -> Vector:
-        """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample do not count."""
+        """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample are left out."""
         return _autocorrelation(self.values, self._as_lags(lags))
 
     def acf_error(self, lags: int | None = None) -> Vector:
@@ -187,7 +187,7 @@ class Residuals(Summarised):
         )
 
     def to_dict(self, lags: int | None = None) -> dict[str, Any]:
-        """The tests as numbers, ready for JSON, with `lags` as for `ljung_box`."""
+        """Return the tests as numbers, ready for JSON, with `lags` as for `ljung_box`."""
         white, normal = self.ljung_box(lags), self.normality()
         return {
             "samples": int(self.observed.size),
@@ -273,9 +273,10 @@ def residuals(
 
 
 _LAGS = 1000
-"""Largest number of lags of `spent`, more than any test of the package uses by default."""
+"""Largest number of lags of `spent`; it is larger than the default number of lags of all tests of the package."""
 _ENOUGH = 65_536
-"""Largest number of samples from which `spent` is computed; it depends on the model and hardly on the length."""
+"""Largest number of samples from which `spent` is computed; the result depends on the model and hardly on the
+length."""
 
 
 def spent(problem: Problem) -> Vector:
@@ -315,7 +316,7 @@ def spent(problem: Problem) -> Vector:
 
 
 def _autocorrelation(values: Vector, lags: int) -> Vector:
-    """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample do not count."""
+    """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample are left out."""
     there = np.isfinite(values)
     products = _products(np.where(there, values - np.mean(values, where=there), 0.0), lags)
     return np.asarray(products / products[0])

@@ -22,14 +22,15 @@ if TYPE_CHECKING:
 
 Method = Literal["wald", "profile"]
 _NEAR = 2e-3
-"""Relative accuracy of the root of the deviance at an end of a profile interval, for about three digits."""
+"""Relative accuracy of the root of the deviance at an end of a profile interval, for about three correct digits."""
 _NEAR_A_LIMIT = 1e-2
-"""Relative accuracy of the root of the deviance at an upper limit, for about two digits."""
+"""Relative accuracy of the root of the deviance at an upper limit, for about two correct digits."""
 _GAIN = 1e-3
-"""Accuracy of the log-likelihood in the search for a profile, which falls by about 2 at a 95 % interval."""
+"""Accuracy of the maximised log-likelihood in a profile. The profile falls by about 2 at a 95 % interval."""
 _ROUNDS = 25
-"""Bound on the iterations. The tolerances above end almost all searches earlier. A profile that runs away ends here:
-test_a_profile_ends_where_the_other_parameters_run_away in tests/likelihood/test_fit_ml.py."""
+"""Largest number of iterations. The tolerances above end almost all searches earlier. A profile that increases without
+bound in the other parameters ends here: test_a_profile_ends_where_the_other_parameters_run_away in
+tests/likelihood/test_fit_ml.py."""
 
 
 def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
@@ -72,7 +73,7 @@ class _Profile:
         self.fit, self.z = fit, z
 
     def has(self, name: str) -> bool:
-        """Whether the parameter depends on one coordinate only.
+        """Return whether the parameter depends on one coordinate only.
 
         Raises
         ------
@@ -92,7 +93,7 @@ class _Profile:
         return row is not None and np.count_nonzero(row) == 1
 
     def interval(self, name: str, parameter: Parameter) -> Interval:
-        """The interval whose ends are where the root of the deviance reaches z."""
+        """Return the interval at whose ends the root of the deviance is z."""
         row = self._row(name)
         assert row is not None
         k = int(np.flatnonzero(row)[0])
@@ -118,7 +119,7 @@ class _Profile:
         return jacobian(self.problem, self.fit.model).get(name)
 
     def _end(self, k: int, name: str, side: int) -> float | None:
-        """The parameter at which its profile has fallen by z²/2 on one side; None if it never falls so far."""
+        """Return the parameter at which its profile has fallen by z²/2 on one side; None if it never falls so far."""
         best = self.problem.at(self.fit.model)
         low, high = self.problem.bounds[k]
         if self.problem.coordinates[k].shape is None and side < 0:
@@ -152,7 +153,8 @@ class _Profile:
         return self._parameter(best[k] + step, k, name)
 
     def _along(self, best: Vector, k: int) -> Vector:
-        """The direction of the profile at the maximum, d = I⁻¹e / (I⁻¹)_kk; sets `reach` to the standard error."""
+        """Return the direction of the profile at the maximum, d = I⁻¹e / (I⁻¹)_kk; set `reach` to the standard
+        error."""
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
@@ -167,7 +169,7 @@ class _Profile:
         return along
 
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
-        """The scale at which the profile has fallen by z²/2, for a term that is zero at the maximum."""
+        """Return the scale at which the profile has fallen by z²/2, for a term that is zero at the maximum."""
         at = best.copy()
         at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
         found = self.problem.evaluate(at, [k])
@@ -191,7 +193,8 @@ class _Profile:
         return self._parameter(coordinate, k, name)
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
-        """The root of the deviance, √(2 (maximum − profile at this coordinate)), and the maximum with it held."""
+        """Return the root of the deviance, √(2 (maximum − profile at this coordinate)), and the maximum with the
+        coordinate held."""
         found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
         if found is None:
             return math.inf, z

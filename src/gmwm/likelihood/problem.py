@@ -18,10 +18,10 @@ from gmwm.processes.model import Model
 from gmwm.processes.parameter import Branch
 
 LEAST_DECAY = 1e-3
-"""Correlation times above 1 / LEAST_DECAY recordings count as infinite: e^(−1e-3) changes no variance by more than
-0.1 %, less than any standard error of a scale."""
+"""Inverse of the longest correlation time, in lengths of the recording, that is treated as finite: e^(−1e-3) changes no
+variance by more than 0.1 %, less than any standard error of a scale."""
 _FAR = 12.0
-"""Bound of any other coordinate: a factor of 160 000."""
+"""Limit of any other coordinate: a factor of 160 000."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Problem:
 
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The free coordinates: scale and shape of each random term, unless they are held."""
+        """The free coordinates: scale and shape of each random term, except those that are held."""
         found: list[Coordinate] = []
         for k, process in enumerate(self.model.processes):
             if is_ramp(process, self.rate):
@@ -113,7 +113,7 @@ class Problem:
 
     @cached_property
     def centre(self) -> float:
-        """The number that is subtracted from the recording: its mean if that is known, else a number near it."""
+        """The number that is subtracted from the recording: its mean if this is known, otherwise a number near it."""
         if self.mean is not None:
             return self.mean
         return self.record.centre
@@ -125,7 +125,7 @@ class Problem:
         return self.at(self.model)
 
     def at(self, model: Model) -> Vector:
-        """Coordinates of the values of a model."""
+        """Return the coordinates of the values of a model."""
         out = []
         for coordinate in self.coordinates:
             process = model.processes[coordinate.term]
@@ -137,7 +137,7 @@ class Problem:
         return np.array(out)
 
     def at_point(self, z: Vector) -> Model:
-        """The model at coordinates; a scale of −inf is 0."""
+        """Return the model at coordinates; a scale of −inf is 0."""
         processes = list(self.model.processes)
         by_term: dict[int, dict[int, float]] = {}
         for coordinate, value in zip(self.coordinates, z.tolist(), strict=True):
@@ -170,7 +170,8 @@ class Problem:
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """The scale coordinate k at which its term is at most a share of a model's wavelet variance at every level."""
+        """Return the scale coordinate k at which its term is at most `share` of the model's wavelet variance at every
+        level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
         own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
@@ -178,17 +179,18 @@ class Problem:
         return math.log(share * float(np.min(whole[own > 0] / own[own > 0])))
 
     def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
-        """The search branches of the process of a coordinate."""
+        """Return the search branches of the process that a coordinate belongs to."""
         return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)
 
     # --- likelihood -----------------------------------------------------------------------------------
 
     def value(self, model: Model) -> tuple[float, Level]:
-        """The log-likelihood of a model with values, and its regression."""
+        """Return the log-likelihood of a model with values, and its regression coefficients."""
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
     def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
-        """The log-likelihood with gradient and information matrix in the `active` coordinates; None if undefined."""
+        """Return the log-likelihood with gradient and information matrix in the `active` coordinates; None if
+        undefined."""
         try:
             model = self.at_point(z)
         except OverflowError:  # a scale can diverge along a profile
@@ -216,7 +218,7 @@ class Problem:
 
 
 def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, Level]:
-    """The log-likelihood (−inf if the model predicts a sample exactly), and the regression coefficients."""
+    """Return the log-likelihood (−inf if the model predicts a sample exactly), and the regression coefficients."""
     good, count, _, logs, cross = _core.kalman_innovations(*system.matrices, series, np.empty(0))
     size = len(series)
     sums, labels = cross.reshape(size, size), tuple(r.label for r in wanted)
@@ -235,13 +237,14 @@ def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tupl
 
 
 def _inverse(gram: Matrix) -> Matrix:
-    """The inverse of a Gram matrix whose rows may differ in size by many powers of ten."""
+    """Invert a Gram matrix whose rows may differ in size by many powers of ten."""
     scale = 1.0 / np.sqrt(np.diag(gram))
     return np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
 def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
-    """Standardised innovations (N,), NaN where a sample is missing, and the number of fitted regression coefficients.
+    """Return the standardised innovations (N,), NaN where a sample is missing, and the number of fitted regression
+    coefficients.
 
     The coefficients are estimated from the whole recording.
     """
@@ -256,7 +259,7 @@ def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
 
 
 def nothing_to_chance(model: Model) -> ModelError:
-    """The error of a model that predicts a sample exactly."""
+    """Make the error for a model that predicts a sample exactly."""
     return ModelError(
         f"{model} predicts some sample exactly from the samples before, so it has no likelihood",
         advice="Add white noise, or another term that is not zero.",
@@ -264,7 +267,7 @@ def nothing_to_chance(model: Model) -> ModelError:
 
 
 def as_mean(mean: float | None) -> float | None:
-    """Check the known mean of a recording, or None."""
+    """Check the known mean of a recording; None if it is unknown."""
     if mean is None:
         return None
     if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):

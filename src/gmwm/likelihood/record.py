@@ -14,7 +14,7 @@ from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 
 _ROOM = 10_000_000
-"""Missing samples that gaps may add to a recording of any length: 80 MB. Pinned by
+"""Largest number of missing samples that gaps may add to a recording of any length: 80 MB. Pinned by
 tests/likelihood/test_loglikelihood.py, test_gaps_that_need_too_much_memory_are_refused."""
 
 
@@ -56,7 +56,7 @@ class Record:
         freeze(self.values)
 
     def without(self, coefficients: Sequence[float]) -> Record:
-        """The recording without the effect of its columns."""
+        """Return the recording without the effect of its columns."""
         effect = (np.array(coefficients) * self.scales) @ self.columns
         return Record(self.values - effect, self.rate, self.unit, self.axis, start=self.start, centre=self.centre)
 
@@ -71,7 +71,7 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """The recording as a signal with its short gaps filled, for its wavelet variance.
+        """Return the recording as a signal with its short gaps filled, for its wavelet variance.
 
         If most samples lie in segments that are too short, missing samples are interpolated linearly instead.
         """
@@ -157,7 +157,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
 
 
 def _with_gaps(signal: Signal) -> Vector:
-    """The samples of a signal, with NaN for the samples that are missing between its segments."""
+    """Return the samples of a signal, with NaN for the samples that are missing between its segments."""
     if len(signal.segments) == 1:
         return signal.values.copy()
     places: list[int] = []

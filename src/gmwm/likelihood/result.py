@@ -296,7 +296,7 @@ class LikelihoodFit(KalmanMethods):
         return self.model.units(self.unit)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fit as numbers, lists and strings, ready for JSON, without the recording."""
+        """Return the fit as numbers, lists and strings, ready for JSON, without the recording."""
         d = self.diagnostics
         return {
             "method": "maximum likelihood",
@@ -387,7 +387,7 @@ class LikelihoodFit(KalmanMethods):
         return self.diagnostics.remarks
 
     def _repr_html_(self) -> str:
-        """The summary as HTML, with the parameters as a table: what notebooks display."""
+        """Return the summary as HTML, with the parameters as a table, for notebooks."""
         from gmwm.likelihood.summary import as_html
 
         return as_html(self)

@@ -14,9 +14,9 @@ from gmwm.likelihood.problem import Evaluation, Problem
 LONGEST = 2.0
 """Longest step in a coordinate: a factor of seven in a scale."""
 TOLERANCE = 1e-9
-"""The search ends when the expected gain of the log-likelihood is smaller."""
+"""Expected gain of the log-likelihood below which the search ends."""
 _ROUNDS = 200
-"""Bound on the steps. A search that reaches it is reported as not converged."""
+"""Largest number of steps. A search that reaches it is reported as not converged."""
 # The constants below decide which terms are tried at zero; tests/likelihood/test_fit_ml.py pins them: a term that the
 # data do not support is estimated as zero, and a term that they do support is found again.
 _WORTH = 0.01
@@ -64,7 +64,7 @@ Progress = Callable[[int, float], None]
 
 
 class Search:
-    """One search for a local maximum.
+    """A search for a local maximum.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Search:
         self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
 
     def run(self, start: Vector) -> Maximum | None:
-        """The local maximum that `start` leads to; None if the likelihood is undefined at the start."""
+        """Return the local maximum reached from `start`; None if the likelihood is undefined at `start`."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
         z, found, converged = self._climb(z)
@@ -141,7 +141,7 @@ class Search:
         return found
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
-        """Steps d = (I + μ diag I)⁻¹ g until the expected gain is smaller than the tolerance or rounding."""
+        """Take steps d = (I + μ diag I)⁻¹ g until the expected gain is below the tolerance or the rounding error."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -184,7 +184,7 @@ class Search:
         return z, now, converged
 
     def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
-        """The step of the active coordinates inside their bounds, and its expected gain."""
+        """Return the step of the active coordinates inside their bounds, and its expected gain."""
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
@@ -192,7 +192,7 @@ class Search:
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
-        """Set terms to zero whose scale no longer changes the likelihood; whether there is one."""
+        """Set terms to zero whose scale no longer changes the likelihood; return whether there are any."""
         gone = set()
         for term, k in self.scales.items():
             if k not in active:
@@ -206,7 +206,7 @@ class Search:
         return True
 
     def _tidy(self, z: Vector, now: Evaluation) -> tuple[Vector, Evaluation]:
-        """Set small terms to zero if the likelihood does not fall."""
+        """Set small terms to zero if this does not decrease the likelihood."""
         active = self._active(z)
         for term, k in self.scales.items():
             if k not in active or now.information[active.index(k), active.index(k)] > _FAINT:
@@ -231,7 +231,8 @@ class Search:
         return z
 
     def _apart(self, z: Vector) -> Vector:
-        """Separate terms of one kind that start with the same shape, because they would stay together."""
+        """Separate terms of one process that start with the same shape: they have equal gradients and would remain
+        equal."""
         z = z.copy()
         seen: list[tuple[type, Vector]] = []
         for term, process in enumerate(self.problem.model.processes):
@@ -245,7 +246,7 @@ class Search:
         return z
 
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """The maximum with a term that was zero, if the likelihood increases with it; else None.
+        """Return the maximum with a term that was zero, if the likelihood increases with it; otherwise None.
 
         The term is added with a negligible scale. From its gradient g and information I on the logarithm of the scale,
         the expected gain is g²/2I. If the shape has one parameter, it is tried over its whole range.
@@ -275,7 +276,8 @@ class Search:
         return None
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
-        """Points at which to try a term: over the range of its shape if that has one parameter, else at its values."""
+        """Return points at which to try a term: over the range of its shape if it has one shape parameter, otherwise at
+        its values."""
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
@@ -291,7 +293,7 @@ class Search:
 
 
 def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
-    """The step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method.
+    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method.
 
     A coordinate that leaves the box is held at its bound, and released if the gradient there points inwards.
     """
@@ -317,7 +319,7 @@ def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damp
 
 
 def solved(matrix: Matrix, vector: Vector) -> Vector:
-    """M⁻¹ v for a matrix with unit diagonal; directions with eigenvalues near zero are left out."""
+    """Compute M⁻¹ v for a matrix with unit diagonal; directions with eigenvalues near zero are left out."""
     if not vector.size:
         return vector
     values, vectors = np.linalg.eigh(matrix)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> str:
-    """The text of `LikelihoodFit.summary`."""
+    """Return the text of `LikelihoodFit.summary`."""
     intervals, missing = intervals_if_known(fit, level, method)
     return in_words(fit, level, intervals=intervals, residuals=own_residuals(fit), missing=missing)
 
@@ -31,14 +31,15 @@ def in_words(
     residuals: Residuals | None = None,
     missing: Remark | None = None,
 ) -> str:
-    """The summary from intervals and residuals that are already computed, with a remark if there are no intervals."""
+    """Write the summary from intervals and residuals that are already computed, with a remark if there are no
+    intervals."""
     words = texts(without_axis(missing, *fit.remarks))
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
 
 
 def as_html(fit: LikelihoodFit) -> str:
-    """The summary as HTML, with the parameters as a table."""
+    """Return the summary as HTML, with the parameters as a table."""
     intervals, missing = intervals_if_known(fit, 0.95)
     words = texts(without_axis(missing, *fit.remarks), Dialect.HTML)
     return table_html(head(fit, own_residuals(fit)), rows(fit, intervals), words)
@@ -47,7 +48,7 @@ def as_html(fit: LikelihoodFit) -> str:
 def intervals_if_known(
     fit: LikelihoodFit, level: float, method: Method = "wald"
 ) -> tuple[dict[str, Interval], Remark | None]:
-    """The intervals; if they cannot be computed, none and a remark that says why."""
+    """Return the intervals; if they cannot be computed, return none and a remark with the reason."""
     try:
         return confidence_intervals(fit, level, method), None
     except ModelError as error:
@@ -55,14 +56,14 @@ def intervals_if_known(
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:
-    """Residuals of the fitted recording; None if the fit was read from a file."""
+    """Return the residuals of the fitted recording; None if the fit was read from a file."""
     if fit.record is None:
         return None
     return fit.residuals(fit.record.values)
 
 
 def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval]) -> dict[str, Any]:
-    """Intervals and standard errors as numbers, ready for JSON; None if there is no number."""
+    """Return intervals and standard errors as numbers, ready for JSON; None if there is no number."""
     return {
         "confidence": level,
         "confidence_intervals": {
@@ -75,7 +76,7 @@ def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval
 
 
 def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
-    """The first lines of a summary: model, data, log-likelihood, mean and tests of the residuals."""
+    """Return the first lines of a summary: model, data, log-likelihood, mean and tests of the residuals."""
     d = fit.diagnostics
     missing = f", {counted(fit.missing, 'sample')} missing" if fit.missing else ""
     duration = (fit.samples + fit.missing) / fit.rate
@@ -95,7 +96,7 @@ def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
 
 
 def checks_in_words(residuals: Residuals) -> str:
-    """The tests of the residuals in one line."""
+    """Describe the tests of the residuals in one line."""
     normal = f"normality p {_p(residuals.normality().p_value)} (Jarque-Bera)"
     try:
         white = residuals.ljung_box()
@@ -105,7 +106,7 @@ def checks_in_words(residuals: Residuals) -> str:
 
 
 def p_text(p: float) -> str:
-    """A p-value with three decimals, or "< 0.001".
+    """Format a p-value with three decimals, or as "< 0.001".
 
     >>> p_text(0.04251), p_text(2e-9)
     ('0.043', '< 0.001')
@@ -119,7 +120,7 @@ def _p(p: float) -> str:
 
 
 def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
-    """One row for each parameter of a fit, in the order of the terms."""
+    """Return one row for each parameter of a fit, in the order of the terms."""
     errors, units = fit.standard_errors, fit.units()
     shown = []
     for name, value in fit.parameters.items():
@@ -139,7 +140,8 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
 
 
 def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[str, str]:
-    """A short text for each parameter: estimate and relative standard error, upper limit, or what its term acts as."""
+    """Return a short text for each parameter: estimate and relative standard error, upper limit, or what its term acts
+    as."""
     shown = {}
     for row in rows(fit, intervals):
         value = fit.parameters[row.name]
@@ -157,7 +159,7 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
 
 
 def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
-    """Whether a parameter is the shape of a term that is estimated as zero."""
+    """Return whether a parameter is the shape of a term that is estimated as zero."""
     gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
     if not gone or name in fit.model.fixed_names or fit.parameters[name] == 0:
         return False

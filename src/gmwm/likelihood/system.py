@@ -1,4 +1,4 @@
-"""Make the matrices of a model for the Kalman filter, their derivatives, and regressors.
+"""Make the state-space matrices of a model for the Kalman filter, their derivatives, and regressors.
 
 An unknown without a distribution is a regressor: the constant of a recording (an offset, gravity), which is also the
 unknown level of a random walk; and a drift, whose slope is a parameter. Their coefficients follow by least squares
@@ -20,7 +20,8 @@ from gmwm.processes.model import Model
 from gmwm.statespace import StateSpace, powers
 
 LEVEL = "level"
-"""Label of the constant mean of the recording, if no random walk includes it."""
+"""Label of the constant mean of the recording. A model with a random walk has no such mean, because the walk includes
+it."""
 STEP = 0.02
 """Step of a coordinate for derivatives of matrices by differences of order 6, whose error is about STEP⁶ = 6e-11;
 tests/likelihood/test_score.py compares with other derivatives."""
@@ -93,7 +94,7 @@ def require_state(process: Process) -> None:
 
 
 def is_ramp(process: Process, rate: float) -> bool:
-    """Whether a process is deterministic up to its scale, as a drift is."""
+    """Return whether a process is deterministic except for its scale, as a drift is."""
     one = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
     if not one.has("state_space"):
         return False
@@ -102,7 +103,7 @@ def is_ramp(process: Process, rate: float) -> bool:
 
 
 def _certain(space: StateSpace) -> bool:
-    """Whether a state space has no noise, at its values."""
+    """Return whether a state space has no noise at its values."""
     return not (np.any(space.Q) or np.any(space.R) or np.any(space.P0))
 
 
@@ -134,7 +135,7 @@ def assemble(model: Model, rate: float) -> System:
 
 
 def _start(space: StateSpace) -> Matrix:
-    """P0, with the variance of one step for states of unknown level; the level itself is a regressor."""
+    """Return P0, with the variance of one step for states of unknown level; the level itself is a regressor."""
     start = np.array(space.P0)
     unknown = space.diffuse
     start[unknown, :] = 0.0
@@ -144,7 +145,7 @@ def _start(space: StateSpace) -> Matrix:
 
 
 def regressors(model: Model, rate: float, samples: int, mean: float | None) -> list[Regressor]:
-    """The regressors of a model: unknown levels, and drifts whose slope is free."""
+    """Return the regressors of a model: unknown levels, and drifts whose slope is free."""
     found, ramps = [], []
     level = mean is None
     for label, process in zip(model.terms, model.processes, strict=True):
@@ -167,7 +168,7 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
 
 
 def _course(space: StateSpace, state: int, samples: int) -> Vector:
-    """The response H Fᵗ e of the output to a state that starts at 1."""
+    """Return the response H Fᵗ e of the output to a state that starts at 1."""
     start = np.zeros(space.states)
     start[state] = 1.0
     if np.array_equal(space.F @ start, start):
@@ -202,7 +203,7 @@ class Coordinate:
 
 
 def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
-    """Derivatives of a system by the coordinates of its model."""
+    """Compute the derivatives of a system with respect to the coordinates of its model."""
     p, q = system.H.size, len(coordinates)
     out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))
     by_label = {block.label: block for block in system.blocks}
@@ -229,14 +230,14 @@ def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate
 
 
 def moved(process: Process, shape: int, distance: float) -> Process:
-    """The process with one coordinate of its shape moved by `distance`."""
+    """Return the process with one coordinate of its shape moved by `distance`."""
     z = type(process).coordinates(process.nonlinear.reshape(1, -1))
     z[0, shape] += distance
     return at_shape(process, z[0])
 
 
 def at_shape(process: Process, z: Vector) -> Process:
-    """The process with the coordinates z of its shape."""
+    """Return the process with the coordinates z of its shape."""
     values = type(process).at_coordinates(np.asarray(z, dtype=np.float64).reshape(1, -1))[0].tolist()
     names = [p.name for p in process.nonlinear_parameters()]
     return process.with_values(**dict(zip(names, values, strict=True)))

@@ -40,10 +40,10 @@ Modelled = Fit | LikelihoodFit | Model | Process | str
 BIAS = "bias"
 """Label of the bias: the sum of the level of the recording and of all slow terms, as navigation filters define it."""
 FARTHEST = 10_000_000
-"""Largest number of predicted samples: some hundred bytes each, 1 GB in all."""
+"""Largest number of predicted samples. Each takes some hundred bytes, 1 GB in all."""
 RATES_ALIKE = 1e-3
-"""Relative difference up to which two rates count as equal, because rates from time stamps vary between recordings.
-Estimates per sample change by the same 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
+"""Relative difference below which two rates are treated as equal, because rates from time stamps vary between
+recordings. Estimates per sample change by the same 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -108,7 +108,7 @@ class Tracks:
         return tuple(self.mean)
 
     def band(self, label: str = BIAS, level: float = 0.95) -> tuple[Vector, Vector]:
-        """Ends (N,) of the interval that contains the process at a sample with a given probability.
+        """Return the ends (N,) of the interval that contains the process at a sample with a given probability.
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ def _tracks(
 
 
 def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
-    """The problem of a model with values and a recording, with `steps` missing samples after its end."""
+    """Pose the problem of a model with values and a recording, with `steps` missing samples after its end."""
     if isinstance(model, Fit | LikelihoodFit):
         known = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
         given = data.rate if isinstance(data, Signal) else rate
@@ -295,7 +295,7 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
 
 
 def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
-    """Labels of the tracks, and their weights of the states (g, p) and of the regressors (g, m)."""
+    """Return the labels of the tracks, and their weights of the states (g, p) and of the regressors (g, m)."""
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
@@ -322,7 +322,8 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
 
 
 def wanders(process: Process, rate: float) -> bool:
-    """Whether a process is part of the bias: its correlation time is longer than a sample, and it is no sinusoid."""
+    """Return whether a process is part of the bias: its correlation time is longer than a sample, and it is not a
+    sinusoid."""
     time = process.correlation_time(rate)
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 

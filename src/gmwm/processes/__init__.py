@@ -1,4 +1,4 @@
-"""Noise processes and their sums: theory only, no data.
+"""Noise processes and their sums. This package contains the theory only and uses no data.
 
 The modules imported here define the processes; their order is the order in which processes are shown.
 """

@@ -14,7 +14,7 @@ from gmwm.processes.linear_recursion import PHI, SEASONAL_PHI, SEASONAL_THETA, T
 
 
 class _Arma(Lagged, abstract=True, listed=False):
-    """Algebra of ARMA processes: their sums and special cases."""
+    """Methods that AR, MA, ARMA and SARMA processes share: special cases, and the class that contains two others."""
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
@@ -181,7 +181,7 @@ class SARMA(_Arma, abstract=True):
 
     @classmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """Refuse P = Q = 0: such a process has no season."""
+        """Refuse P = Q = 0: a process without seasonal coefficients has no season."""
         p, q, seasonal_p, seasonal_q, _ = orders
         if seasonal_p + seasonal_q == 0:
             simpler = f"{ARMA.name}({p}, {q})" if p and q else f"{AR.name}({p})" if p else f"{MA.name}({max(q, 1)})"
@@ -194,7 +194,7 @@ class SARMA(_Arma, abstract=True):
 
 
 def _of_orders(orders: tuple[int, ...], period: int) -> type[_Arma]:
-    """Class of the simplest process with the orders p, q, P and Q."""
+    """Return the class of the simplest process with the orders p, q, P and Q."""
     p, q, seasonal_p, seasonal_q = orders
     if seasonal_p + seasonal_q:
         return SARMA.of(p, q, seasonal_p, seasonal_q, period)

@@ -1,4 +1,4 @@
-"""What a datasheet says of noise with a short memory: its density at low frequencies, its bandwidth, its resonance."""
+"""Datasheet numbers of noise with a short correlation time: density at low frequencies, bandwidth and resonance."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ SHORT = 1.0
 """Correlation time (s) below which the density at low frequencies is N: the standard defines N at τ = 1 s."""
 HALF = 0.5
 PEAK = 2.0
-"""Ratio of the highest density to that at low frequencies from which a maximum counts as a resonance."""
+"""Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
 _PIECES = 64
 _ROUNDS = 9
-"""Rounds that each divide the interval of a crossing by 64: to 2⁻⁵⁴ of its length."""
+"""Number of rounds in the search for a crossing. Each divides the interval by 64, so its final length is 2⁻⁵⁴ of the
+first."""
 STEP = 1e-5
-"""Relative step of one-sided differences, and the order of their error (tests/processes/test_band_limit.py)."""
+"""Relative step of one-sided differences. Their relative error is of the same size
+(tests/processes/test_band_limit.py)."""
 
 Density = Callable[[NDArray[np.float64]], Vector]
 """A power spectral density, as a function of frequencies (Hz)."""
@@ -30,7 +32,7 @@ Density = Callable[[NDArray[np.float64]], Vector]
 def band_numbers(
     density: Density, rate: float, slopes: Mapping[str, float], *, free: Mapping[str, Density]
 ) -> tuple[Physical, ...]:
-    """The numbers of a stationary process with a short memory.
+    """Return the datasheet numbers of a stationary process with a short correlation time.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ def _at_zero(density: Density) -> float:
 
 
 def _band(density: Density, rate: float) -> dict[str, float]:
-    """The bandwidth (Hz), and the frequency (Hz) and the quality factor of the resonance, as far as they exist."""
+    """Return the bandwidth (Hz), and the frequency (Hz) and quality factor of the resonance, as far as they exist."""
     found = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
     values, low = density(grid), _at_zero(density)
@@ -87,7 +89,7 @@ def _band(density: Density, rate: float) -> dict[str, float]:
 
 
 def _peak(density: Density, grid: Vector, values: Vector) -> float:
-    """The frequency of the highest maximum: the vertex of a parabola, on a fine grid around it.
+    """Return the frequency of the highest maximum: the vertex of a parabola on a fine grid around it.
 
     A yet finer grid would show rounding errors, because the maximum is flat.
     """
@@ -102,7 +104,7 @@ def _peak(density: Density, grid: Vector, values: Vector) -> float:
 
 
 def _quality(density: Density, rate: float, centre: float, top: float) -> float | None:
-    """Frequency over width at half the power of the highest maximum."""
+    """Return the quality factor: the resonance frequency divided by the width of the peak at half its power."""
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
     below = grid[density(grid) < HALF * top]
     low, high = below[below < centre], below[below > centre]
@@ -114,7 +116,7 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
 
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
-    """The frequency between two, of which the first has a density above a level, where the density equals it."""
+    """Return the frequency at which the density equals `level`, between `inside`, where it is above, and `outside`."""
     for _ in range(_ROUNDS):
         grid = np.linspace(inside, outside, _PIECES + 1)
         first = int(np.argmax(np.append(density(grid[1:-1]) < level, True))) + 1

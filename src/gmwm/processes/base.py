@@ -113,9 +113,9 @@ class Process(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     """Parameters, in the order of the fields."""
     repeatable: ClassVar[bool] = False
-    """Whether a sum can contain several of them, which requires shapes that can differ."""
+    """Whether a sum can contain several terms of this process. This requires shape parameters, which can differ."""
     stationary: ClassVar[bool] = True
-    """Whether it has an autocovariance."""
+    """Whether the process has an autocovariance."""
     parametrises: ClassVar[str | None] = None
     """Name of the process, if several classes parametrise it; a model may use only one of these classes."""
 
@@ -173,7 +173,7 @@ class Process(ABC):
         return np.array([self.value(p.name) for p in self.nonlinear_parameters()], dtype=np.float64)
 
     def with_values(self, **values: Value) -> Self:
-        """Copy with other values. A fixed parameter stays fixed if its new value is a number."""
+        """Return a copy with other values. A fixed parameter stays fixed if its new value is a number."""
         known = [p.name for p in self.parameters]
         for name, value in values.items():
             if name not in known:
@@ -214,7 +214,7 @@ class Process(ABC):
 
     @classmethod
     def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
-        """The process with scale coefficient 1 and these nonlinear parameters."""
+        """Return the process with scale coefficient 1 and these nonlinear parameters."""
         names = [p.name for p in cls.nonlinear_parameters()]
         given = dict(zip(names, map(float, nonlinear), strict=True))
         return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
@@ -228,19 +228,19 @@ class Process(ABC):
 
     @classmethod
     def smaller(cls) -> tuple[type[Process], ...]:
-        """Classes that are special cases of this class, such as lower orders; none by default."""
+        """Return the classes that are special cases of this class, such as lower orders; none by default."""
         return ()
 
     @classmethod
     def joined(cls, other: type[Process]) -> type[Process] | None:
-        """The smallest class that contains this class and `other`; None if only their sum does."""
+        """Return the smallest class that contains this class and `other`; None if only their sum does."""
         return cls if cls is other else None
 
     # --- the shape, which estimation uses -------------------------------------------------------------
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at scale coefficient 1.
+        """Wavelet variance for scale coefficient 1.
 
         Parameters
         ----------
@@ -283,7 +283,7 @@ class Process(ABC):
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """Curves that cover the domain of a single nonlinear parameter, so that a global optimum can be proven.
+        """Return curves that cover the domain of a single nonlinear parameter, so that a global optimum can be proven.
 
         None by default: then starting values come from `scan`, for any number of parameters.
         """
@@ -499,7 +499,7 @@ class Process(ABC):
 
     @classmethod
     def has(cls, theory: str) -> bool:
-        """Whether the process defines this theory, in closed form or derived.
+        """Return whether the process defines this theory, in closed form or derived.
 
         `theory` is the name of one of the methods above, from "wavelet_variance" to "simulate".
         """
@@ -561,7 +561,8 @@ class Process(ABC):
         return filtered.autocovariance_variance(covariance, filter, levels)
 
     def _haar_variance(self, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float) -> Vector:
-        """Wavelet variance under the Haar filter. Block sums of a state space do not cancel; differences of K may."""
+        """Wavelet variance under the Haar filter, from a state space if there is one: differences of K can cancel,
+        block sums cannot."""
         if self._gives("state_space"):
             return self.state_space(rate).haar_variance(levels)
         h = 2 ** (levels - 1)

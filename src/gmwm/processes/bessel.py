@@ -38,7 +38,8 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Matern:
-    """M, 1 − M, and the derivatives of 1 − M by ln x and by ν at distances x (n,)."""
+    """Matérn correlation M, its complement 1 − M, and the derivatives of 1 − M with respect to ln x and ν at distances
+    x (n,)."""
 
     correlation: Vector
     lost: Vector
@@ -104,7 +105,8 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 
 def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]:
-    """−Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)), k < n, and its derivative by ln x."""
+    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) for 1 ≤ k < n, and its derivative with respect to ln x; y =
+    e^`log`."""
     total, slope = np.zeros(log.size, dtype=np.complex128), np.zeros(log.size, dtype=np.complex128)
     term = complex(1.0)
     for k in range(1, whole):
@@ -125,7 +127,7 @@ def _pairs(log: float) -> int:
 
 
 def _relative_exponential(z: Numbers) -> Numbers:
-    """(e^z − 1)/z."""
+    """Compute (e^z − 1)/z."""
     near = np.abs(z) < 1.0
     small = np.polyval(_INVERSE_FACTORIALS, np.where(near, z, 0.0))
     far = np.where(near, 1.0, z)
@@ -137,7 +139,7 @@ _INVERSE_FACTORIALS = np.array([1.0 / math.factorial(k + 1) for k in range(20, -
 
 
 def _over_sine(epsilon: complex) -> complex:
-    """πε / sin πε, |ε| ≤ ½."""
+    """Compute πε / sin πε for |ε| ≤ ½."""
     return complex(np.polyval(_sine_powers(), epsilon * epsilon))
 
 

@@ -17,18 +17,19 @@ from gmwm._arrays import Vector
 from gmwm.errors import MissingTheoryError
 
 ROUNDING = 1e-9
-"""Negative eigenvalues up to this share of the largest one are rounding errors, or have no visible effect on a path."""
+"""Size of negative eigenvalues, relative to the largest one, below which they are rounding errors or have no visible
+effect."""
 LARGEST = 1 << 21
-"""Largest M: half of the size of the largest circulant matrix."""
+"""Largest M, which is half the size of the largest circulant matrix."""
 
 
 def half_period(n: int) -> int:
-    """The smallest power of two M ≥ n, for paths of n samples."""
+    """Return the smallest power of two M ≥ n, for paths of n samples."""
     return 1 << max(n - 1, 1).bit_length()
 
 
 def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
-    """Square roots of the eigenvalues (M + 1,) of the circulant matrix of r(0) … r(M), M = `half`.
+    """Compute the square roots of the eigenvalues (M + 1,) of the circulant matrix of r(0) … r(M), M = `half`.
 
     For the autocovariances of all callers, negative eigenvalues are rounding errors. They are set to zero.
     """
@@ -41,7 +42,7 @@ def _eigenvalues(autocovariance: Callable[[Vector], Vector], half: int) -> Vecto
 
 
 def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vector:
-    """`amplitudes` for any autocovariance: M is doubled until no eigenvalue is negative.
+    """Compute `amplitudes` for any autocovariance: M is doubled until no eigenvalue is negative.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
 
 
 def paths(roots: Vector, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Gaussian paths (count, n), n ≤ M + 1, from the square roots of the eigenvalues of the circulant matrix."""
+    """Draw Gaussian paths (count, n), n ≤ M + 1, from the square roots of the eigenvalues of the circulant matrix."""
     half = roots.size - 1
     out = np.empty((count, n))
     weight = roots * math.sqrt(half)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def function_of(method: Any) -> Any:
-    """The plain function of a method or class method."""
+    """Return the plain function of a method or class method."""
     return getattr(method, "__func__", method)
 
 
@@ -34,7 +34,8 @@ def check_members(cls: type[Process], wavelet_variance_sources: tuple[str, ...])
 
 
 def check_name(cls: type[Process], registry: Mapping[str, type[Process]]) -> None:
-    """Refuse a name that another class has, in any case. A class that is defined again replaces the older one."""
+    """Refuse a name that another class has, also with other upper or lower case. A class defined again replaces the
+    older one."""
     older = next((known for name, known in registry.items() if name.casefold() == cls.name.casefold()), None)
     if older is None:
         return

@@ -65,18 +65,18 @@ class DR(Process):
         return np.zeros(np.shape(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Zeros (n,): a drift is a mean, and adds no scatter."""
+        """Return zeros (n,): a drift is deterministic, so wavelet coefficients have no random error."""
         return np.zeros_like(at.lag)
 
     def state_space(self, rate: float) -> StateSpace:
-        """States (value, slope) without noise, known at t = 0."""
+        """Return the state space with the states (value, slope), without noise and known at t = 0."""
         slope = self.value("omega")
         return StateSpace(F=[[1.0, 1.0], [0.0, 1.0]], Q=np.zeros((2, 2)), H=[1.0, 0.0], m0=[0.0, slope])
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """The same ramp in every path: (n,), or (paths, n)."""
+        """Return the same ramp in every path: (n,), or (paths, n)."""
         as_paths(n, paths), as_rate(rate), as_rng(rng)
         return np.broadcast_to(self.mean(np.arange(n)), shape_of_paths(n, paths)).copy()
 

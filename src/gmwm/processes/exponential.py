@@ -30,14 +30,14 @@ WHITE = 700.0
 
 
 def gm_shape(lam: Array, h: Array) -> Array:
-    """ν² of e^(−λ|k|) at half-scales h: (n,), (J,) → (n, J)."""
+    """Wavelet variance ν² for the autocovariance e^(−λ|k|), at half-scales h: (n,), (J,) → (n, J)."""
     lam, x, y = _arguments(lam, h)
     e1 = _decay(lam)
     return lam * (np.exp(-lam) * h * _f(x, y) + _s(lam) / h) / (2.0 * e1 * e1)
 
 
 def gm_slope(lam: Array, h: Array) -> Array:
-    """∂ν²/∂λ of e^(−λ|k|): (n,), (J,) → (n, J)."""
+    """Derivative ∂ν²/∂λ for the autocovariance e^(−λ|k|): (n,), (J,) → (n, J)."""
     lam, x, y = _arguments(lam, h)
     z = _z(0.5 * lam)
     curve = 2.0 * h * h * ((y / x) ** 2 - _f(x, y) * (1.0 + 0.25 * lam * lam * z)) + z
@@ -45,7 +45,7 @@ def gm_slope(lam: Array, h: Array) -> Array:
 
 
 def ar1_shape(phi: Array, h: Array) -> Array:
-    """ν² of an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
+    """Wavelet variance ν² of an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
     result = np.empty((phi.size, h.size))
     negative = phi < 0
     result[~negative] = _positive_shape(phi[~negative], h)
@@ -54,7 +54,7 @@ def ar1_shape(phi: Array, h: Array) -> Array:
 
 
 def ar1_slope(phi: Array, h: Array) -> Array:
-    """∂ν²/∂φ of an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
+    """Derivative ∂ν²/∂φ for an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
     result = np.empty((phi.size, h.size))
     negative = phi < 0
     result[~negative] = _positive_slope(phi[~negative], h)
@@ -70,7 +70,7 @@ def log_decay(phi: Array) -> Array:
 
 
 def _arguments(lam: Array, h: Array) -> tuple[Array, Array, Array]:
-    """λ (n, 1), x = λh (n, J) and y = 1 − e^(−x)."""
+    """Return λ (n, 1), x = λh (n, J) and y = 1 − e^(−x)."""
     column = np.minimum(lam, WHITE)[:, None]
     x = column * h
     return column, x, -np.expm1(-x)
@@ -148,12 +148,12 @@ _REST = _series(
 
 
 def _decay(v: Array) -> Array:
-    """(1 − e^(−v))/v."""
+    """Compute (1 − e^(−v))/v."""
     return np.asarray(-np.expm1(-v) / v)
 
 
 def _f(x: Array, y: Array) -> Array:
-    """f(x)/x³."""
+    """Compute f(x)/x³, with f(x) = 2(x − y) − y² and y = 1 − e^(−x)."""
     result = (2.0 * (x - y) - y * y) / np.maximum(x, 1.0) ** 3
     small = x < 1.0
     result[small] = _polynomial(_F, x[small])
@@ -161,7 +161,7 @@ def _f(x: Array, y: Array) -> Array:
 
 
 def _g(x: Array, y: Array, f: Array) -> Array:
-    """(3f(x)/x − f′(x))/x³, with f = f(x)/x³ given."""
+    """Compute (3f(x)/x − f′(x))/x³, with f = f(x)/x³ given."""
     result = 3.0 * f / x - 2.0 * y * y / np.maximum(x, 1.0) ** 3
     small = x < 1.0
     result[small] = _polynomial(_G, x[small])
@@ -169,7 +169,7 @@ def _g(x: Array, y: Array, f: Array) -> Array:
 
 
 def _k(x: Array) -> Array:
-    """(3 − 4q + q² − 4xq + 2xq²)/x³, q = e^(−x)."""
+    """Compute (3 − 4q + q² − 4xq + 2xq²)/x³, q = e^(−x)."""
 
     def direct(x: Array) -> Array:
         q = np.exp(-x)
@@ -179,7 +179,7 @@ def _k(x: Array) -> Array:
 
 
 def _s(lam: Array) -> Array:
-    """2e^(−λ)(sinh λ − λ)/λ³."""
+    """Compute 2e^(−λ)(sinh λ − λ)/λ³."""
     return _piecewise(
         lam,
         lambda v: 2.0 * np.exp(-v) * _polynomial(_EXCESS, v * v),
@@ -188,7 +188,7 @@ def _s(lam: Array) -> Array:
 
 
 def _z(v: Array) -> Array:
-    """(v coth v − 1)/v²."""
+    """Compute (v coth v − 1)/v²."""
     return _piecewise(
         v,
         lambda v: _polynomial(_COTH, v * v) / _polynomial(_ODD, v * v),
@@ -197,7 +197,7 @@ def _z(v: Array) -> Array:
 
 
 def _r(lam: Array) -> Array:
-    """coth(λ/2) + coth λ − 3/λ."""
+    """Compute coth(λ/2) + coth λ − 3/λ."""
     return _piecewise(
         lam,
         lambda v: v * _polynomial(_RATIO, v * v) / _polynomial(_ODD, v * v),
@@ -206,7 +206,7 @@ def _r(lam: Array) -> Array:
 
 
 def _t(lam: Array) -> Array:
-    """[e^(−λ) + λ + 2 − λ(coth λ + coth(λ/2))]/λ³."""
+    """Compute [e^(−λ) + λ + 2 − λ(coth λ + coth(λ/2))]/λ³."""
     return _piecewise(
         lam,
         lambda v: _polynomial(_REST, v) / _polynomial(_ODD, v * v),
@@ -215,7 +215,8 @@ def _t(lam: Array) -> Array:
 
 
 def block_variance(lam: float, m: Array) -> Array:
-    """Variance [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)) of a sum of m samples of autocovariance e^(−λ|k|)."""
+    """Compute the variance [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)) of a sum of m samples with autocovariance
+    e^(−λ|k|)."""
     v = np.array([min(lam, WHITE)])
     # Dividing by e^λ and λ² avoids overflow for large λ and cancellation for small λ.
     x = np.asarray(m, dtype=np.float64) * v

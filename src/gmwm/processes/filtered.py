@@ -31,12 +31,13 @@ Levels = NDArray[np.int64]
 
 
 def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² = r(0) = 2^−j of white noise of variance 1 (J,)."""
+    """Wavelet variance of white noise of variance 1: ν_j² = r(0) = 2^−j (J,)."""
     return np.asarray(np.ldexp(1.0, -levels))
 
 
 def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² = 2[r(0) − r(1)] of e_t − e_{t−1}, Var e = 1 (J,)."""
+    """Wavelet variance ν_j² = 2[r(0) − r(1)] of e_t − e_{t−1}, Var e = 1 (J,); r is the autocorrelation of the level
+    filter."""
     step = _transition(_autocorrelation(without_zero(filter)), filter.length)
     base = _folded(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
     u = np.zeros(base.size)
@@ -67,7 +68,8 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
 
 
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,); 0 for two or more vanishing moments."""
+    """Wavelet variance ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,); 0 for two or more
+    vanishing moments."""
     return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
 
 
@@ -87,25 +89,25 @@ _BLOCK = 2**18
 
 
 def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² of a random walk of innovation variance 1 (J,)."""
+    """Wavelet variance ν_j² of a random walk with innovation variance 1 (J,)."""
     return np.asarray(_driven(np.zeros(1), np.ones(1), filter, levels, slopes=False)[0][0])
 
 
 def gm_shape(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """ν² of autocovariance e^(−λ|k|): (n,) → (n, J)."""
+    """Wavelet variance ν² for the autocovariance e^(−λ|k|): (n,) → (n, J)."""
     lam = np.minimum(lam, WHITE)
     return -np.expm1(-2.0 * lam)[:, None] * _driven(lam, np.ones_like(lam), filter, levels, slopes=False)[0]
 
 
 def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """∂ν²/∂λ of autocovariance e^(−λ|k|): (n,) → (n, J)."""
+    """Derivative ∂ν²/∂λ for the autocovariance e^(−λ|k|): (n,) → (n, J)."""
     lam = np.minimum(lam, WHITE)
     values, slopes = _driven(lam, np.ones_like(lam), filter, levels, slopes=True)
     return 2.0 * np.exp(-2.0 * lam)[:, None] * values - np.expm1(-2.0 * lam)[:, None] * slopes
 
 
 def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """ν² of an AR(1) process with innovation variance 1: (n,) → (n, J)."""
+    """Wavelet variance ν² of an AR(1) process with innovation variance 1: (n,) → (n, J)."""
     lam = log_decay(phi)
     near = (phi < 0) & (lam < _NEAR_MINUS_ONE)
     values = np.empty((phi.size, levels.size))
@@ -115,7 +117,8 @@ def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 
 
 def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
-    """Compute the variance of h_j(z)/(1 − φz) driven by unit white noise, φ = ±e^(−λ); for φ > 0 also ∂/∂λ.
+    """Compute the variance of h_j(z)/(1 − φz) driven by unit white noise, φ = ±e^(−λ), and its derivative by λ for φ >
+    0.
 
     Both are (n, J). The recursion propagates u_j (K, n), with one column for each φ.
     """
@@ -147,7 +150,7 @@ def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *,
 
 
 def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
-    """Compute Σ_k v_k s(k) (n,) and its derivative by φ, where s is the autocovariance of (1 − z)/(1 − φz).
+    """Compute Σ_k v_k s(k) (n,) and its derivative with respect to φ; s is the autocovariance of (1 − z)/(1 − φz).
 
     s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is applied
     analytically, so there is no cancellation for φ → 1. `below` is 1 − φ and `above` is 1 + φ.
@@ -162,7 +165,8 @@ def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tupl
 
 @lru_cache(maxsize=64)
 def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
-    """Return E and O of the step u → [(1 + φ²) E + φ O] u of g(z)(1 + φz), and the map from u to Σ_m u(m) r_q(m − l).
+    """Return the matrices E and O of the step from one level to the next, u → [(1 + φ²) E + φ O] u for g(z)(1 + φz),
+    and the matrix that maps u to Σ_m u(m) r_q(m − l).
 
     q(z) = h(z)/(1 − z) is the wavelet filter without the factor 1 − z.
     """
@@ -186,7 +190,7 @@ def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
 
 
 def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """ν² of an AR(1) process with φ = −ψ = −e^(−λ) and innovation variance 1, λ small: (n,) → (n, J).
+    """Wavelet variance ν² of an AR(1) process with φ = −ψ = −e^(−λ) and innovation variance 1, λ small: (n,) → (n, J).
 
     At level 1 the wavelet filter does not cancel the pole of 1/(1 + ψz). From level 2 on, the zero of the smoothing
     filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ),
@@ -223,7 +227,7 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
 
 
 def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² of a stationary state-space process (J,), O(J(L² + L p²)).
+    """Wavelet variance ν_j² of a stationary state-space process (J,); the cost is O(J(L² + L p²)).
 
     The recursion over levels propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Short lags k ≤ L are stored
     individually. Longer lags are the last component of −(A^k d), where A is the transition over 2^j samples with the
@@ -269,7 +273,8 @@ def _last(a: Matrix, x: Vector, count: int) -> Vector:
 
 
 def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance, up to a constant, at lags 0 … `lags_needed` − 1."""
+    """Wavelet variance ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance, up to a constant, at lags 0 … `lags_needed`
+    − 1."""
     smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
     reach = filter.length - 1
     values = np.empty(int(levels[-1]))
@@ -290,7 +295,7 @@ def lags_needed(filter: WaveletFilter, level: int) -> int:
 
 
 def _autocorrelation(filter: Vector) -> Vector:
-    """r(−K) … r(K) of a short filter of K + 1 taps."""
+    """Return the autocorrelation r(−K) … r(K) of a short filter of K + 1 taps."""
     return np.correlate(filter, filter, "full")
 
 

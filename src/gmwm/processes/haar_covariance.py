@@ -46,27 +46,29 @@ _WANDERING = 1e-40
 
 
 def white(at: LagGrid) -> Vector:
-    """σ² = 1, K(m) = −|m|/2."""
+    """Covariances for white noise with σ² = 1: K(m) = −|m|/2."""
     return _core.white_differences(at.fine, at.coarse, at.lag)
 
 
 def walk(at: LagGrid) -> Vector:
-    """γ² = 1, K(m) = (|m|³ − |m|)/12."""
+    """Covariances for a random walk with γ² = 1: K(m) = (|m|³ − |m|)/12."""
     return _core.walk_differences(at.fine, at.coarse, at.lag)
 
 
 def quantization(at: LagGrid) -> Vector:
-    """Q² = 1, K(m) = 1 at m = 0 and 0 elsewhere: spikes at the kinks."""
+    """Covariances for quantization noise with Q² = 1: K(m) = 1 at m = 0 and 0 elsewhere."""
     return _core.spike_differences(at.fine, at.coarse, at.lag)
 
 
 def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
-    """Autocovariance r(0), r(1), …, r(L) and 0 beyond: white noise of the same density, and a table near the kinks."""
+    """Covariances for the autocovariance r(0), r(1), …, r(L), 0 beyond: white noise of the same density, with a table
+    near the kinks of its covariance."""
     return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
 
 
 def power(at: LagGrid, exponent: float) -> Vector:
-    """ν_1² = 1, K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), ε = `exponent`; m² ln|m|/(2 ln 2) where that is 0."""
+    """Covariances for a power law with ν_1² = 1: K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), ε = `exponent`; for ε = 0, K(m) =
+    m² ln|m|/(2 ln 2)."""
     fine = np.asarray(at.fine, dtype=np.float64)
     size = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))) * fine ** (2.0 + exponent)
     middle = (at.lag + at.fine - at.coarse) / fine
@@ -74,7 +76,7 @@ def power(at: LagGrid, exponent: float) -> Vector:
 
 
 def exponential(at: LagGrid, decay: float) -> Vector:
-    """Autocovariance e^(−λ|k|), λ = `decay`."""
+    """Covariances for the autocovariance e^(−λ|k|), λ = `decay`."""
     if decay > _WHITE:
         return white(at)
     if decay < _WANDERING:
@@ -83,7 +85,8 @@ def exponential(at: LagGrid, decay: float) -> Vector:
 
 
 def alternating(at: LagGrid, decay: float) -> Vector:
-    """Autocovariance (−1)^k e^(−λ|k|), λ = `decay`: sum of nine terms, without constants that cancel."""
+    """Covariances for the autocovariance (−1)^k e^(−λ|k|), λ = `decay`: a sum of nine terms, without constants that
+    cancel."""
     phi = -np.exp(-decay)
     fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
     # If the grid does not mark odd lags, all nodes are integers.

@@ -1,4 +1,4 @@
-"""The Kalman filter, smoother, predictor and residuals: methods that a model and a fit have in common."""
+"""The Kalman filter, smoother, predictor and residuals: methods that models and fits share."""
 
 from __future__ import annotations
 

@@ -39,19 +39,19 @@ SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coef
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
-"""Distance between a root of φ and a root of θ below which they nearly cancel. Pinned by
+"""Distance between a root of φ and a root of θ below which the two nearly cancel. Pinned by
 tests/processes/test_arma.py and tests/estimation/test_arma_fits.py."""
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinate of the search for partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ, tanh 2 = 0.964 for θ and
-Θ. They bound the starts of a search, not the estimates. Pinned by tests/processes/test_arma.py."""
+Θ. It limits the starting values of a search, not the estimates. Pinned by tests/processes/test_arma.py."""
 _SLOW = 64
-"""Lags beyond which the exponential of a real root is a closed form."""
+"""Number of lags; for a real root that decays more slowly, the exponential is computed in closed form."""
 _SEPARATE = 0.1
-"""Distance of a root from all others, relative to its distance from the unit circle, that allows this."""
+"""Smallest distance of such a root from all others, relative to its distance from the unit circle."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
-    """Theory of a process with any of the four polynomials."""
+    """Theory shared by processes with any of the polynomials φ, θ, Φ and Θ."""
 
     scale_of = Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1)
 
@@ -118,7 +118,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute ν² at innovation variance 1; NaN in rows that are not stationary."""
+        """Compute the wavelet variance ν² for innovation variance 1; NaN in rows that are not stationary."""
         wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((len(rows), int(wanted[-1])))
         _core.arma_shapes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -128,7 +128,8 @@ class Lagged(Ordered, abstract=True, listed=False):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Compute ∂ν² by each coefficient at innovation variance 1; NaN in rows that are not stationary."""
+        """Compute the derivative of ν² with respect to each coefficient for innovation variance 1; NaN in rows that are
+        not stationary."""
         wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((*rows.shape, int(wanted[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -196,7 +197,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=bool(r1 > 0.5 * r0))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = −½ Var(sum of |m| samples)."""
+        """Generalised covariance of the running sum: K(m) = −½ Var(sum of |m| samples)."""
         as_rate(rate)
         m, where = np.unique(np.abs(as_lags(lags)), return_inverse=True)
         out = np.empty(m.size)
@@ -221,11 +222,11 @@ class Lagged(Ordered, abstract=True, listed=False):
         return self.scale * known.coefficient_covariance(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """S(f) = σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|², z = exp(−2πifΔt)."""
+        """Power spectral density S(f) = σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|², z = exp(−2πifΔt)."""
         return self._density(self.nonlinear, as_frequencies(frequencies, rate), as_rate(rate))
 
     def _density(self, nonlinear: Vector, frequencies: Vector, rate: float) -> Vector:
-        """The density (u²/Hz) with these coefficients, which may be outside the region of stationarity."""
+        """Density (u²/Hz) with these coefficients, which may be outside the region of stationarity."""
         cycles = frequencies / rate
         density = np.full(cycles.shape, self.scale / rate)
         for part, span in self._factors():
@@ -283,7 +284,8 @@ class Lagged(Ordered, abstract=True, listed=False):
         return (replace(density, value=density.value * math.sqrt(self.scale)), *others)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
-        """Return the full φ and θ, the predictors of lower orders, and their error standard deviations at σ² = 1."""
+        """Return the full φ and θ, the predictors of lower orders, and the standard deviations of their errors for σ² =
+        1."""
         p, q, seasonal_p, seasonal_q, period = self.full_orders()
         size = p + period * seasonal_p
         phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))
@@ -302,7 +304,8 @@ class Lagged(Ordered, abstract=True, listed=False):
 def _band_numbers(
     kind: type[Lagged], parameters: tuple[float, ...], free: tuple[str, ...], rate: float
 ) -> tuple[Physical, ...]:
-    """N, bandwidth and resonance at innovation variance 1, with slopes by the free coefficients."""
+    """Return N, bandwidth and resonance for innovation variance 1, with derivatives with respect to the free
+    coefficients."""
     at, process = np.array(parameters), kind.standard(parameters)
     slopes = {kind.scale_parameter().name: 0.5}
     moved: dict[str, Density] = {}
@@ -343,7 +346,7 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
 
 
 def _lasting(modulus: float) -> float:
-    """Number of lags until tails of k |λ|^k are negligible; the second factor k is for a root that is double."""
+    """Return the number of lags after which k |λ|^k is negligible. The factor k covers double roots."""
     if modulus == 0.0:
         return 0.0
     decay = -math.log(min(modulus, 1.0 - 2.0**-53))

@@ -28,8 +28,8 @@ from gmwm.statespace import StateSpace
 _PROCESS = "first-order Markov"
 
 FEW_TIMES = 30
-"""Correlation times in a recording below which confidence intervals have less than their nominal coverage; see
-docs/validation, study `short`."""
+"""Number of correlation times in a recording below which confidence intervals have less than their nominal coverage;
+see docs/validation, study `short`."""
 SEARCH_BEND = 0.01
 """The search coordinate is linear in λ below `SEARCH_BEND`/N and logarithmic above it. At this λ a recording of N
 samples cannot distinguish the process from a random walk; see test_search_branches_run_along_the_parameter."""
@@ -39,7 +39,7 @@ SEARCH_HIGH = 40.0
 
 @dataclass(frozen=True)
 class _Coordinate:
-    """u ↦ λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend.
+    """Search coordinate u with λ = bend·(e^(u − low) − 1 + `least`), bend = `SEARCH_BEND`/N and low = ln bend.
 
     It begins at λ = `least`·bend, where the process equals a random walk up to this relative error, and approaches ln λ
     for λ that a recording can distinguish.
@@ -57,16 +57,17 @@ class _Coordinate:
         return self.of(SEARCH_HIGH)
 
     def decay(self, u: Vector) -> Vector:
-        """λ."""
+        """Return λ at coordinates u."""
         return np.asarray(self.bend * (np.expm1(u - self.low) + self.least))
 
     def of(self, decay: float) -> float:
-        """u."""
+        """Return the coordinate u of a λ."""
         return self.low + math.log1p(decay / self.bend - self.least)
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """Branch φ = ±e^(−λ). It ends at a larger λ than for Gauss-Markov processes, because doubles near 1 are coarse."""
+    """Return the branch φ = ±e^(−λ). It ends at a larger λ than for Gauss-Markov processes, because doubles near 1 are
+    coarse."""
     along = _Coordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
@@ -93,16 +94,16 @@ class _Markov(Process, abstract=True):
 
     @abstractmethod
     def _pole(self, rate: float) -> tuple[float, float, float]:
-        """Marginal variance s², sign of φ, and λ."""
+        """Return the marginal variance s², the sign of φ, and λ."""
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(k) = s²φ^|k|."""
+        """Autocovariance r(k) = s²φ^|k|."""
         s2, sign, lam = self._pole(as_rate(rate))
         k = np.abs(as_lags(lags))
         return np.asarray(s2 * np.where(k % 2 == 1, sign, 1.0) * np.exp(-lam * k))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = −½s²[|m|(1+φ)/(1−φ) − 2φ(1−φ^|m|)/(1−φ)²]."""
+        """Generalised covariance of the running sum: K(m) = −½s²[|m|(1+φ)/(1−φ) − 2φ(1−φ^|m|)/(1−φ)²]."""
         s2, sign, lam = self._pole(as_rate(rate))
         m = np.abs(as_lags(lags)).astype(np.float64)
         if sign > 0:
@@ -112,12 +113,12 @@ class _Markov(Process, abstract=True):
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = s²(φ^|m| − 1), which does not cancel for φ near 1; s²φ^|m| for negative φ."""
+        """Generalised covariance A(m) = s²(φ^|m| − 1), which does not cancel for φ near 1; s²φ^|m| for negative φ."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Covariance (u²) of Haar wavelet coefficients, (n,): exponentials in the distance of the block ends."""
+        """Covariance (u²) of Haar wavelet coefficients, (n,): exponentials of the distances between block ends."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * (haar_covariance.exponential(at, lam) if sign > 0 else haar_covariance.alternating(at, lam))
 
@@ -127,7 +128,8 @@ class _Markov(Process, abstract=True):
         return (sign * lam,)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (u²): twice the closed form at the half-scale n; from block sums for negative φ."""
+        """Allan variance (u²): twice the wavelet variance at the half-scale n in closed form; from block sums for
+        negative φ."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0:
             return super().allan_variance(clusters, rate)
@@ -136,7 +138,7 @@ class _Markov(Process, abstract=True):
         return np.asarray(2.0 * s2 * shape.reshape(n.shape))
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """S(f) = s²(1 − φ²)Δt/(1 − 2φ cos 2πfΔt + φ²)."""
+        """Power spectral density S(f) = s²(1 − φ²)Δt/(1 − 2φ cos 2πfΔt + φ²)."""
         s2, sign, lam = self._pole(as_rate(rate))
         angle = np.pi * as_frequencies(frequencies, rate) / rate
         half = np.sin(angle) if sign > 0 else np.cos(angle)
@@ -228,7 +230,7 @@ class AR1(_Markov):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at innovation variance 1."""
+        """Wavelet variance for innovation variance 1."""
         if filter is not HAAR:
             return filtered.ar1_shape(np.asarray(nonlinear)[:, 0], filter, as_levels(levels))
         return exponential.ar1_shape(np.asarray(nonlinear)[:, 0], _half_scales(levels))
@@ -237,7 +239,7 @@ class AR1(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative ∂ν²/∂φ at innovation variance 1; by finite differences for filters other than Haar."""
+        """Derivative ∂ν²/∂φ for innovation variance 1; by finite differences for filters other than Haar."""
         if filter is not HAAR:
             return super().shape_jacobian(nonlinear, levels, rate, filter)
         return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
@@ -309,7 +311,7 @@ class GM(_Markov):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at marginal variance 1."""
+        """Wavelet variance for marginal variance 1."""
         if filter is not HAAR:
             return filtered.gm_shape(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels))
         return exponential.gm_shape(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
@@ -318,7 +320,7 @@ class GM(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative ∂ν²/∂β at marginal variance 1."""
+        """Derivative ∂ν²/∂β for marginal variance 1."""
         if filter is not HAAR:
             return (filtered.gm_slope(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels)) / rate)[:, :, None]
         slope = exponential.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
@@ -364,7 +366,8 @@ class GM(_Markov):
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Correlation time and driving noise density; for τ ≪ T_c the process is a random walk with K = q_c."""
+    """Return the correlation time and the driving noise density q_c; for τ ≪ T_c the process is a random walk with K =
+    q_c."""
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

@@ -1,4 +1,4 @@
-"""The Matérn process: a correlation time, and how smooth the paths are."""
+"""The Matérn process, with a correlation time and a smoothness parameter."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _MANY = 4096
 """Number of lags from which the correlation is interpolated, which is then faster. The number does not change the
 result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits."""
 _ONE_BY_ONE = 64
-"""Lags before the first octave of them."""
+"""Number of lags that are computed individually, before the first octave of interpolated lags."""
 _SHORT = 512
-"""Paths up to this length are simulated with a root of their covariance matrix."""
+"""Largest length of paths that are simulated with a root of their covariance matrix."""
 _GONE = 1e-18
-"""Correlations below this are treated as zero: it is below the rounding error of 1."""
+"""Correlations below this value are treated as zero; it is below the rounding error of 1."""
 _LONGEST = 2**24
-"""Longest half period of a circulant embedding (samples): 2^24 doubles take 128 MB."""
+"""Largest half period of a circulant embedding (samples): 2^24 doubles take 128 MB."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,7 +85,7 @@ class MAT(Process):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivatives ∂ν²/∂β and ∂ν²/∂ν at marginal variance 1."""
+        """Derivatives ∂ν²/∂β and ∂ν²/∂ν for marginal variance 1."""
         wanted, rows = as_levels(levels), []
         sums = smooth_autocovariance.sums(filter, int(wanted[-1]))
         for beta, nu in np.asarray(nonlinear, dtype=np.float64):
@@ -115,15 +115,15 @@ class MAT(Process):
     # --- theory -----------------------------------------------------------------------------------------
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(k) = σ² M(βkΔt)."""
+        """Autocovariance r(k) = σ² M(βkΔt), with M the Matérn correlation."""
         return self._at_lags("correlation", lags, rate)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −σ² [1 − M(βmΔt)]."""
+        """Generalised covariance A(m) = −σ² [1 − M(βmΔt)]."""
         return -self._at_lags("lost", lags, rate)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = −½ σ² [|m| + 2 Σ_{k < |m|} (|m| − k) M(βkΔt)]."""
+        """Generalised covariance of the running sum: K(m) = −½ σ² [|m| + 2 Σ_{k < |m|} (|m| − k) M(βkΔt)]."""
         m, unit = np.abs(as_lags(lags)), self.value("beta") / as_rate(rate)
         (zeroth,), (first,) = smooth_autocovariance.partial_sums(
             lambda k: matern(k * unit, self.value("nu")).correlation[None], m.ravel()
@@ -143,8 +143,8 @@ class MAT(Process):
         return self.scale * known.coefficient_covariance(at)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """σ²(n) = (σ²/n²) Σ_k w_k M(βkΔt): w_0 = n, w_k = 2n − 3k if 1 ≤ k ≤ n, w_k = k − 2n if n < k ≤ 2n; M:
-        autocorrelation."""
+        """Allan variance (σ²/n²) Σ_k w_k M(βkΔt): w_0 = n, w_k = 2n − 3k if 1 ≤ k ≤ n, w_k = k − 2n if n < k ≤ 2n; M:
+        correlation."""
         n, unit = as_clusters(clusters), self.value("beta") / as_rate(rate)
 
         def known(k: Vector) -> Matrix:
@@ -245,7 +245,7 @@ class MAT(Process):
 
 @lru_cache(maxsize=64)
 def _short_memory(unit: float, nu: float) -> ShortMemory | None:
-    """Correlation at lags of `unit` βΔt; None if it lasts too long."""
+    """Return the correlation at lags of `unit` = βΔt; None if it decays too slowly."""
     if matern(np.array([LONGEST * unit]), nu).correlation[0] > NEGLIGIBLE:
         return None
     lags = np.arange(math.ceil((50.0 + 5.0 * nu) / unit) + 1, dtype=np.float64)

@@ -25,7 +25,8 @@ from gmwm.signals import Signal
 from gmwm.statespace import StateSpace
 
 MOST_TERMS = 100
-"""Most terms of a model. A wavelet variance has 62 levels at most, so that more terms can never be estimated."""
+"""Largest number of terms of a model. A wavelet variance has at most 62 levels, so more terms can never be
+estimated."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -162,7 +163,7 @@ class Model(KalmanMethods):
         return all(process.is_complete for process in self.processes)
 
     def with_values(self, values: Mapping[str, Value]) -> Model:
-        """Copy with other values, by label. A fixed parameter stays fixed if its new value is a number.
+        """Return a copy with other values, by label. A fixed parameter stays fixed if its new value is a number.
 
         >>> from gmwm.processes import GM, fixed
         >>> (GM() + GM(beta=fixed(1.0))).with_values({"GM[2].beta": 3.0, "GM[2].sigma2": 0.5})
@@ -185,7 +186,7 @@ class Model(KalmanMethods):
         )
 
     def sorted(self, rate: float) -> Model:
-        """Copy with repeated terms in ascending order of correlation time; other terms stay in place."""
+        """Return a copy with repeated terms in ascending order of correlation time; other terms stay in place."""
         rate, ordered = as_rate(rate), list(self.processes)
         for name in {p.name for p in ordered}:
             at = [k for k, p in enumerate(ordered) if p.name == name]
@@ -417,7 +418,7 @@ class Model(KalmanMethods):
     def simulate_terms(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> dict[str, NDArray[np.float64]]:
-        """Simulate each term separately, by label; with the same seed their sum is `simulate`.
+        """Simulate each term separately, by label; with the same seed, their sum is the result of `simulate`.
 
         >>> from gmwm.processes import RW, WN
         >>> terms = (WN(sigma2=1.0) + RW(gamma2=0.01)).simulate_terms(1000, rate=100.0, rng=1)

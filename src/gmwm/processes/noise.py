@@ -85,7 +85,7 @@ class WN(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at σ² = 1: 1/τ for the Haar filter."""
+        """Wavelet variance for σ² = 1: 1/τ for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.white_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, -as_levels(levels)), (len(nonlinear), 1))
@@ -97,11 +97,11 @@ class WN(Process):
         return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = −σ²|m|/2."""
+        """Generalised covariance of the running sum: K(m) = −σ²|m|/2."""
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(k) = σ² at k = 0, else 0."""
+        """Autocovariance: r(0) = σ², and 0 at other lags."""
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
@@ -143,7 +143,7 @@ class QN(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at Q² = 1: 6/τ² for the Haar filter."""
+        """Wavelet variance for Q² = 1: 6/τ² for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.quantization_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(6.0, -2 * as_levels(levels)), (len(nonlinear), 1))
@@ -155,7 +155,8 @@ class QN(Process):
         return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = Q² at m = 0, else 0, because the running sum is e_t up to a constant."""
+        """Generalised covariance of the running sum: K(0) = Q², and 0 at other lags, because the running sum is e_t up
+        to a constant."""
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -173,7 +174,7 @@ class QN(Process):
         return -1.2 * self.scale**2
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """S(f) = 4Q² sin²(πfΔt) Δt."""
+        """Power spectral density S(f) = 4Q² sin²(πfΔt) Δt."""
         f = as_frequencies(frequencies, as_rate(rate))
         return np.asarray(4.0 * self.scale * np.sin(np.pi * f / rate) ** 2 / rate)
 

@@ -81,7 +81,7 @@ class Coefficients:
 
 
 class Ordered(Process, abstract=True):
-    """Process with orders. A subclass defines the polynomials and the theory for any orders.
+    """Process with orders. A subclass defines the polynomials and the theory for all orders.
 
     Create an instance from its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`.
     Alternatively, give the coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`.
@@ -96,7 +96,7 @@ class Ordered(Process, abstract=True):
     examples: ClassVar[tuple[tuple[int, ...], ...]]
     """Orders for the tests."""
     order_class: ClassVar[type[Ordered]]
-    """The class without orders."""
+    """The class without orders, such as ARMA for ARMA(2, 1)."""
     orders: ClassVar[tuple[int, ...]]
     """The orders of this class."""
     _made: ClassVar[dict[tuple[int, ...], type[Any]]]

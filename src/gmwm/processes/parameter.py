@@ -32,7 +32,7 @@ class Fixed:
 
 
 def fixed(value: float) -> Fixed:
-    """Fix a parameter at `value`: it is not estimated, and counts as known.
+    """Fix a parameter at `value`: it is not estimated and has no standard error.
 
     Parameters
     ----------

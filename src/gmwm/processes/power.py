@@ -39,17 +39,18 @@ class PowerLaw(Process, abstract=True):
     @classmethod
     @abstractmethod
     def exponents(cls, nonlinear: NDArray[np.float64]) -> tuple[Numbers, Numbers]:
-        """ε = α − 1 (n,) and ν_1² at scale coefficient 1 (n,). Must be analytic for complex-step derivatives."""
+        """Return ε = α − 1 (n,) and ν_1² for scale coefficient 1 (n,). Must be analytic for complex-step
+        derivatives."""
 
     @property
     def law(self) -> tuple[float, float]:
-        """ε = α − 1 and ν_1² in u²."""
+        """Return ε = α − 1 and ν_1² in u²."""
         epsilon, first = self.exponents(self.nonlinear.reshape(1, -1))
         return float(epsilon[0]), self.scale * float(first[0])
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """ν_1² (τ/2)^(α−1) for the Haar filter."""
+        """Wavelet variance ν_1² (τ/2)^(α−1) for the Haar filter."""
         return np.asarray(cls._shape(nonlinear, as_levels(levels), filter))
 
     @classmethod
@@ -70,19 +71,19 @@ class PowerLaw(Process, abstract=True):
         return np.asarray(first[:, None] * self_similar.filtered_shape(epsilon, filter, levels))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
+        """Generalised covariance of the running sum: K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
         epsilon, first = self.law
         kappa = float(self_similar.unit_factor(np.asarray(epsilon)))
         return 0.5 * first * kappa * self_similar.sum_covariance(as_lags(lags).astype(np.float64), epsilon)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −K(m+1) + 2K(m) − K(m−1) (u²); it decreases without bound as m^(α−1)."""
+        """Generalised covariance A(m) = −K(m+1) + 2K(m) − K(m−1) (u²); it decreases without bound as m^(α−1)."""
         epsilon, first = self.law
         kappa = float(self_similar.unit_factor(np.asarray(epsilon)))
         return -0.5 * first * kappa * self_similar.bend(as_lags(lags).astype(np.float64), epsilon)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """σ²(n) = 2ν_1² n^(α−1)."""
+        """Allan variance σ²(n) = 2ν_1² n^(α−1)."""
         epsilon, first = self.law
         return np.asarray(2.0 * first * as_clusters(clusters).astype(np.float64) ** epsilon)
 
@@ -96,7 +97,8 @@ class PowerLaw(Process, abstract=True):
         return (2.0, 1e-290)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt), with C of the continuous noise; at f = 0 its limit.
+        """Power spectral density S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt), with C of the continuous noise; at f
+        = 0 its limit.
 
         If the process is not stationary, this is a pseudo-spectrum, valid under filters that sum to 0.
         """
@@ -135,7 +137,8 @@ def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, c
 
 @lru_cache(maxsize=2)
 def _roots(epsilon: float, half: int) -> Vector:
-    """Amplitudes for paths with ν_1² = 1, or for their increments if ε ≥ 0. Cached for repeated simulations."""
+    """Return the amplitudes for paths with ν_1² = 1, or for their increments if ε ≥ 0. Cached for repeated
+    simulations."""
     if epsilon < 0:
         return amplitudes(lambda k: _variance(epsilon) * 0.5 * self_similar.power_bend(k, epsilon), half)
     ones = np.ones(half + 1)
@@ -143,7 +146,7 @@ def _roots(epsilon: float, half: int) -> Vector:
 
 
 def _variance(epsilon: float) -> float:
-    """Variance of a sample for ν_1² = 1 and ε < 0."""
+    """Return the variance of a sample for ν_1² = 1 and ε < 0."""
     return -1.0 / math.expm1(epsilon * _LOG2)
 
 
@@ -173,7 +176,7 @@ class FN(PowerLaw):
 
     @classmethod
     def exponents(cls, nonlinear: Numbers) -> tuple[Numbers, Numbers]:
-        """ε = 0 and ν_1² = ln 2/π."""
+        """Return ε = 0 and ν_1² = ln 2/π."""
         return np.zeros(len(nonlinear)), np.full(len(nonlinear), _LOG2 / math.pi)
 
     def correlation_time(self, rate: float) -> float:
@@ -220,7 +223,7 @@ class PL(PowerLaw):
 
     @classmethod
     def exponents(cls, nonlinear: Numbers) -> tuple[Numbers, Numbers]:
-        """ε = α − 1 and ν_1² = 1."""
+        """Return ε = α − 1 and ν_1² = 1."""
         return nonlinear[:, 0] - 1.0, np.ones(len(nonlinear))
 
 
@@ -259,19 +262,19 @@ class FGN(PowerLaw):
 
     @classmethod
     def exponents(cls, nonlinear: Numbers) -> tuple[Numbers, Numbers]:
-        """ε = 2H − 2 and ν_1² = 1 − 2^(2H−2)."""
+        """Return ε = 2H − 2 and ν_1² = 1 − 2^(2H−2)."""
         epsilon = 2.0 * nonlinear[:, 0] - 2.0
         return epsilon, -np.expm1(epsilon * _LOG2)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = −½σ²|m|^(2H)."""
+        """Generalised covariance of the running sum: K(m) = −½σ²|m|^(2H)."""
         m = np.abs(as_lags(lags)).astype(np.float64)
         return np.asarray(-0.5 * self.scale * m ** (2.0 * self.value("hurst")))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(k) = ½σ² (|k+1|^(2H) − 2|k|^(2H) + |k−1|^(2H))."""
+        """Autocovariance r(k) = ½σ² (|k+1|^(2H) − 2|k|^(2H) + |k−1|^(2H))."""
         return 0.5 * self.scale * self_similar.power_bend(as_lags(lags).astype(np.float64), self.law[0])
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(k) = r(k) (u²), because the process is stationary."""
+        """Generalised covariance A(k) = r(k) (u²), because the process is stationary."""
         return self.autocovariance(lags, rate)

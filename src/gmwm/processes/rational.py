@@ -1,4 +1,4 @@
-"""Polynomials 1 − a₁z − … − a_n z^n, as rows of a: stationarity, coordinates, roots and squared modulus."""
+"""Polynomials 1 − a₁z − … − a_n z^n, given as rows of a: stationarity, coordinates, roots and squared modulus."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.filters import HAAR, WaveletFilter
 
 _GRID = 256
-"""Points on the half circle at which the modulus is evaluated, in addition to the angles of the roots."""
+"""Number of points on the half circle at which the modulus is evaluated, in addition to the angles of the roots."""
 
 
 def coordinates(rows: Matrix) -> Matrix:
@@ -97,7 +97,8 @@ def _at_one(rows: NDArray[np.float64], c: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=64)
 def odd_lags(filter: WaveletFilter) -> Vector:
-    """Return the scaling filter's autocorrelations at lags 1, 3, 5, …; those at even lags > 0 are zero."""
+    """Return the autocorrelations of the scaling filter at lags 1, 3, 5, …; its autocorrelations at even lags > 0 are
+    zero."""
     if filter is HAAR:
         return freeze(np.empty(0))
     both = np.correlate(filter.scaling, filter.scaling, "full")

@@ -27,9 +27,9 @@ Numbers = NDArray[Any]
 """Real, or complex for complex-step derivatives."""
 
 _NEAR = 4.0
-"""Lag, in steps of the difference, beyond which the series is as accurate as the definition."""
+"""Lag, in steps of the difference, from which the series is as accurate as the definition."""
 _TERMS = 15
-"""Terms of the series in (step/lag)² ≤ 1/16."""
+"""Number of terms of the series in (step/lag)² ≤ 1/16."""
 _REACH = 4
 """Number of lags that are stored individually, in filter lengths."""
 
@@ -41,12 +41,12 @@ def over_exponent(epsilon: Numbers, x: Numbers) -> Numbers:
 
 
 def unit_factor(epsilon: Numbers) -> Numbers:
-    """κ = ε/(2^ε − 1), positive."""
+    """Compute κ = ε/(2^ε − 1), which is positive."""
     return np.asarray(1.0 / over_exponent(epsilon, np.asarray(math.log(2.0))))
 
 
 def sum_covariance(lags: Vector, epsilon: float) -> Vector:
-    """q(m) of real lags."""
+    """Compute q(m) = m² (|m|^ε − 1)/ε at real lags; m² ln|m| for ε = 0."""
     m = np.abs(np.asarray(lags, dtype=np.float64))
     log = np.log(m, where=m > 0, out=np.zeros_like(m))
     return np.asarray(m * m * over_exponent(np.asarray(epsilon), log))
@@ -78,7 +78,7 @@ def bend(lags: Vector, epsilon: float) -> Vector:
 
 
 def _tail(t: Vector, epsilon: float) -> Vector:
-    """Σ_{k ≥ 2} C(2 + ε, 2k)/ε t^(2 − 2k)."""
+    """Compute Σ_{k ≥ 2} C(2 + ε, 2k)/ε t^(2 − 2k)."""
     y, total = 1.0 / (t * t), np.zeros_like(t)
     for coefficient in reversed(falling(np.asarray(epsilon), _TERMS)):
         total = (total + float(coefficient)) * y
@@ -199,7 +199,7 @@ def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, 
 
 
 def _bend_rows(eps: Numbers, reach: int) -> Numbers:
-    """Compute the second difference of q at lags 0 … `reach`, one row per exponent."""
+    """Compute the second difference of q at lags 0 … `reach`, one row for each exponent."""
     m = np.arange(reach + 1.0)
     log = np.log(np.maximum(np.arange(_NEAR + 1), 1.0))
     q = np.arange(_NEAR + 1) ** 2 * over_exponent(eps, log)

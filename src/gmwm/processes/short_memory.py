@@ -1,8 +1,8 @@
 """Processes with short memory: an autocovariance that is negligible beyond some lags, apart from a few exponentials.
 
-The running sum of such a process has the covariance K(m) = −½S|m| + const + ρ(m), S = Σ_k r(k). It is that of white
-noise of density S plus ρ(m) = −Σ_{k>m} (k − m) r(k), which is zero where r is. The covariance of Haar coefficients is
-then that of white noise, except within L lags of the kinks.
+The running sum of such a process has the covariance K(m) = −½S|m| + const + ρ(m), S = Σ_k r(k). It is the sum of
+the covariance of white noise of density S and ρ(m) = −Σ_{k>m} (k − m) r(k), which is zero where r is. Haar coefficients
+therefore have the same covariance as for white noise, except within L lags of the kinks.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ from gmwm.processes import haar_covariance
 from gmwm.processes.haar_covariance import LagGrid
 
 LONGEST = 2048
-"""Largest number of lags L. V of 19 levels then has 3 million nodes, 0.1 s and 150 MB; see benchmarks."""
+"""Largest number of lags L. With 19 levels, the covariance V has 3 million nodes and takes 0.1 s and 150 MB; see
+benchmarks."""
 NEGLIGIBLE = 1e-11
-"""Share of the largest ρ(m), or of r(0), below which further lags are left out; V then has an error below 1e-10."""
+"""Size of the tail ρ(m), relative to the largest tail or to r(0), below which further lags are left out; the error of V
+is then below 1e-10."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +41,11 @@ class ShortMemory:
 
     @property
     def lags(self) -> int:
-        """L."""
+        """Largest lag L."""
         return self.autocovariance.size - 1
 
     def coefficient_covariance(self, at: LagGrid) -> Vector:
-        """See `Process.coefficient_covariance`."""
+        """Covariance of Haar wavelet coefficients; see `Process.coefficient_covariance`."""
         total = haar_covariance.short_memory(at, self.autocovariance)
         for amplitude, decay in zip(self.amplitudes, self.decays, strict=True):
             shape = haar_covariance.exponential if decay > 0 else haar_covariance.alternating
@@ -52,7 +54,7 @@ class ShortMemory:
 
 
 def trimmed(autocovariance: Vector) -> Vector | None:
-    """The autocovariance up to the lag from which it is negligible; None if this lag is too large.
+    """Cut the autocovariance at the lag from which it is negligible; return None if this lag is too large.
 
     `autocovariance` must reach beyond this lag itself.
     """

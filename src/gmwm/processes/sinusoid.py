@@ -60,14 +60,15 @@ class SIN(Process):
 
     @classmethod
     def has(cls, theory: str) -> bool:
-        """Whether the process defines this theory: all but a spectral density, which a sinusoid does not have."""
+        """Return whether the process defines this theory: everything except a spectral density, which a sinusoid does
+        not have."""
         return super().has(theory) and theory != "psd"
 
     # --- the shape --------------------------------------------------------------------------------------
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at P = 1: |H_j(f₀)|²."""
+        """Wavelet variance for P = 1: |H_j(f₀)|²."""
         return _gain(np.asarray(nonlinear)[:, 0], as_levels(levels), rate, filter)[0]
 
     @classmethod
@@ -89,22 +90,22 @@ class SIN(Process):
         return self.scale, float(_folded(np.array([self.value("frequency")]), rate)[0]) / rate
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(k) = P cos(2πf₀kΔt)."""
+        """Autocovariance r(k) = P cos(2πf₀kΔt)."""
         return np.asarray(self.scale * np.cos(2.0 * np.pi * self._turns(as_lags(lags), as_rate(rate))))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −2P sin²(πf₀mΔt)."""
+        """Generalised covariance A(m) = −2P sin²(πf₀mΔt)."""
         return np.asarray(-2.0 * self.scale * np.sin(np.pi * self._turns(as_lags(lags), as_rate(rate))) ** 2)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = −½ P sin²(πmf₀Δt) / sin²(πf₀Δt)."""
+        """Generalised covariance of the running sum: K(m) = −½ P sin²(πmf₀Δt) / sin²(πf₀Δt)."""
         m, (_, cycles) = as_lags(lags), self.line(as_rate(rate))
         # A multiple of the rate is a constant.
         ratio = m if cycles == 0 else np.sin(np.pi * self._turns(m, rate)) / math.sin(math.pi * cycles)
         return np.asarray(-0.5 * self.scale * ratio.astype(np.float64) ** 2)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """σ²(n) = 2P sin⁴(πnf₀Δt) / (n² sin²(πf₀Δt)): twice the Haar wavelet variance at half-scale n."""
+        """Allan variance 2P sin⁴(πnf₀Δt) / (n² sin²(πf₀Δt)): twice the Haar wavelet variance at half-scale n."""
         n = as_clusters(clusters)
         frequency = np.full(n.size, self.value("frequency"))
         gain = _haar_gain(frequency, n.ravel().astype(np.float64), as_rate(rate))[0]
@@ -149,7 +150,7 @@ class SIN(Process):
         )
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Report frequencies at multiples of half the rate, where the samples are ±A sin U or all equal A sin U."""
+        """Report frequencies at multiples of half the rate, where the samples are ±A sin U or constant, A sin U."""
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
         # If the phase changes by at least half a turn over the record, the remark does not apply.
@@ -178,14 +179,15 @@ def _folded(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
 
 
 def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> tuple[Matrix, Matrix]:
-    """|H_j(f)|² (n, J) and its derivative by f."""
+    """Compute |H_j(f)|² (n, J) and its derivative with respect to f."""
     if filter is HAAR:
         return _haar_gain(frequency[:, None], np.ldexp(1.0, levels - 1), rate)
     return _any_gain(frequency, levels, rate, filter)
 
 
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
-    """Compute sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt, b = πfΔt; a is reduced exactly first."""
+    """Compute sin⁴ a / (h² sin² b) and its derivative with respect to f; a = πhfΔt, b = πfΔt. The angle a is reduced
+    exactly first."""
     below = _folded(frequency, rate)
     a, b = np.pi * (_folded(below * half, rate) / rate), np.pi * (below / rate)
     # A frequency that is a multiple of the rate is a constant, to which every wavelet filter has zero gain.
@@ -201,7 +203,7 @@ def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Ma
 def _any_gain(
     frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> tuple[Matrix, Matrix]:
-    """Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ), G the squared gain of the scaling filter over two, φ = fΔt."""
+    """Compute Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ); G is half the squared gain of the scaling filter, φ = fΔt."""
     gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
     below = _folded(frequency, rate)
     gains = np.empty((frequency.size, int(levels[-1])))
@@ -219,7 +221,8 @@ def _any_gain(
 
 
 def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """(4 cos² πφ)^p R(φ), and its derivative by φ, from cos πφ and sin πφ, where g(z) has p zeros at half the rate.
+    """Compute (4 cos² πφ)^p R(φ) and its derivative with respect to φ, from cos πφ and sin πφ; g(z) has p zeros at half
+    the rate.
 
     The zeros are factored out analytically to keep full accuracy near them. All filters with 2p taps have Daubechies'
     R, a polynomial in sin² πφ. For other filters R is |Q|², g(z) = (1 + z)^p Q(z).
@@ -238,7 +241,8 @@ def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[
 
 @lru_cache(maxsize=64)
 def _without_zeros(filter: WaveletFilter) -> Vector:
-    """Return Q(z) of g(z) = (1 + z)^p Q(z); the division is exact."""
+    """Divide the scaling filter g(z) = (1 + z)^p Q(z) by its zeros at z = −1, and return Q(z). The division is
+    exact."""
     rest = filtered.without_zero(filter)
     for _ in range(filter.vanishing_moments - 1):
         sign = (-1.0) ** np.arange(rest.size)

@@ -82,7 +82,8 @@ def _reach(filter: WaveletFilter) -> int:
 
 @lru_cache(maxsize=64)
 def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
-    """Return the step to lags 0 … T from these lags and the first two octaves, (T + 1, T + 1 + 2 NODES)."""
+    """Return the matrix that computes the next level at lags 0 … T from these lags and the first two octaves, (T + 1, T
+    + 1 + 2 NODES)."""
     lags = np.arange(2 * reach + filter.length)
     takes = np.eye(lags.size, reach + 1 + 2 * NODES)
     for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
@@ -97,7 +98,8 @@ def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
 
 @lru_cache(maxsize=64)
 def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.float64]:
-    """Return the step to each octave from the same and the next two octaves, (octaves, NODES, 3 NODES)."""
+    """Return the matrices that compute the next level in each octave from this octave and the next two, (octaves,
+    NODES, 3 NODES)."""
     smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
     n = np.arange(1 - filter.length, filter.length)
     table = np.zeros((octaves, NODES, 3 * NODES))
@@ -192,11 +194,11 @@ def _points() -> Vector:
 
 @lru_cache(maxsize=1)
 def _coefficients() -> Matrix:
-    """Return the map from values at the points to Chebyshev coefficients."""
+    """Return the matrix that maps values at the points to Chebyshev coefficients."""
     table = chebyshev.chebvander(_points(), NODES - 1).T
     return np.asarray(table * np.where(np.arange(NODES) > 0, 2.0, 1.0)[:, None] / NODES)
 
 
 def _polynomials(x: Vector) -> Matrix:
-    """Return the map from values at the points of an octave [1, 2] to values at x."""
+    """Return the matrix that maps values at the points of an octave [1, 2] to values at x."""
     return np.asarray(chebyshev.chebvander(2.0 * x - 3.0, NODES - 1) @ _coefficients())

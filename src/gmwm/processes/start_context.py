@@ -1,4 +1,4 @@
-"""Summary of the data from which random starting values are drawn."""
+"""Summary of the data that random starting values need."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class RW(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at γ² = 1: (τ² + 2)/(12τ) for the Haar filter."""
+        """Wavelet variance for γ² = 1: (τ² + 2)/(12τ) for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.walk_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         tau = np.ldexp(1.0, as_levels(levels))
@@ -62,12 +62,12 @@ class RW(Process):
         return rng.uniform(1e-5 * largest, largest, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = γ²(|m|³ − |m|)/12."""
+        """Generalised covariance of the running sum: K(m) = γ²(|m|³ − |m|)/12."""
         m = np.abs(as_lags(lags)).astype(np.float64)
         return self.scale * (m**3 - m) / 12.0
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −γ²|m|/2 (u²)."""
+        """Generalised covariance A(m) = −γ²|m|/2 (u²)."""
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
