@@ -1,4 +1,4 @@
-"""Calibrating: every axis of a unit, from the recording to its recommended model and its numbers."""
+"""Calibration: from a recording to the recommended noise model and the datasheet numbers of every axis."""
 
 from gmwm.calibration.agreement import agree
 from gmwm.calibration.agreement_result import Agreement, SharedNumber

@@ -1,4 +1,4 @@
-"""Compare several calibrations of one unit: test each number of their datasheets, and compare it with references."""
+"""Compare several calibrations of one unit: test each datasheet number for equality, and compare it with references."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ from gmwm.processes.sinusoid import SIN
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0
-"""Standard errors beyond which a p-value is zero in double precision."""
+"""Number of standard errors beyond which a p-value is zero in double precision."""
 _SLOW = ("K", "R")
-"""Numbers of the slow terms of a model."""
+"""Symbols of the numbers that slow terms of a model determine."""
 _SIGNED = "R"
-"""Symbol of the rate ramp, which has a sign and a symmetric interval. All other intervals are those of logarithms."""
+"""Symbol of the rate ramp, which has a sign and a symmetric interval. The other numbers have intervals of their
+logarithms."""
 
 Recording = Calibration | Mapping[str, Datasheet]
 
@@ -120,7 +121,7 @@ def agree(
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
-    """The datasheets of each recording."""
+    """Return the datasheets of each recording."""
     if not isinstance(calibrations, list | tuple) or len(calibrations) < 2:
         got = len(calibrations) if isinstance(calibrations, list | tuple) else type(calibrations).__name__
         raise OptionError(argument="calibrations", expected="a list of at least two, one for each recording", got=got)
@@ -152,7 +153,7 @@ def _labels(calibrations: Sequence[Recording], labels: Sequence[str] | None) -> 
 def _where(
     calibrations: Sequence[Recording], names: Sequence[str], of: Callable[[Calibration], Iterable[str]]
 ) -> dict[str, tuple[str, ...]]:
-    """The recordings in which `of` yields an axis, by axis."""
+    """Return, for each axis, the names of the recordings for which `of` yields the axis."""
     found: dict[str, tuple[str, ...]] = {}
     for name, calibration in zip(names, calibrations, strict=True):
         for axis in of(calibration) if isinstance(calibration, Calibration) else ():
@@ -164,7 +165,7 @@ def _where(
 
 
 def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequence[str]) -> list[SharedNumber]:
-    """The numbers of one axis, each with the p-value of its own test."""
+    """Return the numbers of one axis, each with the p-value of its own test."""
     found = [sheet.get(axis) for sheet in sheets]
     units = {sheet.unit: name for sheet, name in zip(found, names, strict=True) if sheet is not None}
     if len(units) > 1:
@@ -198,7 +199,7 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
 
 
 def _alike(symbol: str, models: Sequence[str]) -> bool:
-    """Whether a number means the same in all models.
+    """Return whether a number has the same meaning in all models.
 
     N, Q and B are read from the curve. K and R depend on the slow terms beside them: a random walk is smaller where a
     slow Gauss-Markov term takes its part. All other numbers belong to one term of one model.
@@ -209,26 +210,27 @@ def _alike(symbol: str, models: Sequence[str]) -> bool:
 
 
 def _slow_terms(model: str) -> tuple[str, ...]:
-    """The terms of a model without white noise, quantization noise, short-memory noise and lines."""
+    """Return the terms of a model without white noise, quantization noise, short-memory noise and lines."""
     processes = Model.parse(model).processes
     fast = (WN, QN, SIN, Lagged)
     return tuple(sorted(p.name for p in processes if not isinstance(p, fast)))
 
 
 def _is_known(entry: Entry) -> bool:
-    """Whether a number was estimated and has a confidence interval or an upper limit."""
+    """Return whether a number was estimated and has a confidence interval or an upper limit."""
     if entry.held or entry.low is None or entry.high is None or not math.isfinite(entry.high):
         return False
     return entry.upper_only or entry.low < entry.value < entry.high
 
 
 def _reach(level: float) -> float:
-    """Standard errors from the centre of a confidence interval to its end."""
+    """Return the number of standard errors from the centre of a confidence interval to its end."""
     return NormalDist().inv_cdf((1 + level) / 2)
 
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
-    """p-value of the test of one value for all entries, each with the reach of its interval in standard errors."""
+    """Return the p-value of the test that all entries have one value. Each entry has the half width z of its interval
+    in standard errors."""
     from scipy.special import gammaincc
 
     points = [_point(entry, z, signed) for entry, z in known if not entry.upper_only]
@@ -245,7 +247,7 @@ def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
 
 
 def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
-    """A number and its standard error, as a logarithm unless it has a sign."""
+    """Return a number and its standard error, as a logarithm unless the number has a sign."""
     low, high = entry.low or 0.0, entry.high or 0.0
     if signed:
         return entry.value, (high - low) / (2 * z)
@@ -253,7 +255,7 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 
 
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
-    """p-value for the difference between an upper limit and a larger value x ± s.
+    """Return the p-value for the difference between an upper limit and a larger value x ± s.
 
     Both intervals are widened by the same number of standard errors until they meet. The p-value of this number is an
     upper bound, because the sum of two independent errors is larger than their root sum of squares. The upper limit of
@@ -280,7 +282,7 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
 
 
 def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
-    """Adjust the p-values of the tests that were made by Holm's method."""
+    """Adjust the p-values of all tests by Holm's method."""
     adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
     return [
         row if row.pvalue is None else replace(row, adjusted=p, agrees=p > size)
@@ -294,7 +296,7 @@ def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
 def _beside(
     rows: Sequence[SharedNumber], reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[SharedNumber], tuple[str, ...]]:
-    """The numbers with their references, and the references without a number."""
+    """Add the references to the numbers; also return the references without a number."""
     made, unmatched = list(rows), []
     # References of axes come last, so that they replace those of sensors.
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in {row.axis for row in rows}):

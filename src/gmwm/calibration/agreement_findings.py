@@ -1,4 +1,4 @@
-"""Make the remarks on an agreement."""
+"""Remarks on an agreement between calibrations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RAMP = "R"
 
 
 def verdict_of(found: Agreement) -> Remark:
-    """How many numbers were compared, and how many differ."""
+    """Make the verdict: how many numbers were compared, and how many differ."""
     differing = len(found.disagreeing)
     state = "none" if not found.compared else "all" if not differing else "one" if differing == 1 else "some"
     return Remark.of(
@@ -27,7 +27,7 @@ def verdict_of(found: Agreement) -> Remark:
 
 
 def remarks_of(found: Agreement) -> list[Remark]:
-    """All remarks on an agreement, the most severe first."""
+    """Make all remarks on an agreement, the most severe first."""
     return sorted_remarks(_remarks(found))
 
 
@@ -57,7 +57,7 @@ def _name(row: SharedNumber) -> str:
 
 
 def _difference(row: SharedNumber) -> Remark:
-    """The values of a number that differs, and its p-value."""
+    """Make the remark on a number that differs: its values and its p-value."""
     entries = [entry for entry in row.entries if entry is not None]
     unit = entries[0].in_units("datasheet")[3]
     return Remark.of(
@@ -68,7 +68,7 @@ def _difference(row: SharedNumber) -> Remark:
 
 
 def apart_text(share: float) -> str:
-    """The ratio of the largest to the smallest value, minus 1, as text.
+    """Format the ratio of the largest to the smallest value, minus 1.
 
     >>> apart_text(0.12), apart_text(2.0)
     ('12 % between the largest and the smallest', 'a factor of 3 between the largest and the smallest')

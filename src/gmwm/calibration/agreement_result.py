@@ -115,7 +115,7 @@ class Agreement(Summarised, Sequence[SharedNumber]):
 
     @property
     def verdict(self) -> Remark:
-        """How many numbers were compared, and how many differ."""
+        """Verdict: how many numbers were compared, and how many differ."""
         return verdict_of(self)
 
     @property
@@ -124,7 +124,7 @@ class Agreement(Summarised, Sequence[SharedNumber]):
         return tuple(remarks_of(self))
 
     def __getitem__(self, index: Any) -> Any:
-        """A number by its index or by its name, such as "gyro_x.N"."""
+        """Return a number by its index or by its name, such as "gyro_x.N"."""
         if not isinstance(index, str):
             return self.rows[index]
         for row in self.rows:
@@ -139,7 +139,7 @@ class Agreement(Summarised, Sequence[SharedNumber]):
         return iter(self.rows)
 
     def summary(self) -> str:
-        """The numbers side by side in datasheet units, the remarks and the reference values, 80 columns wide."""
+        """Write the numbers side by side in datasheet units, the remarks and the reference values, 80 columns wide."""
         return summary(self)
 
     def to_dict(self) -> dict[str, Any]:

@@ -22,7 +22,7 @@ _LOWEST: Literal["B"] = "B"
 
 
 def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
-    """The verdict, a table for each axis, the remarks and the reference values; at most 80 columns wide."""
+    """Write the verdict, a table for each axis, the remarks and the reference values; at most 80 columns wide."""
     heads, names = _heads(found)
     parts = [[*wrapped(found.verdict.text(dialect)), *names]]
     parts += [[axis, *_fitting(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models]
@@ -38,7 +38,7 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def _heads(found: Agreement) -> tuple[list[str], list[str]]:
-    """The heads of the columns; long names are replaced by numbers, and listed."""
+    """Return the heads of the columns, and the list of long names that numbers replace in them."""
     if sum(len(label) + 2 for label in found.labels) <= WIDTH - 24:
         return list(found.labels), []
     numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]
@@ -46,7 +46,7 @@ def _heads(found: Agreement) -> tuple[list[str], list[str]]:
 
 
 def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[list[str]]]) -> list[str]:
-    """A table with a column for each recording, split into several tables if it is too wide."""
+    """Make a table with a column for each recording, split into several tables if it is too wide."""
     lines: list[str] = []
     for count in range(len(heads), 0, -1):
         lines = []
@@ -74,12 +74,12 @@ def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> lis
 
 
 def _why_absent(found: Agreement, axis: str, k: int) -> str:
-    """Why a recording has no model for an axis."""
+    """Return the reason why a recording has no model for an axis."""
     return _FAILED if found.labels[k] in found.failed.get(axis, ()) else _ABSENT
 
 
 def _cell(found: Agreement, row: SharedNumber, k: int) -> str:
-    """A number of one recording, or the reason why there is none."""
+    """Format a number of one recording, or the reason why there is none."""
     entry = row.entries[k]
     if entry is not None:
         return number(entry)

@@ -47,9 +47,10 @@ from gmwm.spectrum import PowerSpectrum
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
-"""The steps of one axis, as `progress` reports them."""
+"""Names of the steps of one axis, as `progress` reports them."""
 LONGER = 10
-"""Doublings of the recording length that `needed` tries: a factor of 1024 (tests/calibration/test_calibrate.py)."""
+"""Largest number of doublings of the recording length that `needed` tries: a factor of 1024
+(tests/calibration/test_calibrate.py)."""
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -59,7 +60,8 @@ Data = Imu | Signal | Stream | Mapping[str, Measured]
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Stream] | Mapping[str, Imu | Stream]
 """Several recordings of one unit."""
 Progress = Callable[[int, int, str], None]
-"""Function of the number of finished steps, the number of all steps, and a description of the last step."""
+"""Progress callback: called with the number of finished steps, the number of all steps, and a description of the last
+step."""
 
 
 def calibrate(
@@ -240,7 +242,8 @@ def _recording_remarks(
     axes: Mapping[str, AxisCalibration],
     verdicts: Mapping[str, Mapping[str, Verdict]],
 ) -> Iterator[Remark]:
-    """The remarks of the inspections, with the name of the recording in the subject unless all have the same remark."""
+    """Yield the remarks of the inspections. The subject names the recording unless all recordings have the same
+    remark."""
     found = {}
     for name, inspection in inspections.items():
         own = [of[name] for of in verdicts.values() if name in of]
@@ -262,7 +265,7 @@ def _inspected(
     workers: int | None,
     read: Callable[[str], None],
 ) -> tuple[dict[str, Measured], Inspection | None, dict[str, Conditions]]:
-    """The measured data of each axis, the inspection of a recording, and the conditions of each axis."""
+    """Return the measured data of each axis, the inspection of a recording, and the conditions of each axis."""
     asked = options.conditions
     if not isinstance(data, Stream) and (scheduler is not None or workers is not None):
         name = "workers" if scheduler is None else "scheduler"
@@ -287,7 +290,7 @@ def _inspected(
 
 
 def _conditions_of(axis: str, item: Measured, asked: Asked) -> Conditions:
-    """The conditions of one axis without a recording."""
+    """Return the conditions of one axis for data without a recording."""
     if isinstance(item, Signal):
         return Conditions.of({axis: item}, asked, None)
     if asked.terms:
@@ -305,7 +308,7 @@ def _read(steps: _Progress, name: str, text: str) -> None:
 
 
 class _Progress:
-    """Report the progress of several threads, one call at a time, and pass on a request to stop."""
+    """Progress of several threads. It reports one step at a time, and stops all threads on request."""
 
     def __init__(self, steps: int, progress: Progress | None) -> None:
         self.steps, self.progress = steps, progress
@@ -384,7 +387,8 @@ class _Axis:
         return axis
 
     def _left_in(self, fit: Fit, raw: WaveletVariance) -> float | None:
-        """K (SI) of the model with a random walk if the effect of the conditions were left in; None if unknown."""
+        """Return K (SI) of the model with a random walk if the effect of the conditions is not removed; None if
+        unknown."""
         walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
         model = fit.model if walks else Model((*fit.model.processes, RW()))
         try:
@@ -395,7 +399,7 @@ class _Axis:
         return None if entry is None else entry.value
 
     def _searched(self, wv: WaveletVariance, spectrum: PowerSpectrum | None) -> Searched:
-        """The search for a model, or the choice within the sum that the user gave."""
+        """Search for a model, or select within the sum that the user gave."""
         options, check = self.options, self.steps.check
         if options.searched:
             # The covariance of a robust estimate of a sinusoid is unknown.
@@ -424,7 +428,8 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Recording length (s) for a relative standard error of 20 %, for each parameter where it exceeds 50 %.
+    """Return the recording length (s) for a relative standard error of 20 %, for each parameter whose error exceeds 50
+    %.
 
     The length of the recording is doubled up to ten times. The result is infinite if 1024 times the length does not
     suffice, and None if a term acts as a simpler process, so that the theory cannot predict its standard error.

@@ -1,4 +1,5 @@
-"""Intervals that hold after model selection: tail areas averaged over all models that the data allow."""
+"""Confidence intervals that include the model selection: tail areas averaged over all models that agree with the
+data."""
 
 from __future__ import annotations
 
@@ -15,30 +16,30 @@ from gmwm.processes.base import Process
 from gmwm.selection.ranking import Candidate, Ranking
 
 LIKELY = 0.02
-"""Smallest weight, relative to the best model, with which a model enters the average (docs/validation/sensors.md)."""
+"""Smallest weight of a model in the average, relative to the best model (docs/validation/sensors.md)."""
 EQUIVALENT = 4.0
-"""Largest difference of criteria that counts for a model that the test finds equivalent to the best one: two such
+"""Largest difference of criteria that is used for a model that the test finds equivalent to the best one: two such
 models differ by chance (docs/validation/sensors.md)."""
 MOST = 5
 """Largest number of models in the average."""
 ALIKE = 5.0
-"""Largest ratio of the correlation times of two terms, of different models, that describe the same process."""
+"""Largest ratio of the correlation times of two terms in different models that are treated as the same process."""
 UNKNOWN = 1e4
-"""Ratio of the ends of the interval of q_c from which a term is not determined: its model adds nothing to a smaller one
-and has no sound interval for the other numbers (docs/validation/sensors.md)."""
+"""Ratio of the ends of the interval of q_c above which a term is not determined. Its model is then no better than a
+smaller one and has no valid interval for the other numbers (docs/validation/sensors.md)."""
 _HALVINGS = 80
 _LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
 WALK = "K"
 """Symbol of the rate random walk in a datasheet."""
 SLOW = 0.01
-"""Correlation time, as a share of the recording, from which a Gauss-Markov term can stand for a random walk: below its
-correlation time it is one, with K = q_c (docs/validation/sensors.md)."""
+"""Correlation time, relative to the length of the recording, from which a Gauss-Markov term is compared with a random
+walk: at shorter times it is one, with K = q_c (docs/validation/sensors.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """An estimate of one model, with the weight of the model.
+    """An estimate from one model, with the weight of the model.
 
     Attributes
     ----------
@@ -57,11 +58,11 @@ class Estimate:
 
 
 ABSENT = Estimate(weight=0.0, value=0.0, low=0.0, high=0.0, upper_only=True)
-"""The value of a number in a model without it: zero."""
+"""Estimate for a model that does not include the number: zero."""
 
 
 def averaged_interval(estimates: Sequence[Estimate], level: float) -> tuple[float, float]:
-    """The interval beyond whose ends the averaged tail areas are (1 − level) / 2 each.
+    """Return the interval at whose ends the averaged tail areas are (1 − level) / 2 each.
 
     The logarithm of each estimate is normal around its value, with the width of its interval. The lower end is 0 if the
     models in which the number is zero have a larger weight than the tail area.
@@ -116,7 +117,7 @@ def _crossing(above: Callable[[float], float], wanted: float, first: float, last
 
 
 def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
-    """The models that enter the average, with weights exp(−difference / 2)."""
+    """Return the models of the average, with weights exp(−difference / 2)."""
     found = []
     for candidate in ranking.distinct:
         difference = candidate.difference
@@ -129,7 +130,7 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
 
 
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
-    """The datasheet of the recommended model with intervals that include the choice of the model.
+    """Return the datasheet of the recommended model, with intervals that include the choice of the model.
 
     An interval only becomes wider: it has the ends of the average where they are outside those of the model. A number
     that models with a share of more than (1 − level) / 2 of the weight do not have becomes an upper limit.
@@ -151,7 +152,8 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
 
 
 def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Datasheet:
-    """The datasheet with intervals of the numbers of a shape from the spectrum, by their relative standard errors."""
+    """Return the datasheet with intervals, from the spectrum, of the numbers that describe its shape, by their relative
+    standard errors."""
     reach = NormalDist().inv_cdf((1 + level) / 2)
 
     def known(entry: Entry) -> Entry:
@@ -164,7 +166,7 @@ def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Da
 
 
 def _determined(sheet: Datasheet) -> bool:
-    """Whether the driving noise of every Gauss-Markov term is known."""
+    """Return whether the driving noise of every Gauss-Markov term is determined."""
     driving = [entry for entry in sheet.values() if _base(entry.symbol) == _TIMES[1] and not entry.upper_only]
     return all(entry.low and entry.high and entry.high <= UNKNOWN * entry.low for entry in driving)
 
@@ -194,7 +196,8 @@ def _base(symbol: str) -> str:
 
 
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
-    """The entry of another model for the same number; Gauss-Markov terms are matched by their correlation times."""
+    """Return the entry of another model for the same number; Gauss-Markov terms are matched by their correlation
+    times."""
     base = _base(entry.symbol)
     if base == WALK and (entry.symbol not in other or other[entry.symbol].upper_only):
         return _slowest(other, sheet.samples / sheet.rate) or other.get(entry.symbol)
@@ -211,24 +214,25 @@ def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> 
 
 
 def _slowest(other: Mapping[str, Entry], duration: float) -> Entry | None:
-    """The q_c of the slowest Gauss-Markov term, if it is a random walk over most scales of the recording."""
+    """Return q_c of the slowest Gauss-Markov term if this term is a random walk at most scales of the recording."""
     slow = _slow({symbol: e.value for symbol, e in other.items() if _base(symbol) == _TIMES[0]}, duration)
     symbol = max(slow, key=slow.__getitem__, default=None)
     return None if symbol is None else other.get(_TIMES[1] + symbol.removeprefix(_TIMES[0]))
 
 
 def _slow(times: Mapping[str, float], duration: float) -> dict[str, float]:
-    """The correlation times (s) from which a term is a random walk over most scales of a recording."""
+    """Return the correlation times (s) of terms that are a random walk at most scales of a recording."""
     return {name: time for name, time in times.items() if time >= SLOW * duration}
 
 
 def is_walk(process: Process, rate: float) -> bool:
-    """Whether K describes a process."""
+    """Return whether a process is described by K."""
     return any(number.symbol == WALK for number in process.physical(rate))
 
 
 def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
-    """Correlation time (s) of a Gauss-Markov process that describes the data as well as the random walk; None if none.
+    """Return the correlation time (s) of a Gauss-Markov process that fits the data as well as the random walk; None if
+    there is none.
 
     K must be known, and the process slower than 1 % of the recording, but not than the recording.
     """
@@ -272,7 +276,7 @@ def averaged_intervals(
 
 
 def _scaled(value: float, ratio: float, power: float) -> float:
-    """value · ratio^power, also for a ratio of zero or infinity, and for a result out of range."""
+    """Compute value · ratio^power, also for a ratio of zero or infinity, and for a result out of range."""
     if ratio <= 0 or math.isinf(ratio):
         return math.inf if (ratio <= 0) == (power < 0) else 0.0
     exponent = power * math.log(ratio)

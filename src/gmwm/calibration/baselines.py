@@ -16,8 +16,8 @@ from gmwm.readers.streams import Stream
 from gmwm.signals import Imu, Signal
 
 LONGEST = 1 << 21
-"""Largest number of samples of a baseline, the first ones: 5.8 h at 100 Hz. The scatter of every chart is then known to
-some percent, and a file is not read completely again."""
+"""Largest number of samples for a baseline; the first samples are used: 5.8 h at 100 Hz. The scatter of every chart is
+then known to some percent, and a file need not be read completely again."""
 
 
 def with_baselines(
@@ -52,7 +52,7 @@ def with_baselines(
 
 
 def _first_samples(data: Any) -> Mapping[str, Signal]:
-    """The signals of a recording, or the first batch of a file."""
+    """Return the signals of a recording, or the first batch of a file."""
     if isinstance(data, Stream):
         return next(batches(data)).signals
     if isinstance(data, Imu):

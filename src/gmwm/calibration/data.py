@@ -1,4 +1,4 @@
-"""What `calibrate` accepts: the recordings by name, and the axes of each."""
+"""Input of `calibrate`: the recordings by name, and the axes of each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
 
 
 def named(data: Any) -> dict[str, Any]:
-    """The recordings by name; a single one has the name "".
+    """Return the recordings by name; a single recording has the name "".
 
     Names are the keys of a mapping of recordings. Those of a list are the names of the files without extension, or
     numbers if these are not unique.
@@ -53,7 +53,7 @@ def named(data: Any) -> dict[str, Any]:
 
 
 def require_one(options: CalibrationOptions, **processes: object) -> None:
-    """Raise an error for options that belong to a single recording."""
+    """Raise an error for options that need a single recording."""
     for name, value in processes.items():
         if value is not None:
             raise OptionError(
@@ -68,7 +68,7 @@ def require_one(options: CalibrationOptions, **processes: object) -> None:
 
 
 def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
-    """The data of each axis to calibrate; None for the axes of a stream, which is not read yet."""
+    """Return the data of each axis to calibrate; None for the axes of a stream, which is not read yet."""
     items: dict[str, Measured | None]
     if isinstance(data, Signal):
         items = {data.axis or "signal": data}
@@ -116,7 +116,7 @@ def _check_unit(axis: str, unit: str) -> None:
 
 
 def common_axes(chosen: Mapping[str, Mapping[str, object]]) -> tuple[list[str], dict[str, str]]:
-    """The axes that all recordings have, and for the others the reason why they are not calibrated.
+    """Return the axes that all recordings have, and for the other axes the reason why they are not calibrated.
 
     Raises
     ------

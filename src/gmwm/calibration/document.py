@@ -46,7 +46,7 @@ _AXIS_PARTS: Mapping[str, type | UnionType] = {
     "regression": Mapping | NoneType, "left_in": float | NoneType,
     "spectrum": Mapping | NoneType, "misfit": Mapping | NoneType, "model_error": float, "tried": list,
 }  # fmt: skip
-"""Parts of a document and of its axes, and what each must be."""
+"""Parts of a document and of its axes, with the type of each."""
 
 _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 """Strings for the numbers that JSON cannot represent."""

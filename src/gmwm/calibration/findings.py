@@ -29,25 +29,25 @@ if TYPE_CHECKING:
 SIZE = 0.05
 """Level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
 SCALES = 7
-"""Usable scales below which no number of a calibration can be used: with fewer, the selection misses one of two terms
-that cross at a scale of 16 samples in more than half of the recordings (tests/calibration/test_short.py)."""
+"""Number of usable scales below which no number of a calibration can be used. With fewer, the selection misses one of
+two terms that cross at a scale of 16 samples in more than half of the recordings (tests/calibration/test_short.py)."""
 LEAST_SCALES = 4
-"""Usable scales below which a recording is refused: with fewer, the selection recommends another model than white
-noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
+"""Number of usable scales below which a recording is refused. With fewer, the selection recommends a model other than
+white noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
 WANTED = 0.2
 """Relative standard error for which recording lengths are recommended (tests/calibration/test_calibrate.py)."""
 CLOSE = 0.05
-"""Largest relative misfit, over the scales with more than 30 degrees of freedom, up to which a rejected model is used:
-numbers are square roots of variances, so that they are off by about half of it (docs/validation/sensors.md)."""
+"""Largest relative misfit, over the scales with more than 30 degrees of freedom, at which a rejected model is used.
+Numbers are square roots of variances, so their error is about half of it (docs/validation/sensors.md)."""
 LARGE = 1.5
-"""Ratio of model and data above which the model does not follow the data (tests/calibration/test_misfit.py)."""
+"""Ratio of model and data above which the model does not describe the data (tests/calibration/test_misfit.py)."""
 
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
-    """All remarks on a calibration, the most severe ones first."""
+    """Make all remarks on a calibration, the most severe ones first."""
     found = [*calibration.recording_remarks, *_failed(calibration), *_of_recording(calibration)]
     found += equality_remarks(calibration)
     bad = set(rejected(calibration))
@@ -57,7 +57,7 @@ def remarks_of(calibration: Calibration) -> list[Remark]:
 
 
 def verdict_of(calibration: Calibration) -> Remark:
-    """Whether the calibration can be used; the headline of the summary and of the report."""
+    """Make the verdict on whether the calibration can be used: the headline of the summary and of the report."""
     lost = unusable(calibration)
     worst = gravest(remark for remark in calibration.remarks if remark.subject not in lost)
     state = "wrong" if worst is not None and worst <= Severity.WRONG else "cautions"
@@ -72,13 +72,13 @@ def verdict_of(calibration: Calibration) -> Remark:
 
 
 def unusable(calibration: Calibration) -> list[str]:
-    """The axes whose numbers cannot be used."""
+    """Return the axes whose numbers cannot be used."""
     named = {remark.subject for remark in calibration.remarks if remark.severity is Severity.UNUSABLE}
     return [axis for axis in (*calibration.axes, *calibration.failed) if axis in named]
 
 
 def rejected(calibration: Calibration) -> list[str]:
-    """The axes whose recommended model a goodness-of-fit test rejects, at 5 % for all axes together."""
+    """Return the axes whose recommended model a goodness-of-fit test rejects, at 5 % for all axes together."""
     tests = {axis: found.test for axis, found in calibration.axes.items() if found.test is not None}
     return [axis for axis, test in tests.items() if test.pvalue < SIZE / len(tests)]
 
@@ -89,7 +89,7 @@ def _failed(calibration: Calibration) -> Iterator[Remark]:
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
-    """Remarks on the longest usable scale, and on a recording that is too short for a test."""
+    """Yield remarks on the longest usable scale, and on a recording that is too short for a test."""
     seen: set[tuple[int, float]] = set()
     for found in calibration.axes.values():
         wv = found.fit.wavelet_variance
@@ -101,7 +101,7 @@ def _of_recording(calibration: Calibration) -> Iterator[Remark]:
 
 
 def equality_remarks(calibration: Calibration) -> list[Remark]:
-    """Whether the recordings of each axis agree, with p-values adjusted for the number of axes."""
+    """Report whether the recordings of each axis agree, with p-values adjusted for the number of axes."""
     every = {axis: one.replicates for axis, one in calibration.axes.items()}
     known = {axis: one for axis, one in every.items() if one is not None}
     pvalues = holm([one.pvalue for one in known.values()]).tolist() if known else []
@@ -130,7 +130,7 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
 
 
 def _rejection(axis: str, found: AxisCalibration) -> Remark:
-    """The remark on a rejected model, by its largest distance from the data."""
+    """Make the remark on a rejected model, depending on its largest distance from the data."""
     misfit = found.misfit
     if misfit is not None and misfit.largest <= CLOSE:
         return Remark.of("model-close", axis, largest=100 * misfit.largest, error=100 * found.model_error)
@@ -148,7 +148,8 @@ def _rejection(axis: str, found: AxisCalibration) -> Remark:
 
 
 def _of_coarse_levels(axis: str, found: AxisCalibration) -> Iterator[Remark]:
-    """A remark if the model is farther from the data at the coarsest scales than simulated recordings of it are."""
+    """Yield a remark if the model disagrees with the data at the coarsest scales more than simulated recordings of it
+    do."""
     wv, misfit = found.fit.wavelet_variance, found.misfit
     if misfit is None:
         return
@@ -207,13 +208,13 @@ def _of_replaced(axis: str, replaced: Replaced, wv: WaveletVariance) -> Iterator
 
 
 def _excess(verdict: Verdict) -> dict[str, Fact]:
-    """The largest excess of the classical over the robust wavelet variance, and its scale."""
+    """Return the largest excess of the classical over the robust wavelet variance, and its scale."""
     worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
     return {"excess": excess_text(float(verdict.excess[worst])), "tau": Quantity(float(verdict.tau[worst]), "s")}
 
 
 def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
-    """The remark on parameters with a large standard error, with the recording length for a smaller one."""
+    """Make the remark on parameters with a large standard error, with the recording length for a smaller one."""
     finite = [seconds for seconds in needed.values() if seconds is not None and math.isfinite(seconds)]
     lengths = ""
     if finite:
@@ -236,7 +237,7 @@ def _longest_scale(wv: WaveletVariance) -> Remark:
 
 
 def _longest_unbroken(wv: WaveletVariance) -> float:
-    """The longest usable scale (s) of a recording with the same number of samples and no gap."""
+    """Return the longest usable scale (s) of a recording with the same number of samples and no gap."""
     levels = np.arange(1, wv.samples.bit_length())
     whole = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
     usable = levels[usable_in(whole)]

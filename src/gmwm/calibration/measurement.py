@@ -1,4 +1,4 @@
-"""What a calibration measures of a recording: curves, wrong samples and tails, spectra, and the inspection."""
+"""The measurements of a calibration: wavelet variances, wrong samples and tails, spectra, and the inspection."""
 
 from __future__ import annotations
 
@@ -42,12 +42,13 @@ if TYPE_CHECKING:
 
 
 def clean(signal: Signal) -> Signal:
-    """The signal with its isolated wrong samples and its knocks replaced."""
+    """Replace the isolated wrong samples and the knocks of a signal."""
     return cleaned(signal).signal
 
 
 class Pair(NamedTuple):
-    """The two wavelet variances of one axis, and the screen of its samples and its spectrum if they were read.
+    """The classical and the robust wavelet variance of one axis, with the screen of its samples and its spectrum if the
+    samples were read.
 
     `other` is the robust wavelet variance with `other_efficiency`, if the samples were read.
     """
@@ -65,7 +66,8 @@ class Pair(NamedTuple):
 
 
 class AxisSamples:
-    """What the samples of one axis say beyond the curves: wrong samples, bursts and tails, and the spectrum."""
+    """Statistics of the samples of one axis besides the wavelet variance: wrong samples, bursts and tails, and the
+    spectrum."""
 
     def __init__(self, rate: float, unit: str, axis: str) -> None:
         self._screening = Screening(rate)
@@ -84,15 +86,15 @@ class AxisSamples:
             feed(one, signal, continues)
 
     def screen(self) -> Screen:
-        """Bursts, wrong samples and tails."""
+        """Return bursts, wrong samples and tails."""
         return self._screening.result(replaced=self._replaced)
 
     def spectrum(self) -> PowerSpectrum | None:
-        """The spectrum, smoothed away from lines; None if there are too few samples."""
+        """Return the spectrum, smoothed except at lines; None if there are too few samples."""
         return self.spectrum_with(())
 
     def spectrum_with(self, others: Sequence[AxisSamples]) -> PowerSpectrum | None:
-        """The spectrum of this and of other recordings together."""
+        """Return the spectrum of this and of other recordings together."""
         whole = self._spectrum
         for other in others:
             whole = whole.beside(other._spectrum)
@@ -103,7 +105,7 @@ class AxisSamples:
 
 
 class AxisMeasurement:
-    """All that is measured of one axis. The curves may need a second pass.
+    """All measurements of one axis. The wavelet variances may need a second pass.
 
     Parameters
     ----------
@@ -132,16 +134,16 @@ class AxisMeasurement:
         self.samples.update(signal, continues)
 
     def release(self) -> None:
-        """Forget the samples and sums, when the results are known."""
+        """Release the samples and sums when the results are known."""
         del self.curves, self.samples
 
     def pair(self, efficiency: float) -> Pair:
-        """The curves, the screen and the spectrum."""
+        """Return the wavelet variances, the screen and the spectrum."""
         return pair_of(self.curves, self.samples.screen(), self.samples.spectrum(), efficiency)
 
 
 def pair_of(curves: AxisCurves, screen: Screen, spectrum: PowerSpectrum | None, efficiency: float) -> Pair:
-    """The results of one axis."""
+    """Combine the results of one axis."""
 
     def other() -> WaveletVariance:
         return curves.first.result(robust=True, efficiency=other_efficiency(efficiency))
@@ -306,7 +308,7 @@ def _measure(
     inspector: FirstPass | None = None,
     conditions: Conditions = NOTHING,
 ) -> dict[str, AxisMeasurement]:
-    """The first pass over a recording, and the second one if nothing else needs it."""
+    """Run the first pass over a recording, and the second pass if nothing else needs it."""
     recording = batches.recording
     curves = curves_of(recording, axes, efficiency=options.efficiency, change=clean)
     turn = nullcontext() if isinstance(recording, Imu) else Lock()
@@ -344,7 +346,7 @@ def _second_pass(
     *,
     conditions: Conditions = NOTHING,
 ) -> None:
-    """Complete the curves that need a second pass, in one with the inspection."""
+    """Complete the wavelet variances that need a second pass, together with the inspection."""
     again = {axis: one for axis, one in curves.items() if one.begin_again()}
     if again or also:
         measure(map(conditions.batch, shown(batches, also)), again, threads)
@@ -360,7 +362,7 @@ def _inspected(
 
 
 def _reported(recording: Imu | Streamed, progress: Callable[[str], None] | None) -> Batches:
-    """The batches of a recording; reading of a file is reported after each chunk."""
+    """Return the batches of a recording; progress is reported after each chunk of a file."""
     if progress is None or isinstance(recording, Imu):
         return Batches(recording)
 
@@ -376,7 +378,7 @@ def _reported(recording: Imu | Streamed, progress: Callable[[str], None] | None)
 
 
 def _both(stream: Stream, progress: Callable[[str], None] | None) -> Callable[[int], None] | None:
-    """A function that reports the samples which workers have read in both passes."""
+    """Return a function that reports the number of samples that workers have read in both passes."""
     return None if progress is None else lambda n: progress(f"both passes: {duration_text(n / stream.rate)}")
 
 
@@ -411,7 +413,7 @@ def _inspection(stream: Stream, axes: tuple[str, ...], conditions: Conditions) -
 
 
 def _result(future: object) -> Inspected:
-    """The result of `_inspection`; an error of the file is raised."""
+    """Return the result of `_inspection`, or raise its error."""
     found: Inspected | GmwmError = future.result()  # type: ignore[attr-defined]
     if isinstance(found, GmwmError):
         raise found

@@ -1,4 +1,4 @@
-"""The scale at which a model is farthest from the data, and the numbers that are read there."""
+"""The scale at which a model is farthest from the data, and the datasheet numbers that this scale affects."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 
 def line_in(model: Model) -> str | None:
-    """The name of a sinusoidal process in a model; None if there is none."""
+    """Return the name of a sinusoidal process in a model; None if there is none."""
     return next((process.name for process in model.processes if is_line(type(process))), None)
 
 
 def line_process() -> str | None:
-    """The name of the registered sinusoidal process; None if there is none."""
+    """Return the name of the registered sinusoidal process; None if there is none."""
     return next((name for name, kind in registry.items() if is_line(kind)), None)
 
 
 def is_line(kind: type[Process]) -> bool:
-    """Whether a class is a sinusoidal process."""
+    """Return whether a class is a sinusoidal process."""
     return kind.line is not Process.line
 
 
@@ -53,12 +53,12 @@ class Misfit:
 
     @property
     def times(self) -> float:
-        """The ratio or its inverse, whichever is above 1."""
+        """The ratio of model and data, or its inverse: the value above 1."""
         return max(self.ratio, 1 / self.ratio)
 
 
 def misfit_of(found: AxisCalibration) -> Misfit | None:
-    """The largest misfit among the levels where the model is outside the confidence limits of the data.
+    """Find the largest misfit among the levels where the model is outside the confidence limits of the data.
 
     Levels that the goodness-of-fit test excludes are not considered, because their few coefficients scatter widely. The
     result is None if the model is inside the limits at all levels.
@@ -79,13 +79,14 @@ def misfit_of(found: AxisCalibration) -> Misfit | None:
 
 
 def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:
-    """Symbols of a datasheet that are read at long scales, or at short ones."""
+    """Return the symbols of a datasheet whose numbers depend on long scales, or on short scales."""
     slopes = {str(symbol): law.slope for symbol, law in LAWS.items()}
     return tuple(symbol for symbol in sheet if symbol in slopes and (slopes[symbol] >= 0) == long)
 
 
 def _middle(found: AxisCalibration) -> float:
-    """The scale (s) where short scales end: the minimum of the curve, or the middle of a logarithmic axis."""
+    """Return the scale (s) that separates short from long scales: the minimum of the curve, or the middle of a
+    logarithmic axis."""
     bottom = found.datasheet.get(SYMBOL)
     wv = found.fit.wavelet_variance
     if bottom is not None and bottom.tau is not None and not bottom.upper_only:

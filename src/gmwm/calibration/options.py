@@ -15,7 +15,7 @@ from gmwm.selection.search import SLOW
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
 SEARCHED = "auto"
-"""The default: a search that the data drive, see `gmwm.selection.search`."""
+"""Default of `within`: a search that the data control, see `gmwm.selection.search`."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")
 
 
@@ -83,7 +83,7 @@ class CalibrationOptions:
 
     @property
     def searched(self) -> bool:
-        """Whether the model is searched for."""
+        """Whether gmwm searches for the model."""
         return isinstance(self.within, str) and self.within == SEARCHED
 
     @property
@@ -139,7 +139,7 @@ class CalibrationOptions:
 
 
 def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:
-    """The axes as a tuple of names. Whether they exist is checked against the recording."""
+    """Return the axes as a tuple of names. Whether they exist is checked against the recording."""
     if axes is None or isinstance(axes, str):
         return None if axes is None else (axes,)
     if not isinstance(axes, Sequence) or not axes or not all(isinstance(name, str) for name in axes):

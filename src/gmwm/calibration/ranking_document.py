@@ -1,4 +1,4 @@
-"""Convert a ranking to a part of the calibration document and back; what its fits share is stored once."""
+"""Convert a ranking to a part of the calibration document and back. Data that its fits share are stored once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _KEPT = (
     "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "start",
     "remarks",
 )  # fmt: skip
-"""The stored fields of a fit in a ranking; the others follow from these, the data and the weighting matrix."""
+"""The stored fields of a fit in a ranking. The other fields follow from these, the data and the weighting matrix."""
 
 
 def ranking_document(ranking: Ranking) -> dict[str, Any]:
@@ -46,7 +46,7 @@ def _short(fit: Fit) -> dict[str, Any]:
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
-    """Make a ranking from such a document; `wv` is the wavelet variance that its models were fitted to."""
+    """Make a ranking from its part of a document; `wv` is the wavelet variance that its models were fitted to."""
     size = len(wv)
     matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
     weighting = str(content["weighting"])

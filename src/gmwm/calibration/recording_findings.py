@@ -1,4 +1,4 @@
-"""The remarks on a recording, as far as they concern its calibration."""
+"""Remarks on a recording that affect its calibration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _RAMP = "R"
 def recording_remarks(
     inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
 ) -> Iterator[Remark]:
-    """Name the numbers of the datasheets in remarks on trends and coarse outputs.
+    """Add the affected datasheet numbers to remarks on trends and coarse outputs.
 
     A remark on a linear trend is left out for an axis whose model has a drift, which describes it. Remarks on knocks
     are left out, and the one on motion if it was replaced like a knock.
@@ -57,7 +57,7 @@ def recording_remarks(
 
 
 def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
-    """Whether the samples of a motion were replaced, and no axis has large wavelet coefficients any more."""
+    """Return whether the samples of a motion were replaced, and no axis has large wavelet coefficients any more."""
     start, window = remark.facts["time"], remark.facts["window"]
     assert isinstance(start, Quantity)
     assert isinstance(window, Quantity)
@@ -67,7 +67,7 @@ def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
 
 
 def _left_in(found: AxisCalibration) -> str:
-    """What K would be if the effect of the conditions were left in; "" if it would not be larger."""
+    """Return K without the removal of the conditions, as text; "" if it would not be larger."""
     entry, value = found.datasheet.get(WALK), found.left_in
     if not value:
         return ""

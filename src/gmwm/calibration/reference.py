@@ -60,7 +60,7 @@ def as_reference(name: str, given: tuple[float, str], si: str) -> Reference:
 
 
 def _factor(name: str, text: str, si: str) -> float:
-    """The factor from a unit to SI."""
+    """Return the factor from a unit to SI."""
     known = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
     if (size := known.get(spelt(text))) is not None:
         return size

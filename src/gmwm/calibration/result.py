@@ -94,12 +94,12 @@ class AxisCalibration:
 
     @property
     def replicates(self) -> Replicates | None:
-        """Several recordings, compared with each other; None for one."""
+        """Comparison of several recordings; None for a single one."""
         return self.fit.replicates
 
     @property
     def regressions(self) -> dict[str, Regression]:
-        """The regressions whose effect was removed, by recording; the name of a single recording is ""."""
+        """The regressions whose effect was removed, by recording. A single recording has the name ""."""
         if self.regression is not None:
             return {"": self.regression} if self.regression.applied else {}
         curves = self.fit.wavelet_variance.recordings
@@ -189,7 +189,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
     @property
     def baselines(self) -> dict[str, Baseline]:
-        """What the innovations are while the sensor is good, by axis, for the axes that have a baseline."""
+        """Statistics of the innovations of the healthy sensor, by axis, for the axes that have a baseline."""
         return {axis: found.baseline for axis, found in self.axes.items() if found.baseline is not None}
 
     @property
@@ -206,7 +206,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
     @cached_property
     def verdict(self) -> Remark:
-        """Whether the calibration can be used; the headline of the summary and of the report."""
+        """Verdict on whether the calibration can be used: the headline of the summary and of the report."""
         from gmwm.calibration.findings import verdict_of
 
         return verdict_of(self)
@@ -246,7 +246,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return summary(self, every=every)
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
-        """The numbers of all axes as a Polars data frame: one row for each axis and number.
+        """Return the numbers of all axes as a Polars data frame: one row for each axis and number.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Check the types of a result that was read from a file: each field against its annotation, recursively."""
+"""Check the types of a result that was read from a file. Each field is compared with its annotation, recursively."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def require_kinds(found: Any, where: str) -> None:
 
 
 def _hints(kind: type) -> Mapping[str, Any]:
-    """The type of each field. Class variables are left out, because their types are not imported."""
+    """Return the type of each field. Class variables are left out, because their types are not imported."""
     if kind not in _KINDS:
         types = {field.name: field.type for field in fields(kind)}
         _KINDS[kind] = get_type_hints(SimpleNamespace(__annotations__=types), vars(sys.modules[kind.__module__]))
@@ -100,7 +100,7 @@ def _require(value: Any, kind: Any, key: str) -> None:
 
 
 def _is(value: Any, kind: Any) -> bool:
-    """Whether a value has a type; its items are not checked."""
+    """Return whether a value has a type; its items are not checked."""
     origin = get_origin(kind)
     if kind is Any:
         return True
@@ -118,7 +118,7 @@ def _is(value: Any, kind: Any) -> bool:
 
 
 def _alone(kind: Any) -> Any:
-    """The tuple type in a union with None."""
+    """Return the tuple type in a union with None."""
     return next((one for one in get_args(kind) if get_origin(one) is tuple), kind)
 
 

@@ -25,7 +25,7 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """One axis of one recording: what was measured, the data as they were given, and the conditions."""
+    """One axis of one recording: its measurements, the data as they were given, and the conditions."""
 
     item: Measured
     raw: Measured | None
@@ -115,7 +115,7 @@ def _pair(item: Measured, options: CalibrationOptions) -> Measured:
 
 
 def _raw(axis: str, part: Part) -> WaveletVariance | None:
-    """The curve with the effect of the conditions."""
+    """Return the wavelet variance with the effect of the conditions."""
     raw = part.conditions.raw.get(axis)
     if raw is None and isinstance(part.raw, Signal):
         return signal_wavelet_variance(part.raw)
@@ -123,7 +123,7 @@ def _raw(axis: str, part: Part) -> WaveletVariance | None:
 
 
 def _spectrum(items: Sequence[Measured]) -> PowerSpectrum | None:
-    """The spectrum of all recordings together, smoothed away from lines."""
+    """Return the spectrum of all recordings together, smoothed except at lines."""
     samples = [item.samples for item in items if isinstance(item, AxisMeasurement)]
     try:
         return samples[0].spectrum_with(samples[1:])
@@ -132,7 +132,7 @@ def _spectrum(items: Sequence[Measured]) -> PowerSpectrum | None:
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
-    """The most severe verdict, with the wrong samples and knocks of all recordings."""
+    """Return the most severe verdict, with the wrong samples and knocks of all recordings."""
     known = list(verdicts)
     if len(known) < 2:
         return next(iter(known), None)

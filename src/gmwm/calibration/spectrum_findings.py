@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from gmwm.variance import WaveletVariance
 
 SHARE = 0.05
-"""Share of the wavelet variance of some level from which lines disturb the numbers: it changes a density such as N, the
-root of a variance, by 2.5 %."""
+"""Share of the wavelet variance of some level from which lines affect the numbers: it changes a density such as N, the
+square root of a variance, by 2.5 %."""
 
 
 def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
-    """Remarks on the spectrum of an axis; none if there is no spectrum."""
+    """Yield remarks on the spectrum of an axis; none if there is no spectrum."""
     spectrum = found.spectrum
     if spectrum is None:
         return
@@ -57,7 +57,7 @@ def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark
 
 
 def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:
-    """Largest share of lines in the wavelet variance of a level, and the scale (s) of this level.
+    """Return the largest share of lines in the wavelet variance of a level, and the scale (s) of this level.
 
     A sinusoid of amplitude A and frequency f adds A² |H_j(f)|² / 2 to ν_j².
     """

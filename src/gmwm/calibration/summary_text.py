@@ -30,9 +30,9 @@ REST: Mapping[Dialect, str] = {
 """Where to find the remarks that the summary does not show."""
 
 HELD = "held lines"
-"""Row of the number of lines whose frequency and power are held."""
+"""Label of the table row with the number of lines whose frequency and power are held."""
 SPREAD_OF = ("N", "B", "K")
-"""The numbers whose spread between recordings is in the table."""
+"""Symbols of the numbers whose spread between recordings is in the table."""
 _FIRST = "[1]"
 
 
@@ -78,7 +78,7 @@ def _head(calibration: Calibration) -> list[str]:
 
 
 def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[str]]:
-    """The axes of each length (samples) and rate (Hz); all axes of a recording have the same."""
+    """Group the axes by length (samples) and rate (Hz); all axes of a recording have the same."""
     shapes: dict[tuple[int, float], list[str]] = {}
     for axis, found in axes.items():
         wv = found.fit.wavelet_variance
@@ -87,13 +87,14 @@ def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[
 
 
 def _range(ascending: Sequence[str]) -> str:
-    """The first and the last text; one text if they are equal."""
+    """Format the first and the last of several texts; a single text if they are equal."""
     first, last = ascending[0], ascending[-1]
     return first if first == last else f"{first} to {last}"
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """A table with a column for each axis and a row for each number; as many axes side by side as fit the width."""
+    """Make a table with a column for each axis and a row for each number; as many axes side by side as fit the
+    width."""
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -103,7 +104,7 @@ def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
 
 
 def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
-    """Tables of `count` axes each, one below the other."""
+    """Make tables of `count` axes each, one below the other."""
     names = list(axes)
     lines: list[str] = []
     for start in range(0, len(names), count):
@@ -113,7 +114,7 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """The table of some axes: model, fit and outliers, then a row for each number in the units of datasheets."""
+    """Make the rows of some axes: model, fit and outliers, then a row for each number in the units of datasheets."""
     found = list(axes.values())
     rows = [
         ["", *axes],
@@ -139,7 +140,8 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
 
 
 def _spreads(found: Sequence[AxisCalibration]) -> list[list[str]]:
-    """The spread of the main numbers between recordings, and the p-value of the test that they are equal."""
+    """Make the rows with the spread of the main numbers between recordings, and the p-value of the test that they are
+    equal."""
     if all(one.replicates is None for one in found):
         return []
     rows = []
@@ -161,7 +163,7 @@ def _number_of(found: AxisCalibration, symbol: str) -> RecordingNumber | None:
 
 
 def held_lines(model: Model) -> list[str]:
-    """The terms of a model that are lines without a free parameter."""
+    """Return the terms of a model that are lines without a free parameter."""
     return [
         term for term, process in zip(model.terms, model.processes, strict=True)
         if is_line(type(process)) and all(process.is_fixed(p.name) for p in process.parameters)
@@ -169,7 +171,7 @@ def held_lines(model: Model) -> list[str]:
 
 
 def _shown(found: AxisCalibration) -> dict[str, Entry]:
-    """The numbers of a datasheet without those of held lines. The only other line needs no number in its symbols."""
+    """Return the datasheet entries without those of held lines. A single other line has no number in its symbols."""
     model = found.fit.model
     lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}
     free = lines.difference(held_lines(model))
@@ -212,7 +214,7 @@ def _legend(calibration: Calibration) -> list[str]:
 
 
 def _filtered(calibration: Calibration) -> str:
-    """What the terms are that the search takes from the spectrum."""
+    """Explain the terms that the search adds because of the spectrum; "" if there are none."""
     names = {
         process.name.partition("(")[0]
         for found in calibration.axes.values() for process in found.fit.model.processes

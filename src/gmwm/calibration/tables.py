@@ -33,13 +33,13 @@ def merged(lists: Sequence[Sequence[str]]) -> list[str]:
 
 
 def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
-    """The symbols of some datasheets: first those of IEEE Std 952, in its order, then the others."""
+    """Return the symbols of some datasheets: first the symbols of IEEE Std 952, in its order, then the others."""
     order = [str(symbol) for symbol in LAWS]
     return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
 
 
 def key(entries: Iterable[Entry]) -> str:
-    """A legend of the symbols; a symbol with two meanings gets both titles."""
+    """Write a legend of the symbols; a symbol with two meanings gets both titles."""
     titles: dict[str, dict[str, None]] = {}
     for entry in entries:
         titles.setdefault(entry.symbol.partition("[")[0].partition(" ")[0], {})[entry.title] = None
@@ -47,7 +47,8 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def number(entry: Entry) -> str:
-    """A value with half the width of its confidence interval, the interval if it is wide, or an upper limit."""
+    """Format a value with half the width of its confidence interval, with the interval if it is wide, or as an upper
+    limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
         return f"{value:.3g} fixed"
