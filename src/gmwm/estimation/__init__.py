@@ -1,4 +1,5 @@
-"""Estimation: fit the wavelet variance of a model to that of a signal (GMWM)."""
+"""Estimation by the Generalized Method of Wavelet Moments (GMWM): fit the wavelet variance of a model to a measured
+one."""
 
 from gmwm.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.estimation.estimator import fit

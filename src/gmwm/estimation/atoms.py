@@ -1,4 +1,4 @@
-"""Tables of the wavelet variance of a process with one nonlinear parameter, as a curve of unit vectors.
+"""Tables of unit vectors: the wavelet variance of a process with one nonlinear parameter, as a curve in this parameter.
 
 The solver does not know any process. Its input is the fixed vectors of the processes that are linear in their
 parameters, and one curve for the repeatable process with a free nonlinear parameter (the correlation time of a
@@ -22,14 +22,15 @@ SPACING = 0.025
 """Distance of the nodes in the search coordinate: 2.5 % in β for a Gauss-Markov process. The error of the cubics, some
 1e-9 of the curve, is the only error of the bounds. tests/estimation/test_atoms.py pins the table."""
 SAFETY = 2.0
-"""Factor on the interpolation error at the midpoints of a cell and its neighbours, to bound it everywhere."""
+"""Factor on the interpolation error at the midpoints of a cell and its neighbours, which makes it a bound
+everywhere."""
 NEIGHBOURS = 12
 """Number of neighbours on each side: where rounding dominates (φ near 1), one midpoint alone is not representative."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Nodes of a table and the wavelet variances of a process there; independent of data and weights.
+    """Nodes of a table and the wavelet variances of a process at these nodes; independent of data and weights.
 
     `nodes` holds the search coordinate, one branch after another. `spacing` is the width of each cell between
     neighbouring nodes, and zero for the cell that joins two branches.
@@ -44,12 +45,12 @@ class Grid:
     middle_values: Matrix
 
     def position(self, branch: int, u: float) -> float:
-        """The position of coordinate `u` of a branch, counted in cells from the first node."""
+        """Return the position of coordinate `u` of a branch, counted in cells from the first node."""
         inside = np.flatnonzero(self.owner == branch)
         return float(np.interp(u, self.nodes[inside], inside))
 
     def place(self, position: float) -> tuple[int, float]:
-        """The branch and coordinate at a position counted in cells."""
+        """Return the branch and coordinate at a position counted in cells."""
         cell = min(int(position), self.nodes.size - 2)
         if self.spacing[cell] == 0 and position <= cell:
             cell -= 1
@@ -72,7 +73,7 @@ Place = tuple[Branch, float]
 def shape_at(
     process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Wavelet variances (n, J) at unit scale; the levels may be those of several curves, one after another."""
+    """Return wavelet variances (n, J) at unit scale; the levels may belong to several curves, one after another."""
     if np.all(levels[1:] > levels[:-1]):
         return process.shape(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
@@ -82,7 +83,7 @@ def shape_at(
 def slope_at(
     process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Derivatives (n, J) of `shape_at` by the first nonlinear parameter."""
+    """Return derivatives (n, J) of `shape_at` with respect to the first nonlinear parameter."""
     ascending, place = np.unique(levels, return_inverse=True)
     return np.asarray(process.shape_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
 
@@ -90,7 +91,7 @@ def slope_at(
 def shapes(
     process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Wavelet variances (n, J) of a process at unit scale, at n places."""
+    """Return wavelet variances (n, J) of a process at unit scale, at n places."""
     if not places:
         return np.empty((0, levels.size))
     parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
@@ -130,7 +131,7 @@ def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: 
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
-    """Rows of `values` weighted by `root` and scaled to length one, with their slopes."""
+    """Weight the rows of `values` by `root` and scale them to length one; return them with their slopes."""
     weighted = values @ root.T
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     unit = weighted / length
@@ -139,7 +140,7 @@ def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Ma
 
 
 def table(grid: Grid, root: Matrix) -> Table:
-    """The curve of a grid under the weighting LᵀL, with its error bounds."""
+    """Tabulate the curve of a grid under the weighting LᵀL, with its error bounds."""
     values, slopes = unit_curve(grid.values, grid.slopes, root)
     joined = grid.spacing == 0
     step = grid.spacing[:, None]
@@ -165,7 +166,7 @@ def close_up(
     filter: WaveletFilter,
     root: Matrix,
 ) -> tuple[Table, Vector]:
-    """A table of one short cell around each place, and the (n, 2) coordinates of its ends."""
+    """Tabulate one short cell around each place; return the table and the (n, 2) coordinates of its ends."""
     starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])

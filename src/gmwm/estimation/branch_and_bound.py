@@ -19,28 +19,29 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Branch
 
 CERTIFIED_GAP = 1e-4
-"""Branch and bound stops when the best fit is within this share of its lower bound; docs/validation/optimum.md."""
+"""Branch and bound stops when the best fit is within this relative distance of its lower bound;
+docs/validation/optimum.md."""
 CERTIFY_NODES = 20_000
-"""… or after this many nodes of the search tree."""
+"""Branch and bound also stops after this number of nodes of the search tree."""
 QUICK_NODES = 24
-"""Nodes of a search without a certificate: enough for starting points (tests/estimation/test_fit_laws.py: fits without
-a certificate are as good)."""
+"""Number of nodes of a search without a certificate: sufficient for starting points (tests/estimation/test_fit_laws.py:
+fits without a certificate are as good)."""
 WIDTHS = (1e-2, 1e-3)
 """Widths of the pieces of exact curve in the refinement; the last one is exact to rounding."""
 TABLE_ERROR = 1e-5
-"""Optima whose objectives on the tabulated curve differ by less (relative) are all refined on the exact curve."""
+"""Relative difference of objectives on the tabulated curve below which all optima are refined on the exact curve."""
 SETTLED = 1e-12
-"""A refinement ends when it lowers the objective by less (relative)."""
+"""Relative decrease of the objective below which a refinement ends."""
 POLISHES = 8
 """Largest number of pieces of curve through which a refinement follows one optimum."""
 NEWTON_STEPS = 5
 FOLLOWED = 0.05
 """Longest Newton step in the search coordinate after a change of the weights."""
 FLAT = 1e-10
-"""If the objective rises by less (relative) from an optimum to the end of the domain, the end is used. Pinned by
-tests/estimation/test_last_places.py, as is the next."""
+"""Relative increase of the objective from an optimum to the end of the domain below which the end is used. Pinned by
+tests/estimation/test_last_places.py, as is the next constant."""
 ACTS_AS = 1e-6
-"""A term acts as the process at the end of its domain if that raises the objective by less than this share."""
+"""Relative increase of the objective below which a term acts as the process at the end of its domain."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ class Search:
         self.positive = problem.positive
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Local optima on the tabulated curve (the best first), lower bound, bound of the relaxation, and nodes."""
+        """Return local optima on the tabulated curve (the best first), the lower bound, the bound of the relaxation,
+        and the number of nodes."""
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
@@ -82,7 +84,7 @@ class Search:
         )  # fmt: skip
 
     def _starts(self) -> Vector:
-        """Positions of the starting values in the model, if every curved process has one."""
+        """Return the positions of the starting values in the model, if every curved process has one."""
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
@@ -94,12 +96,12 @@ class Search:
         return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
 
     def located(self, positions: Vector) -> list[Place]:
-        """Positions on the tabulated curve as places."""
+        """Convert positions on the tabulated curve to places."""
         found = [self.grid.place(float(position)) for position in positions]
         return [(self.grid.branches[index], u) for index, u in found]
 
     def polished(self, places: list[Place]) -> Optimum:
-        """The local optimum on the exact curve next to `places`."""
+        """Return the local optimum on the exact curve next to `places`."""
         problem = self.problem
         for width in WIDTHS if places else ():
             before = np.inf
@@ -130,7 +132,7 @@ class Search:
         return self._sharpened(self.at(places))
 
     def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
-        """The optimum after Newton's method, if its objective is not larger."""
+        """Return the optimum after Newton's method if its objective is not larger; otherwise `best`."""
         places = sharpened(
             self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
         )
@@ -140,7 +142,8 @@ class Search:
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
     def followed(self, places: list[Place]) -> Optimum:
-        """The local optimum next to the one of a problem with other weights: by one Newton step if that is enough."""
+        """Return the local optimum next to the optimum of a problem with other weights: by one Newton step if that is
+        sufficient."""
         start = self.at(places)
         there = self._sharpened(start, 1, FOLLOWED)
         return self.polished(places) if there is start and places else there
@@ -152,12 +155,12 @@ class Search:
         return np.concatenate([self.fixed, self.problem.weighted(curved)])
 
     def at(self, places: list[Place]) -> Optimum:
-        """The optimal weights with the curved processes at given places."""
+        """Return the optimal weights with the curved processes at given places."""
         weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
         return Optimum(objective, places, weights)
 
     def settled(self, best: Optimum) -> Optimum:
-        """The optimum with places moved to an end of their domain if the objective is flat up to that end."""
+        """Return the optimum with places moved to an end of their domain if the objective is flat up to that end."""
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
                 there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
@@ -167,7 +170,8 @@ class Search:
         return best
 
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
-        """The curved processes of an optimum with their parameters; if `ends`, with the process that they act as."""
+        """Return the curved processes of an optimum with their parameters; if `ends`, with the process that each acts
+        as."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
@@ -181,7 +185,8 @@ class Search:
         return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:
-        """The process at an end of the branch that fits as well as curved process `index`; None if there is none."""
+        """Return the process at an end of the branch that fits as well as curved process `index`; None if there is
+        none."""
         branch, u = best.places[index]
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
         for end, name in sorted(ends, key=lambda end: end[0] != u):  # the end at which it is comes first

@@ -32,7 +32,7 @@ from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 _SETTLED = 1e-9
-"""Relative change of the curves at which estimate and weights agree."""
+"""Relative change of the curves at which the iteration of estimate and weights ends."""
 _ROUNDS = 100
 LEAST_FREEDOM = 3.0
 """Degrees of freedom above which a level enters the tests, as in `Fit.goodness_of_fit`."""
@@ -40,7 +40,7 @@ LEAST_FREEDOM = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """The curves of all conditions one after another, and the rows that a model adds to them.
+    """The curves of all conditions one after another, and the rows with which the terms of a model enter them.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Stack:
 
     @cached_property
     def rows(self) -> list[tuple[int, int]]:
-        """Index of the process and of the function of each row with a linear coefficient."""
+        """Index of the process and of the function φ_m, for each row with a linear coefficient."""
         linear, _, _ = by_kind(self.model)
         return [(place, m) for place in linear for m in range(len(self.factors.get(place, [0])))]
 
@@ -80,7 +80,7 @@ class Stack:
         return np.array(found).reshape(len(found), self.levels.size)
 
     def posed(self, matrix: Matrix) -> Problem:
-        """The problem under a weighting matrix Ω of all levels."""
+        """Return the problem under a weighting matrix Ω of all levels."""
         first = self.curves[0]
         _, shaped, held = by_kind(self.model)
         curved, free = searched(self.model, shaped)
@@ -109,7 +109,7 @@ class Stack:
         )  # fmt: skip
 
     def models(self, solution: Solution) -> tuple[Model, ...]:
-        """The model of each condition with the values of a solution."""
+        """Return the model of each condition with the values of a solution."""
         _, shaped, _ = by_kind(self.model)
         found = []
         for s in range(len(self.curves)):
@@ -129,23 +129,24 @@ class Stack:
         return tuple(found)
 
     def implied(self, models: tuple[Model, ...]) -> Vector:
-        """The curves of models, one after another."""
+        """Return the curves of models, one after another."""
         return np.concatenate(
             [m.wavelet_variance(wv.levels, wv.rate, wv.filter) for m, wv in zip(models, self.curves, strict=True)]
         )
 
     def covariance(self, models: tuple[Model, ...]) -> Matrix:
-        """V of all curves, which are independent."""
+        """Return the covariance V of all curves, which are independent."""
         return _blocks(covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True))
 
     def weights(self, weighting: str, models: tuple[Model, ...]) -> Matrix:
-        """Ω of all curves under models."""
+        """Return Ω of all curves for given models."""
         return _blocks(
             implied_weights(weighting, m, Design.of(wv), wv.variance) for m, wv in zip(models, self.curves, strict=True)
         )
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
-        """Columns of the linearised curves: ∂ν²/∂s of each linear coefficient, then ∂ν²/∂log θ of each shaped term.
+        """Return the columns of the linearised curves: ∂ν²/∂s of each linear coefficient, then ∂ν²/∂log θ of each
+        shaped term.
 
         The shape of a term that acts as another process, or that is zero, has no column.
         """
@@ -182,7 +183,7 @@ class Solved:
 
 
 def _blocks(parts: Iterable[Matrix]) -> Matrix:
-    """A matrix with these blocks on its diagonal."""
+    """Return a matrix with these blocks on its diagonal."""
     from scipy.linalg import block_diag
 
     return np.asarray(block_diag(*parts))
@@ -259,7 +260,7 @@ def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
 
 
 def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
-    """The coefficients by name, with standard errors from the sandwich formula."""
+    """Return the coefficients by name, with standard errors from the sandwich formula."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
     spread = relative_covariance(columns, solved.problem.matrix, stack.covariance(solved.models))
@@ -295,14 +296,14 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
 
 
 def _short(stack: Stack) -> Stack:
-    """The stack with the levels that have enough degrees of freedom for a test."""
+    """Return the stack with the levels that have enough degrees of freedom for a test."""
     curves = [shortened(wv, int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM)))
               for wv in stack.curves]  # fmt: skip
     return replace(stack, curves=tuple(curves))
 
 
 def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
-    """The chi-square test of the model: statistic, degrees of freedom and p-value."""
+    """Test the model by chi-square: statistic, degrees of freedom and p-value."""
     from scipy.special import gammaincc
 
     short = _settled(_short(solved.stack), weighting, certify=False)
@@ -312,7 +313,8 @@ def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
 
 
 def _no_change(solved: Solved, weighting: str) -> float:
-    """The p-value of the hypothesis that no term varies, from what the functions explain of its residuals."""
+    """Return the p-value of the hypothesis that no term varies, from the part of the residuals that the functions
+    explain."""
     from scipy.special import gammaincc
 
     short = _short(solved.stack)
@@ -323,7 +325,8 @@ def _no_change(solved: Solved, weighting: str) -> float:
 
 
 def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
-    """The weighted squares of the residuals that the parameters and further columns do not explain; their rank."""
+    """Return the weighted sum of squares of the residuals that the parameters and further columns do not explain, and
+    the rank of these columns."""
     stack = solved.stack
     root = square_root(precision(stack.covariance(solved.models)))
     _, columns = stack.slopes(solved.solution)

@@ -21,7 +21,8 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 _UNKNOWN = 14.0
-"""Half width of an interval, on the logarithm of a parameter, that counts as not determined: a factor of a million."""
+"""Half width of an interval, on the logarithm of a parameter, from which the parameter is not determined: a factor of a
+million."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -49,7 +50,8 @@ class Estimate:
     shape: bool = False
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Confidence interval on a logarithmic scale; from 0 to an upper limit if a variance of zero is possible.
+        """Return the confidence interval on a logarithmic scale; from 0 to an upper limit if a variance of zero is
+        possible.
 
         Parameters
         ----------
@@ -122,7 +124,7 @@ class ConditionsFit(Summarised):
     pvalue_constant: float | None
 
     def at(self, condition: float) -> Model:
-        """The model with its values at a condition within the range of the data.
+        """Return the model with its values at a condition within the range of the data.
 
         Parameters
         ----------
@@ -181,7 +183,7 @@ class ConditionsFit(Summarised):
         return plot_comparison(items, view=view, units=units, path=path)
 
     def summary(self) -> str:
-        """Estimates with 95 % confidence intervals, the certificate and the tests."""
+        """Write the estimates with 95 % confidence intervals, the certificate and the tests."""
         conditions = ", ".join(f"{c:g}" for c in self.curves)
         rows = [("", "estimate", "95 % interval")]
         for name, one in self.estimates.items():

@@ -245,7 +245,8 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
 
 
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
-    """The solver that starts from random draws; drifts are drawn from the range or the known slope of the data."""
+    """Return the solver that starts from random draws. Drifts are drawn from the range or the known slope of the
+    data."""
     if isinstance(data, WaveletVariance) or wv.recordings:
         spread = abs(wv.slope or 0.0)
     else:
@@ -273,7 +274,7 @@ def measured(
     efficiency: float,
     against: Against = None,
 ) -> WaveletVariance:
-    """The wavelet variance to fit: of a signal, the mean of several, or `data` itself.
+    """Return the wavelet variance to fit: of a signal, the mean of several, or `data` itself.
 
     Raises
     ------
@@ -297,7 +298,7 @@ def measured(
 
 
 def _several(data: object) -> list[Curve] | None:
-    """The recordings in a list; None for a single one, which may be a list of numbers."""
+    """Return the recordings in a list; None for a single recording, which may also be a list of numbers."""
     if isinstance(data, list | tuple) and all(isinstance(x, WaveletVariance | Signal | np.ndarray) for x in data):
         return list(data)
     return None
@@ -326,7 +327,7 @@ def _measured(data: Curve, rate: float | None, robust: bool, efficiency: float, 
 
 
 def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> WaveletVariance:
-    """The wavelet variance itself, after a check that `robust` and `efficiency` do not contradict it."""
+    """Return the wavelet variance itself, after a check that `robust` and `efficiency` do not contradict it."""
     if robust and not wv.robust:
         raise OptionError(
             argument="robust",
@@ -378,7 +379,7 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
 def _of_terms(
     model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
 ) -> Iterator[Remark]:
-    """Remarks about each term: what it acts as, whether the data support it, and the remarks of its process."""
+    """Yield remarks about each term: what it acts as, whether the data support it, and the remarks of its process."""
     processes = dict(zip(model.terms, model.processes, strict=True))
     for term, name in acts_as.items():
         like = likeness(

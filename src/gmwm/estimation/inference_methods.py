@@ -1,4 +1,4 @@
-"""Standard errors, intervals, tests, criteria, datasheet, summary and picture: the methods of a fit that judge it."""
+"""Methods of a fit for inference: standard errors, intervals, tests, criteria, datasheet, summary and picture."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 
 class InferenceMethods:
-    """What the upper layers compute from a `Fit`, the only class that inherits from this one."""
+    """Methods of a `Fit` whose results the upper layers compute. `Fit` is the only class that inherits from this
+    one."""
 
     @property
     def _fit(self) -> Fit:
@@ -73,7 +74,7 @@ class InferenceMethods:
 
     @cached_property
     def replicates(self) -> Replicates | None:
-        """The recordings of a fit to several recordings, compared with each other; None for a single one.
+        """Compare the recordings of a fit to several recordings with each other; None for a single recording.
 
         It has the test that their parameters are equal, a test without a model, the numbers of each recording and their
         spread, and the model for a filter. Standard errors, `confidence_intervals` and the datasheet include the
@@ -427,7 +428,7 @@ class InferenceMethods:
         return plot_fit(self._fit, view=view, units=units, decomposition=decomposition, ax=ax, path=path)
 
     def _repr_html_(self) -> str:
-        """The summary as HTML, with the parameters as a table: what notebooks display."""
+        """Return the summary as HTML, with the parameters as a table, for notebooks."""
         from gmwm.inference.summary import as_html
 
         return as_html(self._fit)

@@ -1,4 +1,5 @@
-"""A fit near its estimate, where the curve is linear in the parameters: their covariance, and what they cannot fit."""
+"""Linearisation of a fit near its estimate: the covariance of the parameters, and the residuals that they cannot
+explain."""
 
 from __future__ import annotations
 
@@ -14,13 +15,13 @@ from gmwm.processes.model import Model
 
 COLLINEAR = 1e-9
 """Relative singular value of the Jacobian below which a direction of the parameters is not determined. Pinned by
-tests/inference/test_plan.py: parameters with the same effect on the curve have infinite errors."""
+tests/inference/test_plan.py: parameters with the same effect on the curve have infinite standard errors."""
 NO_COEFFICIENT = 1e-8
 """Value that replaces a coefficient φ = 0, because errors are relative to values."""
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
-    """B V Bᵀ (p, p) for a Jacobian D (J, p); infinite for parameters that the Jacobian does not determine."""
+    """Compute B V Bᵀ (p, p) for a Jacobian D (J, p); infinite for parameters that the Jacobian does not determine."""
     if slopes.shape[1] == 0:
         return np.zeros((0, 0))
     root = square_root(matrix)
@@ -33,7 +34,8 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
 
 
 def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
-    """The pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and the parameters that it does not determine (p,)."""
+    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and the parameters that it does not determine
+    (p,)."""
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
     left, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
@@ -46,7 +48,8 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
 
 
 def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
-    """Squared length of a vector (J,) without its part in the span of some columns (J, p), and the rank of these."""
+    """Return the squared length of a vector (J,) without its part in the span of some columns (J, p), and the rank of
+    the columns."""
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)
@@ -55,7 +58,7 @@ def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
 
 
 def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Names of the free parameters, and the subset that is reported."""
+    """Return the names of the free parameters, and the subset that is reported."""
     columns, reported = [], set()
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale == 0:
@@ -71,7 +74,7 @@ def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set
 
 
 def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str, ...]) -> Matrix:
-    """θ ∂ν_j²/∂θ (J, p) for the parameters `names`."""
+    """Compute θ ∂ν_j²/∂θ (J, p) for the parameters `names`."""
     jacobian = model.jacobian(design.levels, design.rate, design.filter)
     place = {name: k for k, name in enumerate(model.names)}
     values = sizes_of(model, names)
@@ -79,6 +82,6 @@ def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str
 
 
 def sizes_of(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
-    """Values of parameters, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
+    """Return the values of parameters, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
     values = np.array([model.parameters[name] for name in names], dtype=np.float64)
     return np.where(values == 0, NO_COEFFICIENT, values)

@@ -13,9 +13,9 @@ from gmwm.estimation.problem import Problem
 from gmwm.processes.base import Process
 
 SHARP = 1e-12
-"""The iteration ends when the search coordinate moves by less: near the rounding error of β itself."""
+"""Change of the search coordinate below which the iteration ends: near the rounding error of β itself."""
 CURVATURE_STEP = 1e-3
-"""Step of the differences of slopes; an error of the second derivative only slows the convergence."""
+"""Step of the differences of slopes. An error of the second derivative only slows the convergence."""
 
 
 def sharpened(
@@ -55,7 +55,7 @@ def sharpened(
 def _step(
     target: Vector, fixed: Matrix, value: Matrix, slope: Matrix, bend: Matrix, x: Vector, moving: Vector
 ) -> Vector | None:
-    """The Newton step of all weights, followed by the steps of the places that move."""
+    """Return the Newton step of all weights, followed by the steps of the places that move."""
     rows = np.concatenate([fixed, value])
     residual = target - x @ rows
     weight = x[fixed.shape[0] :, None]
@@ -73,7 +73,7 @@ def _step(
 
 
 def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
-    """Values and first two derivatives (n, J) of the curved processes at exact places, weighted by L."""
+    """Return values and first two derivatives (n, J) of the curved processes at exact places, weighted by L."""
     count, d = len(places), CURVATURE_STEP
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])

@@ -90,7 +90,8 @@ class Problem:
         return ROUNDING * float(size) / self.unit
 
     def as_low(self, objective: float, least: float, share: float) -> bool:
-        """Whether an objective exceeds `least` by no more than this share and the rounding error of the residual.
+        """Return whether an objective exceeds `least` by no more than `share` (relative) and the rounding error of the
+        residual.
 
         If the data follow the model exactly, objectives are squared rounding errors. With a share alone, the order of
         summation of the processor would decide.
@@ -98,17 +99,17 @@ class Problem:
         return objective <= (1 + share) * (sqrt(least) + self.rounding) ** 2
 
     def under(self, matrix: Matrix) -> Problem:
-        """The same problem under another weighting matrix Ω."""
+        """Return the same problem under another weighting matrix Ω."""
         root, unit, target = weighed(self.observed, matrix)
         return replace(self, matrix=matrix, root=root, unit=unit, target=target)
 
     def observing(self, observed: Vector) -> Problem:
-        """The same problem for other data."""
+        """Return the same problem for other data."""
         _, unit, target = weighed(observed, self.matrix)
         return replace(self, observed=observed, unit=unit, target=target)
 
     def weighted(self, shapes: Matrix) -> Matrix:
-        """L times each row, scaled to length one."""
+        """Multiply each row by L, and scale it to length one."""
         rows = shapes @ self.root.T
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
@@ -165,7 +166,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
 
 
 def weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
-    """L with LᵀL = Ω, the unit of the objective, and the weighted data in this unit."""
+    """Return L with LᵀL = Ω, the unit of the objective, and the weighted data in this unit."""
     root = square_root(matrix)
     weighted = root @ observed
     largest = float(np.abs(weighted).max())
@@ -174,7 +175,7 @@ def weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
 
 
 def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
-    """Wavelet variance (J,) at unit scale of a process with a known shape.
+    """Return the wavelet variance (J,) at unit scale of a process with a known shape.
 
     Raises
     ------
@@ -194,12 +195,12 @@ def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter:
 
 
 def to_find(process: Process) -> tuple[int, ...]:
-    """Indices of the free nonlinear parameters of a process."""
+    """Return the indices of the free nonlinear parameters of a process."""
     return tuple(k for k, p in enumerate(process.nonlinear_parameters()) if not process.is_fixed(p.name))
 
 
 def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Indices of the processes that branch and bound searches, and of the others with a free shape.
+    """Return the indices of the processes that branch and bound searches, and of the other processes with a free shape.
 
     The search covers one class of processes. If the model has two, it is the one with more terms.
     """
@@ -212,7 +213,7 @@ def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tu
 
 
 def by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    """Indices of the processes with a free scale only, with a free shape, and with all parameters held."""
+    """Return the indices of the processes with a free scale only, with a free shape, and with all parameters held."""
     linear: list[int] = []
     shaped: list[int] = []
     held: list[int] = []

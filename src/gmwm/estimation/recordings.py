@@ -1,4 +1,4 @@
-"""How far the recordings of a pooled fit are apart: in its parameters, near its estimate, where its curve is linear.
+"""Differences between the recordings of a pooled fit: in its parameters, near its estimate, where its curve is linear.
 
 The curve of recording r differs from the fitted curve by z_r. With V_r its covariance under the fitted model and D_r
 the derivatives of the curve by the logarithms of the parameters, the deviation of its parameters is
@@ -31,22 +31,23 @@ if TYPE_CHECKING:
 LEAST_FREEDOM = 3.0
 """Degrees of freedom above which a level is used, as in the goodness-of-fit test (docs/validation/recordings.md)."""
 SIZE = 0.05
-"""Level of the test of one parameter above which its interval has the normal distribution (docs/validation/
-recordings.md)."""
+"""Level of the test of one parameter above which its interval uses the normal distribution
+(docs/validation/recordings.md)."""
 SURE = 0.002
 """p-value below which recordings differ beyond their parameters, as for the error of a model in `selection.search`."""
 SMALLEST = 1e-6
 """Smallest relative difference: the relative standard error of ν̂² in 10¹² samples."""
 _HALVINGS = 40
 LONGEST = 5.0
-"""Largest step of the logarithm of a shape parameter: a recording that needs a larger one does not determine it."""
+"""Largest step of the logarithm of a shape parameter. A recording that needs a larger step does not determine the
+parameter."""
 LEVEL = 0.95
-"""Confidence level at which the covariance gives the width of the t distribution."""
+"""Confidence level at which the covariance has the same width as the t distribution."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
-    """The deviations of the recordings from a pooled fit, and the test that all have the same parameters.
+    """The deviations of the recordings from a pooled fit, and the test that all recordings have the same parameters.
 
     Attributes
     ----------

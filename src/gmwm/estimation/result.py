@@ -1,4 +1,4 @@
-"""The result of a fit: estimates, objective with its bounds, and the data that they were computed from."""
+"""The result of a fit: estimates, objective with its bounds, and the data."""
 
 from __future__ import annotations
 
@@ -148,7 +148,8 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @property
     def regression(self) -> Regression | None:
-        """The effect of the temperature or of other conditions that was removed from the data; None for none."""
+        """The effect of the temperature or of other conditions that was removed from the data; None if no effect was
+        removed."""
         found: Regression | None = self.wavelet_variance.regression
         return found
 
@@ -278,7 +279,7 @@ class Fit(InferenceMethods, KalmanMethods):
 
 
 def _curve(values: Any, levels: int) -> Vector:
-    """An array with one number for each level."""
+    """Check an array with one number for each level."""
     curve = np.array(values, dtype=np.float64)
     if curve.shape != (levels,):
         raise ModelError(

@@ -1,4 +1,5 @@
-"""Iterated weights: the exact covariance of ν̂² under the fitted model, and a fit with these weights, until they agree.
+"""Iterated weights: the exact covariance of ν̂² under the fitted model, and a fit with these weights, repeated to
+convergence.
 
 Weights from the data alone depend on the errors of the data. A level that is too small by chance then has too large a
 weight, and all estimates become too small. Weights from the fitted model do not have this bias. An estimate that is
@@ -44,7 +45,8 @@ HOPE = 12
 """Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. Slow
 convergence by a factor of up to 0.94 per iteration still passes."""
 NEARLY = 3
-"""Iterations after which the weights agree with the estimate to a few per cent, which is enough to compare models."""
+"""Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
+models."""
 MIXED = 5
 """Largest number of iterations that are combined for the next one."""
 RETURNS = 4
@@ -149,7 +151,7 @@ def settle(
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
-    """Fit with nearly converged weights, for comparing models; also returns V (J, J), from which they are made."""
+    """Fit with weights that have nearly converged, to compare models; also return V (J, J), which determines them."""
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
@@ -164,7 +166,7 @@ def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[S
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
-    """Ω of the most likely mixture of all processes, which does not depend on the fitted model."""
+    """Return Ω of the most likely mixture of all processes, which does not depend on the fitted model."""
     _, model = mixture(wv.variance, wv.degrees_of_freedom, design)
     return implied_weights(weighting, model, design, wv.variance)
 
@@ -204,13 +206,13 @@ class _Ahead:
 
 
 def _logarithms(model: Model) -> dict[str, float]:
-    """The logarithms of the sizes of the free parameters that are not zero, by label."""
+    """Return the logarithms of the absolute values of the free parameters that are not zero, by label."""
     values = {name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed_names}
     return {name: math.log(value) for name, value in values.items() if 0 < value < math.inf}
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Weights Ω of a model: V⁻¹ ("optimal"), or 1 / V_jj.
+    """Compute the weights Ω of a model: V⁻¹ ("optimal"), or 1 / V_jj ("diagonal").
 
     Parameters
     ----------
@@ -248,13 +250,13 @@ def _no_noise(model: Model) -> ModelError:
 
 
 def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Covariance V (J, J) of a model, scaled to ν̄² if there are data (see `implied_weights`)."""
+    """Return the covariance V (J, J) of a model, scaled to ν̄² if there are data (see `implied_weights`)."""
     scale = _drawn_scale(model, design, observed)
     return covariance(model, design.for_weights) * np.outer(scale, scale)
 
 
 def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vector:
-    """ν̄² / ν² (J,), see `implied_weights`."""
+    """Return the scale ν̄² / ν² (J,), see `implied_weights`."""
     if observed is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         freedom = design.degrees_of_freedom
@@ -268,6 +270,6 @@ def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vecto
 
 
 def _change(before: Vector, after: Vector) -> float:
-    """Largest relative change over the levels; levels without variance do not count."""
+    """Return the largest relative change over the levels; levels without variance are left out."""
     scale = np.maximum(before, after)
     return float(np.max(np.abs(after - before) / np.where(scale > 0, scale, 1.0)))

@@ -38,18 +38,19 @@ RETURNS = 3
 tests/estimation/test_arma_fits.py (two lines are both found)."""
 
 KEPT = 10
-"""Number of points of a scan from which a descent starts."""
+"""Number of points of a scan from which descents start."""
 KEPT_QUICK = 3
-"""The same if the weights will change."""
+"""The same number if the weights will change."""
 SCOUTED = 5
-"""Steps of each descent before half of them are followed for as many steps again. Pinned by
+"""Number of steps of each descent, after which the better half continues for as many steps. Pinned by
 tests/estimation/test_arma_fits.py: descents followed to the end from every point reach no smaller objective."""
 SCOUTED_BESIDE = 10
-"""The same with several free processes: lines have many optima close to each other (test_two_lines_are_both_found)."""
+"""The same number with several free processes: lines have many optima close to each other
+(test_two_lines_are_both_found)."""
 FOLLOWED = 3
 """Number of descents that are followed to the end."""
 TOGETHER = 0.03
-"""Difference of every coordinate up to which two descents count as one."""
+"""Difference of every coordinate below which two descents are treated as one."""
 
 
 @dataclass(frozen=True)
@@ -178,13 +179,13 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
 
 
 def _value(found: Projection | None, problem: Problem) -> float:
-    """The objective, in the unit of the data."""
+    """Return the objective, in the unit of the data."""
     assert found is not None
     return float(found.objective * problem.unit**2)
 
 
 def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solution:
-    """The best of the local optima that descents from the points of a scan reach."""
+    """Return the best of the local optima that descents from the points of a scan reach."""
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
     points, tried = scanned_points(problem, surface, alone, KEPT_QUICK if quick else KEPT)
@@ -208,7 +209,7 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
 def _lowest(
     problem: Problem, surface: Surface, points: list[Point], *, count: int = FOLLOWED, known: Projection | None = None
 ) -> tuple[int | None, Projection] | None:
-    """The lowest local optimum that descents from points reach, with the index of its point; or the `known` one.
+    """Return the lowest local optimum that descents from points reach, with the index of its point; or the `known` one.
 
     A few steps from each point show which half of the descents is worth a few more, and these which `count` of them are
     worth following to the end.
@@ -236,12 +237,12 @@ def _lowest(
 
 
 def _together(one: Point, other: Point) -> bool:
-    """Whether two points are so close that descents from them reach the same optimum."""
+    """Return whether two points are so close that descents from them reach the same optimum."""
     return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < TOGETHER))
 
 
 def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
-    """The optimum after moving one free process at a time to the best places of its own scan."""
+    """Return the optimum after moving one free process at a time to the best places of its own scan."""
     for _ in range(RETURNS):
         moved = list(moved_points(problem, surface, alone, best.point))
         found = _lowest(problem, surface, moved, known=best)
@@ -252,7 +253,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Pr
 
 
 def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
-    """The optimum after a new search for the curved processes with the free ones held."""
+    """Return the optimum after a new search for the curved processes with the free ones held."""
     for _ in range(RETURNS if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
@@ -280,7 +281,7 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Whether the gradient is zero to rounding: at most 1e-10 of the product of its factors' lengths."""
+    """Return whether the gradient is zero to rounding: at most 1e-10 of the product of the lengths of its factors."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
     able = surface.moving(found, gradient)
@@ -319,7 +320,7 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
 
 
 def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
-    """The model with the values of a solution, in the same order of terms.
+    """Return the model with the values of a solution, in the same order of terms.
 
     A signed parameter has the sign of the `slope` of the data, if that is known.
     """

@@ -23,18 +23,18 @@ from gmwm.processes.validation import as_seed
 from gmwm.variance.result import WaveletVariance
 
 How = Literal["convex", "given", "scan", "sampled"]
-"""Start of a fit: the convex relaxation, values in the model, a scan, or random draws."""
+"""Source of the starting point of a fit: the convex relaxation, values in the model, a scan, or random draws."""
 
 # The sizes of the scan below are pinned by tests/estimation/test_arma_fits.py and test_surface.py: no other start,
 # including random draws, may reach a smaller objective (docs/validation/starts.md has the study).
 SCANNED = 64
-"""Points of a scan of one coordinate; four times as many for each further one, up to `MOST_SCANNED`."""
+"""Number of points of a scan of one coordinate; four times as many for each additional one, up to `MOST_SCANNED`."""
 MOST_SCANNED = 4096
 ALONE = 256
-"""Points of a scan of one coordinate of one process while the others are held."""
+"""Number of points of a scan of one coordinate of one process while the others are held."""
 ROUNDS = 4
 ALIKE = 0.9999
-"""Inner product of two unit vectors above which their points count as one."""
+"""Inner product of two unit vectors above which their points are treated as one."""
 LEFT_FOR = 4
 """Number of places to which each process is moved after the first descent."""
 LOOKED_AT = 256
@@ -103,7 +103,7 @@ class Start:
 
     @property
     def in_words(self) -> str:
-        """The start in a few words, for summaries."""
+        """Describe the start in a few words, for summaries."""
         if self.how == "sampled":
             other = "" if self.default is None else f"; without draws {self.default:.6g}"
             return f"from the best of {self.tried} draws, objective {self.objective:.6g} there{other}"
@@ -135,7 +135,7 @@ class Start:
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
 ) -> tuple[list[tuple[How, Point]], int]:
-    """Points from which to descend, the best first, and the number of points evaluated.
+    """Return the points from which to descend, the best first, and the number of points evaluated.
 
     The free coordinates run over a sequence that fills their box evenly. The curved and the linear processes are
     optimised for each point. Values given in the model come first. `alone` are the scans of the single processes.
@@ -163,14 +163,14 @@ def scanned_points(
 
 
 def given_point(problem: Problem, surface: Surface) -> Point | None:
-    """The point of the values in the model, if the model has values for all free processes."""
+    """Return the point of the values in the model, if the model has values for all free processes."""
     given = [free.given() for free in surface.frees]
     there = [z for z in given if z is not None]
     return _with_curved(problem, surface, there) if len(there) == len(given) else None
 
 
 def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
-    """Nonlinear parameters (n, q) at relative positions (n, d) in the scanned box, with the held parameters."""
+    """Return nonlinear parameters (n, q) at relative positions (n, d) in the scanned box, with the held parameters."""
     ends = free.scanned(problem.samples, problem.rate)
     return np.asarray(free.values(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])), dtype=np.float64)
 
@@ -183,7 +183,8 @@ class Alone:
     units: Matrix
 
     def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
-        """Indices of the best points of the scan together with the terms `others`, without neighbouring points."""
+        """Return the indices of the best points of the scan together with the terms `others`, without neighbouring
+        points."""
         rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
         objectives = np.empty(len(self.units))
         for k, unit in enumerate(self.units):
@@ -197,7 +198,7 @@ class Alone:
 
 
 def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
-    """Scans of each of several free processes; None if there is only one, or if one has no valid point."""
+    """Scan each of several free processes; None if there is only one, or if one has no valid point."""
     if len(surface.frees) < 2:
         return None
     every = []
@@ -212,7 +213,7 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
 
 
 def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
-    """Coordinates of the free processes, optimised one process at a time until none moves.
+    """Return the coordinates of the free processes, optimised one process at a time until none moves.
 
     The frequency of one of several lines lies in a narrow band, which points of a high-dimensional scan miss.
     """
@@ -230,7 +231,7 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
 
 
 def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: Point) -> Iterator[Point]:
-    """Points at which one free process is moved to the best places of its own scan, and all others stay."""
+    """Yield points at which one free process is moved to the best places of its own scan, and all others stay."""
     _, z = surface.split(point)
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
@@ -241,7 +242,7 @@ def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: 
 
 
 def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: Matrix, kept: int) -> list[int]:
-    """Indices of the `kept` points with the smallest objectives, no two of them close to each other."""
+    """Return the indices of the `kept` points with the smallest objectives, no two of them close to each other."""
     base, units, possible = _dictionary(problem), [], np.ones(len(share), dtype=np.bool_)
     for free, values in zip(surface.frees, columns, strict=True):
         possible &= free.possible(values)
@@ -267,7 +268,7 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: M
 
 
 def _dictionary(problem: Problem) -> Matrix:
-    """Unit vectors of the linear processes, and of the curved ones at points over their whole domain."""
+    """Return unit vectors of the linear processes, and of the curved ones at points over their whole domain."""
     if problem.curved_class is None:
         return problem.fixed
     values = grid(
@@ -278,7 +279,7 @@ def _dictionary(problem: Problem) -> Matrix:
 
 
 def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
-    """The point with these coordinates of the free processes and the best places of the curved ones."""
+    """Return the point with these coordinates of the free processes and the best places of the curved ones."""
     branches, u = [], []
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
@@ -303,7 +304,7 @@ def _even(count: int, size: int) -> Matrix:
 
 
 def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Point:
-    """The draw whose wavelet variance is closest to the data, in the coordinates of the problem.
+    """Return the draw whose wavelet variance is closest to the data, in the coordinates of the problem.
 
     Parameters
     ----------
@@ -348,7 +349,8 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
-    """Algorithms 1 and 2 of the paper: the process that dominates the first two levels, and the start of each draw."""
+    """Run Algorithms 1 and 2 of the paper: find the process that dominates the first two levels, and the start of each
+    draw."""
     dominant = _dominant(wv)
     first = np.ones(draws, dtype=np.int64)
     if dominant == "quantization":

@@ -25,20 +25,20 @@ from gmwm.processes.parameter import Branch
 STEPS = 100
 """Largest number of Levenberg-Marquardt steps."""
 ALIKE = 1e-9
-"""These steps end when one lowers the objective by less (relative); Newton steps then converge faster."""
+"""Relative decrease of the objective below which these steps end. Newton steps then converge faster."""
 NEWTON_STEPS = 15
 HESSIANS = 6
 """Largest number of times that Newton steps compute the second derivatives."""
 SLOW = 0.1
-"""They are computed again if a step is longer than this share of the one before."""
+"""Relative length of a step, compared with the previous step, from which the second derivatives are computed again."""
 SHARP = 1e-11
-"""Newton steps end when they move every coordinate by less."""
+"""Change of every coordinate below which Newton steps end."""
 NEAR = 0.3
 """Longest Newton step that is accepted."""
 LONGEST = 2.0
 """Longest Levenberg-Marquardt step in a coordinate: a factor of seven in a correlation time."""
 NOISE = 1e-12
-"""Objectives with a smaller relative difference count as equal."""
+"""Relative difference below which two objectives are equal to rounding."""
 FAR = 12.0
 """Extension of the scanned range of a coordinate: a factor of 160 000, or up to 1 − 1e-12 of a bounded domain."""
 HELD_REACH = 5.0
@@ -67,7 +67,7 @@ class Coordinates:
         return len(self.moving)
 
     def values(self, z: NDArray[Any]) -> NDArray[Any]:
-        """All nonlinear parameters (n, q) at coordinates (n, d)."""
+        """Return all nonlinear parameters (n, q) at coordinates (n, d)."""
         if self.together:
             return self.kind.at_coordinates(z)
         values = np.tile(self.held.astype(z.dtype), (len(z), 1))
@@ -76,19 +76,19 @@ class Coordinates:
         return values
 
     def with_slopes(self, z: Vector) -> tuple[Matrix, Matrix]:
-        """Values (1, q) at one point, and ∂ values/∂ z (q, d), by complex steps."""
+        """Return values (1, q) at one point, and ∂ values/∂ z (q, d), by complex steps."""
         moved = self.values(z + 1j * _COMPLEX * np.eye(z.size))
         return np.ascontiguousarray(moved[:1].real), np.asarray(moved.imag.T / _COMPLEX)
 
     def of(self, values: Matrix) -> Matrix:
-        """Coordinates (n, d) of nonlinear parameters (n, q), without the held ones."""
+        """Return the coordinates (n, d) of nonlinear parameters (n, q), without the held ones."""
         if self.together:
             return self.kind.coordinates(values)
         columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
         return np.stack(columns, axis=1)
 
     def scanned(self, samples: int, rate: float) -> Matrix:
-        """Ends (d, 2) of the coordinates in a scan for starting values."""
+        """Return the ends (d, 2) of the coordinates in a scan for starting values."""
         if self.together:
             return self.kind.scan(samples, rate)
         # The box of single parameters reaches close to their bounds, because held values may allow little else.
@@ -97,18 +97,18 @@ class Coordinates:
         return np.where(share[:, None], HELD_REACH * np.sign(box), box)
 
     def ends(self, samples: int, rate: float) -> Matrix:
-        """Bounds (d, 2) of the coordinates, far beyond the scan."""
+        """Return the bounds (d, 2) of the coordinates, far beyond the scan."""
         return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
-        """Which rows of nonlinear parameters (n, q) are valid; joint coordinates always are."""
+        """Return which rows of nonlinear parameters (n, q) are valid; joint coordinates always are."""
         if self.together:
             return np.ones(len(values), dtype=np.bool_)
         with np.errstate(invalid="ignore"):
             return np.asarray(np.all(self.kind.room(values) > 0, axis=1))
 
     def given(self) -> Vector | None:
-        """Coordinates of the starting values in the model, if it has all of them."""
+        """Return the coordinates of the starting values in the model, if it has all of them."""
         if any(value is None for value in (self.process.values[p.name] for p in self.process.nonlinear_parameters())):
             return None
         return np.asarray(self.of(self.process.nonlinear.reshape(1, -1))[0])
@@ -116,7 +116,8 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Coordinates of all shapes: u of each curved process with its branch, then those of the free processes."""
+    """Coordinates of all shapes: u of each curved process with its branch, then the coordinates of the free
+    processes."""
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -136,7 +137,7 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """Second derivatives of the objective, in the unit of the data, by the coordinates that can move."""
+    """Second derivatives of the objective, in the unit of the data, with respect to the coordinates that can move."""
 
     able: NDArray[np.bool_]
     hessian: Matrix
@@ -154,12 +155,13 @@ class Surface:
         self.ends = np.concatenate([np.empty((0, 2)), *ends])
 
     def split(self, point: Point) -> tuple[Vector, list[Vector]]:
-        """Search coordinates of the curved processes, and the coordinates of each free one."""
+        """Split a point into the search coordinates of the curved processes, and the coordinates of each free
+        process."""
         count = len(point.branches)
         return point.x[:count], [point.x[count + a : count + b] for a, b in self.spans]
 
     def at(self, point: Point) -> Projection | None:
-        """The optimal weights at a point; None if a process is not valid there."""
+        """Return the optimal weights at a point; None if a process is not valid there."""
         u, z = self.split(point)
         values = [free.values(part.reshape(1, -1)) for free, part in zip(self.frees, z, strict=True)]
         if not all(free.possible(row)[0] for free, row in zip(self.frees, values, strict=True)):
@@ -185,7 +187,7 @@ class Surface:
         )
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
-        """Wavelet variances (n, J) of the free processes at unit scale."""
+        """Return wavelet variances (n, J) of the free processes at unit scale."""
         return self._free_shapes([f.values(part.reshape(1, -1)) for f, part in zip(self.frees, z, strict=True)])
 
     def _free_shapes(self, values: list[Matrix]) -> Matrix:
@@ -197,7 +199,8 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """The search for the curved processes with the free ones held, without those whose wavelet variance is zero."""
+        """Return the search for the curved processes with the free ones held, without processes whose wavelet variance
+        is zero."""
         problem, found = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
         seen = np.any(found > 0, axis=1)
@@ -212,7 +215,7 @@ class Surface:
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Derivatives (d, J) of Σ weight · unit vector by every coordinate, with lengths held."""
+        """Return derivatives (d, J) of Σ weight · unit vector with respect to every coordinate, with lengths held."""
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
@@ -238,7 +241,7 @@ class Surface:
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
     def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
-        """Which coordinates can move: their process has a weight, and the step does not leave their branch."""
+        """Return which coordinates can move: their process has a weight, and the step does not leave their branch."""
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
         able = np.concatenate([found.weights[first : first + count] > 0, *free])
@@ -247,7 +250,7 @@ class Surface:
         return np.asarray(able, dtype=np.bool_)
 
     def moved(self, point: Point, step: Vector) -> Point:
-        """The point after a step, inside its branches and bounds."""
+        """Return the point after a step, inside its branches and bounds."""
         x = point.x + step
         for k, branch in enumerate(point.branches):
             x[k] = min(max(x[k], branch.low), branch.high)
@@ -258,7 +261,7 @@ class Surface:
     # --- downhill ---------------------------------------------------------------------------------------
 
     def downhill(self, start: Point | Projection, steps: int = STEPS) -> Projection | None:
-        """The local optimum that Levenberg-Marquardt steps reach from a point, to some digits."""
+        """Return the local optimum that Levenberg-Marquardt steps reach from a point, to some digits."""
         best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
             return None
@@ -291,13 +294,13 @@ class Surface:
         return best
 
     def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
-        """Slopes without their projection on the unit vectors, for which the scales compensate."""
+        """Return slopes without their projection on the unit vectors: the scales compensate for this part."""
         rows = found.units[found.weights > 0]
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
     def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
-        """The optimum after Newton's method, if its objective is not larger, and the last second derivatives.
+        """Return the optimum after Newton's method, if its objective is not larger, and the last second derivatives.
 
         Steps use the same second derivatives until they become slow. `known` are those of a problem with nearly the
         same weights.
@@ -334,7 +337,7 @@ class Surface:
         return best, known
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Hessian in the coordinates that can move, by differences; None if it is not positive definite."""
+        """Return the Hessian in the coordinates that can move, by differences; None if it is not positive definite."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None

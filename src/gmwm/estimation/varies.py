@@ -1,4 +1,4 @@
-"""How a term varies with a known condition: sums of known functions such as "1 + rate**2"."""
+"""Dependence of a term on a known condition: sums of known functions such as "1 + rate**2"."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Varies:
         return cls(next(iter(names), ""), tuple(functions))
 
     def at(self, conditions: Vector, term: str) -> Matrix:
-        """φ_m(c_s) (m, s) at conditions (s,).
+        """Return φ_m(c_s) (m, s) at conditions (s,).
 
         Raises
         ------
@@ -101,7 +101,7 @@ class Varies:
 
 
 def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
-    """The functions of each term, and the name of the condition.
+    """Parse the functions of each term, and the name of the condition.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def _power(power: int) -> Callable[[Vector], Vector]:
 
 
 def _hats(inside: str, text: str) -> list[Function]:
-    """Piecewise linear functions that are 1 at one place and 0 at the others, and constant beyond the ends."""
+    """Return piecewise linear functions that are 1 at one place and 0 at the others, and constant beyond the ends."""
     try:
         places = np.array([float(word) for word in inside.split(",")])
     except ValueError:

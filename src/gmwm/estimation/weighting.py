@@ -20,18 +20,18 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 
 
 WELL_KNOWN = 8.0
-"""Degrees of freedom above which a level counts in the check for a covariance that was not inverted.
+"""Degrees of freedom above which a level is used in the check for a covariance that was not inverted.
 
 ν̂_j² then has a relative standard error of at most 1/2. Pinned by tests/estimation/test_weights.py.
 """
 COVARIANCE_FACTOR = 5.0
 """Weights that agree with V_jj within this factor look like a covariance (tests/estimation/test_weights.py)."""
 PRECISION_FACTOR = 1000.0
-"""And only if one of them differs from 1 / V_jj by more than this factor: V_jj near 1 unit⁴ decides nothing."""
+"""Factor that at least one weight must differ by from 1 / V_jj for this check: V_jj near 1 unit⁴ decides nothing."""
 
 
 def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
-    """The default weighting: "optimal" if a process has several free shape parameters, otherwise "diagonal".
+    """Return the default weighting: "optimal" if a process has several free shape parameters, otherwise "diagonal".
 
     Source: docs/validation/weighting.md.
     """
@@ -116,7 +116,7 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
 
 
 def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
-    """Remarks about the weights of a user: whether they look like a covariance that was not inverted.
+    """Report the weights of a user that look like a covariance that was not inverted.
 
     They do if they agree with V_jj at every level with enough degrees of freedom, and are far from 1 / V_jj at one.
     """
@@ -154,7 +154,7 @@ def precision(covariance: Matrix) -> Matrix:
 
 
 def square_root(matrix: Matrix) -> Matrix:
-    """Upper triangular L with LᵀL = Ω: the Cholesky factor, computed from Ω scaled to unit diagonal.
+    """Return the upper triangular L with LᵀL = Ω: the Cholesky factor, computed from Ω scaled to unit diagonal.
 
     Raises
     ------

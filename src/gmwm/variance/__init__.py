@@ -1,4 +1,5 @@
-"""Measuring: variances of a signal at many scales, with limits."""
+"""Variances of a signal at many averaging times, with confidence limits: wavelet, Allan, Hadamard and total
+variance."""
 
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.allan import allan_variance

@@ -1,4 +1,4 @@
-"""Wavelet variance of a recording in chunks, in bounded memory."""
+"""Wavelet variance of a recording that is read in chunks, in bounded memory."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         )
 
     def _sketched(self) -> SketchCoefficients:
-        """The sketches of the coefficients so far.
+        """Return the sketches of the coefficients so far.
 
         Raises
         ------
@@ -245,7 +245,8 @@ class WaveletAccumulator(SegmentedAccumulator):
     # --- state ----------------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """The whole state as numbers, texts and arrays, which pickle, `numpy.savez`, or JSON with lists can store."""
+        """Return the whole state as numbers, texts and arrays, which pickle, `numpy.savez`, or JSON with lists can
+        store."""
         self._fold()
         kept: Any = self._statistics if self.robust else Sketches()
         return {
@@ -310,7 +311,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     # --- inside ---------------------------------------------------------------------------------------
 
     def _copy(self) -> WaveletAccumulator:
-        """A copy of the accumulator. Both share the data of closed segments, which never change."""
+        """Copy the accumulator. Both copies share the data of closed segments, which never change."""
         self._fold()
         made = WaveletAccumulator(
             self.rate,
@@ -342,7 +343,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             )
 
     def _signal(self) -> Signal:
-        """All samples so far, if they are held."""
+        """Return all samples so far, if they are held."""
         values = self._held.joined()
         ends = np.cumsum([0, *map(len, values)]).tolist()
         x = values[0] if len(values) == 1 else np.concatenate(values)
@@ -359,21 +360,21 @@ class WaveletAccumulator(SegmentedAccumulator):
             )
 
     def _measured(self) -> tuple[Vector, Counts]:
-        """Variances and numbers of coefficients of the levels that have any."""
+        """Return the variances and numbers of coefficients of the levels that have any."""
         self._require_samples()
         squares, counts = self._sums()
         reach = int(np.argmin(np.append(counts > 0, False)))
         return squares[:reach] / counts[:reach], counts[:reach].copy()
 
     def _slope(self) -> float:
-        """Mean rise per sample; several segments are weighted by the squares of their lengths."""
+        """Return the mean rise per sample; several segments are weighted by the squares of their lengths."""
         parts = self._open()
         weights = sum(float(n) ** 2 for n in (*self._lengths, *(part.count for part in parts)))
         return (self._rises + sum(float(part.count) ** 2 * part.rise for part in parts)) / weights
 
 
 def _strides(exact: int, levels: int) -> tuple[int, ...]:
-    """Distance (samples) between the coefficients of each level; () if all levels use every coefficient."""
+    """Return the distance (samples) between the coefficients of each level; () if all levels use every coefficient."""
     if levels <= exact:
         return ()
     return (*(1 for _ in range(exact)), *((1 << level) // 64 for level in range(exact + 1, levels + 1)))

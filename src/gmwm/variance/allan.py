@@ -134,13 +134,14 @@ def allan_variance(
 
 
 def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:
-    """Number of differences of an order in a phase of `points` values, at each position or at each n-th position."""
+    """Count the differences of an order in a phase of `points` values, at each position or at each n-th position."""
     places = points - order * clusters
     return places if overlapping else (places - 1) // clusters + 1
 
 
 def modified_ratio(phase: Vector, n: int) -> float:
-    """Ratio of the modified to the overlapping Allan variance at one cluster size; 1 if the former is not defined."""
+    """Return the ratio of the modified to the overlapping Allan variance at one cluster size; 1 if the modified one is
+    undefined."""
     if 3 * n > phase.size:
         return 1.0
     modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2
@@ -149,5 +150,5 @@ def modified_ratio(phase: Vector, n: int) -> float:
 
 
 def exponents(noise: tuple[NoiseType, ...]) -> NDArray[np.int64]:
-    """The exponents α of noise types."""
+    """Return the exponents α of noise types."""
     return np.array([found.exponent for found in noise], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Allan variance linear regression: the classical reading of Q, N, B, K and R from the slopes of an Allan deviation."""
+"""Allan variance linear regression: estimate Q, N, B, K and R from lines of fixed slope through an Allan deviation."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem
 
 _Reason = Literal["slope", "chance", "few", "rising"]
-"""Why a term is not found."""
+"""Reason why a term is not found."""
 OCTAVE = 1.9
-"""Smallest ratio of neighbouring averaging times between which a slope is computed."""
+"""Smallest ratio of neighbouring averaging times for which a slope is computed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -155,7 +155,8 @@ def avlr(
     tolerance: float = 0.2,
     least_freedom: float = 5.0,
 ) -> AllanRegression:
-    """Noise coefficients by regression on the slopes of the Allan deviation: the classical method, as a baseline.
+    """Estimate noise coefficients by regression on the slopes of the Allan deviation: the classical method, as a
+    baseline.
 
     Each term has its line in the logarithmic plot of σ over τ: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3), R τ/√2. A term is
     fitted to the longest range on which the curve has about this slope, as the mean of log σ − slope · log τ.
@@ -245,7 +246,7 @@ def avlr(
 
 
 def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
-    """Return whether the term alone would exceed the upper limit of the curve by half at some averaging time."""
+    """Return whether the term alone exceeds the upper limit of the curve by more than half at some averaging time."""
     return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 
 

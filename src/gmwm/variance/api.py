@@ -255,7 +255,7 @@ def variances_alone(
 
 
 def _classical(segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Mean squares over all coefficients of all segments."""
+    """Compute the mean squares over all coefficients of all segments."""
     alone = _core.haar_variance if _by_running_sum(filter, transform) else partial(_by_pyramid, filter, transform)
     if len(segments) == 1:
         return alone(segments[0], levels)
@@ -275,7 +275,7 @@ def _by_pyramid(filter: WaveletFilter, transform: Transform, values: Vector, lev
 def _robust(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
 ) -> RobustVariances:
-    """Robust estimates: one equation for each level, over all coefficients of all segments."""
+    """Compute robust estimates: one estimating equation for each level, over all coefficients of all segments."""
     sources: list[Coefficients] = [
         HaarCoefficients(segment, reach)
         if _by_running_sum(filter, transform)
@@ -288,7 +288,7 @@ def _robust(
 def _reaching(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
 ) -> Iterator[tuple[Vector, int]]:
-    """Segments with at least one coefficient, and the number of levels of each."""
+    """Yield the segments with at least one coefficient, and the number of levels of each."""
     for segment in segments:
         reach = min(levels, deepest_level(segment.size, filter, transform))
         if reach > 0:
@@ -300,13 +300,14 @@ def _by_running_sum(filter: WaveletFilter, transform: Transform) -> bool:
 
 
 def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> PlainCoefficients:
-    """All coefficients by level. The rounding error of a coefficient is proportional to the length of the filter."""
+    """Return all coefficients by level. The rounding error of a coefficient is proportional to the length of the
+    filter."""
     rounding = float(np.finfo(float).eps * np.abs(values).max() * filter.length)
     return PlainCoefficients(inner_coefficients(values, filter, transform, levels), [rounding] * levels)
 
 
 def _slope(segments: Sequence[Vector]) -> float:
-    """Mean slope (unit per sample). Raises DataError if a value is not finite.
+    """Return the mean slope (unit per sample). Raises DataError if a value is not finite.
 
     Segments are weighted by the squares of their lengths: the best weights are the lengths for a random walk, and
     their cubes for white noise.
@@ -320,7 +321,7 @@ def _slope(segments: Sequence[Vector]) -> float:
 
 
 def _rise(values: Vector) -> float:
-    """Mean slope of one segment, from the means of its two halves."""
+    """Return the mean slope of one segment, from the means of its two halves."""
     half = values.size // 2
     with np.errstate(over="ignore", invalid="ignore"):
         first, second = float(values[:half].sum()), float(values[half:].sum())
@@ -332,7 +333,7 @@ def _rise(values: Vector) -> float:
 
 
 def _clipped(values: Vector) -> Vector:
-    """Values clipped to 10 MAD from the median, so that outliers do not determine the slope."""
+    """Clip values to 10 MAD from the median, so that outliers do not determine the slope."""
     some = values[:: values.size // 4096 + 1]
     middle = float(np.median(some))
     spread = float(np.median(np.abs(some - middle)))

@@ -111,7 +111,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         return {axis: wv.to_dict() for axis, wv in self.curves.items()}
 
     def to_frame(self) -> DataFrame:
-        """The curves as a Polars data frame: one row for each axis and level."""
+        """Return the curves as a Polars data frame: one row for each axis and level."""
         from polars import concat, lit
 
         return concat([curve.to_frame().select(lit(axis).alias("axis"), "*") for axis, curve in self.items()])

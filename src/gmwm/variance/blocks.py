@@ -15,7 +15,7 @@ from gmwm.variance.coefficients import haar_resolution
 from gmwm.variance.statistics_protocol import LevelStatistic, StatisticsCollector
 
 STEPS = 64
-"""Blocks per scale τ: coefficients are computed at every τ/64-th sample."""
+"""Number of blocks per scale τ: coefficients are computed at every τ/64-th sample."""
 _KEPT = STEPS - 1
 
 
@@ -152,7 +152,8 @@ class Blocks:
 def measured(
     blocks: Vector, step: int, collector: StatisticsCollector | None
 ) -> tuple[float, int, LevelStatistic | None, float]:
-    """Compute Σ (sum of 32 blocks − sum of the 32 before)², the number of terms, the statistics and the resolution."""
+    """Compute Σ (sum of 32 blocks − sum of the preceding 32)², the number of terms, the statistics and the
+    resolution."""
     count = blocks.size - STEPS + 1
     if count < 1:
         return 0.0, 0, _empty(collector, step), 0.0
@@ -203,7 +204,7 @@ def blocks_of(
 
 
 def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:
-    """Build the blocks from `marks`, the sums of all samples before each multiple of the step."""
+    """Make the blocks from `marks`, the sums of all samples before each multiple of the step."""
     first, last = -(-start // step), stop // step
     if first > last:
         return Blocks(step, first, last, total, part=_empty(collector, step))

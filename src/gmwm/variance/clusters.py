@@ -1,4 +1,5 @@
-"""Result of an Allan-family estimator: variance, confidence limits and dominant noise at each cluster size."""
+"""Result of an Allan, Hadamard or total variance: variance, confidence limits and dominant noise at each cluster
+size."""
 
 from __future__ import annotations
 

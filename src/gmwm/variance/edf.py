@@ -12,8 +12,8 @@ from gmwm._arrays import Vector
 MOST_TERMS = 240
 """Largest number of terms of the sum over lags; a longer sum is replaced by this many quadrature nodes."""
 LARGEST_FINITE = 100
-"""Largest n (d + 1) for which the sampled process is used; beyond it, the continuous process is used. Each call of
-the covariance uses one of the two."""
+"""Largest n (d + 1) for which the sampled process is used. For larger values, the continuous process is used. Each call
+of the covariance uses only one of the two."""
 CHUNK = 2048
 """Number of cluster sizes processed together, to bound the memory."""
 
@@ -114,7 +114,8 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
 
 
 def _white_phase(estimates: Vector, clusters: Vector, d: int) -> Vector:
-    """Compute edf for white PM: differences are correlated only at lags of whole clusters, by binomial ratios."""
+    """Compute the degrees of freedom for white PM: differences are correlated only at lags of whole clusters, by
+    binomial ratios."""
     square = np.ones(estimates.size)
     for k in range(1, d + 1):
         rho = comb(2 * d, d - k) / comb(2 * d, d)

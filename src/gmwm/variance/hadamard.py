@@ -1,4 +1,4 @@
-"""The Hadamard variance, which a linear change of the rate does not reach."""
+"""The Hadamard variance, which does not depend on a linear change of the rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples of a record that are kept as they came, by segment, until they are processed."""
+"""Unprocessed samples of a record, stored by segment."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from gmwm._arrays import Vector
 
 SMALL = 4096
-"""Chunks of fewer samples are copied into a buffer of this size, so that single samples do not each need an array."""
+"""Chunks with fewer samples are copied into a buffer of this size, so that single samples do not each need an array."""
 
 
 class HeldSamples:
@@ -34,7 +34,7 @@ class HeldSamples:
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Numbers of samples between the gaps; the last one is 0 after a gap."""
+        """Numbers of samples between the gaps. After a gap, the last number is 0."""
         return tuple(self._lengths)
 
     @property
@@ -64,7 +64,7 @@ class HeldSamples:
             self._lengths.append(0)
 
     def joined(self) -> list[Vector]:
-        """The samples of each segment as one array."""
+        """Return the samples of each segment as one array."""
         self._flush()
         self._segments = [segment if len(segment) < 2 else [np.concatenate(segment)] for segment in self._segments]
         return [segment[0] for segment in self._segments if segment]

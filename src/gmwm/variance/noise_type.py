@@ -60,15 +60,15 @@ _BY_EXPONENT = {noise.exponent: noise for noise in NOISE_TYPES}
 _BY_NAME = {noise.name: noise for noise in (*NOISE_TYPES, DRIFT, UNDETERMINED)}
 
 LEAST_AUTOCORRELATION = 30
-"""Fewest values of the decimated phase for the lag 1 autocorrelation method (Riley and Greenhall)."""
+"""Smallest number of values of the decimated phase for the lag 1 autocorrelation method (Riley and Greenhall)."""
 LEAST_RATIO = 10
-"""Fewest cluster means for the ratio B1; with fewer, the type of the next smaller cluster is used."""
+"""Smallest number of cluster means for the ratio B1; with fewer, the type of the next smaller cluster is used."""
 LEAST_DRIFT = 16
-"""Fewest clusters in the record for which a ramp can be distinguished from a random walk."""
+"""Smallest number of clusters in the record for which a ramp can be distinguished from a random walk."""
 LEAST_PHASE_RATIO = 8
 """Smallest cluster size at which the modified Allan variance distinguishes white from flicker PM."""
 LEAST_FREQUENCY_RATIO = 64
-"""Smallest cluster size at which this ratio also distinguishes white FM from flicker PM."""
+"""Smallest cluster size at which the same ratio also distinguishes white FM from flicker PM."""
 MOST_VALUES = 1024
 MOST_DIFFERENCES = 3
 
@@ -203,7 +203,8 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Classify by R(n), modified over plain Allan variance: white PM 1/n, flicker PM 3.37/(1.04 + 3 ln n), FM 1/2."""
+    """Classify by R(n), the ratio of modified to plain Allan variance: white PM 1/n, flicker PM 3.37/(1.04 + 3 ln n),
+    FM 1/2."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

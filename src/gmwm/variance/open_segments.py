@@ -1,4 +1,4 @@
-"""Accumulation of samples in chunks, with gaps: the closed segments, and the open one."""
+"""Sums over the coefficients of samples that arrive in chunks, with gaps: the closed segments, and the open one."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from gmwm.variance.segment_state import SegmentState
 from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
 EXACT = 14
-"""Default of an accumulator for the number of levels at which every coefficient is used."""
+"""Default number of levels at which an accumulator uses every coefficient."""
 LEAST_EXACT = 6
-"""Smallest number of exact levels: at a scale of 64 samples, every τ/64-th coefficient is every coefficient."""
+"""Smallest number of exact levels: up to a scale of 64 samples, every τ/64-th coefficient is every coefficient."""
 MOST_EXACT = 24
 """Largest number of exact levels."""
 SAMPLE_BYTES = 40
-"""Memory of an accumulator for each of 2^exact samples: the first and the last ones of a segment, and what is computed
-from a panel with the samples before it."""
+"""Memory (bytes) of an accumulator for each of 2^exact samples: the first and last samples of a segment, and the
+results computed from a panel and the samples before it."""
 DEEPEST = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
 MEMORY = 1 << 29
-"""Memory (bytes) within which the accumulators of all axes of a recording stay by default: a choice. For six axes,
-8.4 million samples are held, 23 h at 100 Hz or 2.3 h at 1 kHz; of more samples, 21 levels are exact."""
+"""Default limit (bytes) of the memory of the accumulators of all axes of a recording: a choice. For six axes, 8.4
+million samples are held, 23 h at 100 Hz or 2.3 h at 1 kHz; for more samples, 21 levels are exact."""
 HELD_BYTES = 8
-"""Memory of an accumulator for each sample that is held."""
+"""Memory (bytes) of an accumulator for each sample that is held."""
 PANEL = 1 << 20
 """Largest number of samples that are processed together."""
 LARGE = 1 << 18
-"""Number of samples of a chunk from which it is processed without a copy."""
+"""Number of samples from which a chunk is processed without a copy."""
 
 
 class SegmentedAccumulator:
@@ -98,7 +98,7 @@ class SegmentedAccumulator:
 
     @property
     def holds_all(self) -> bool:
-        """Whether all samples so far are held, so that the result is computed as by `wavelet_variance`."""
+        """Whether all samples so far are held. The result is then computed as by `wavelet_variance`."""
         return self._first is None and self._last is None and not self._lengths
 
     def update(self, chunk: ArrayLike) -> None:
@@ -119,14 +119,15 @@ class SegmentedAccumulator:
             self._held.add(x)
 
     def feed(self, signal: Signal, continues: bool = False) -> None:
-        """Add a signal, some of whose samples may stand for lost ones, and which may continue the last segment."""
+        """Add a signal. Some of its samples may be filled in for lost ones, and it may continue the last segment."""
         feed(self, signal, continues)
         self.filled += signal.filled
         self._line = self._line.followed_by(RiseSums.of(signal))
 
     @property
     def rise(self) -> float | None:
-        """Mean rise per sample over all segments; None for one, and if the lengths of the gaps are not known."""
+        """Mean rise per sample over all segments; None for one segment, and if the lengths of the gaps are not
+        known."""
         return self._line.slope() if len(self.lengths) > 1 and self._line.number == len(self) else None
 
     def gap(self) -> None:
@@ -251,7 +252,8 @@ class SegmentedAccumulator:
 
 
 def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYTES) -> int:
-    """Number of levels that use every coefficient, so that the accumulators of all axes fit into a memory (bytes).
+    """Return the number of levels that use every coefficient for which the accumulators of all axes fit into a memory
+    (bytes).
 
     It does not depend on the recording or the computer.
 
@@ -262,7 +264,7 @@ def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYT
 
 
 def held_samples(axes: int) -> int:
-    """Number of samples that the accumulators of all axes hold by default.
+    """Return the number of samples that the accumulators of all axes hold by default.
 
     >>> held_samples(6)
     8388608

@@ -13,12 +13,12 @@ import numpy as np
 from gmwm._arrays import Vector
 
 SECONDS = 128.0
-"""A panel is at least so long (s), or `LEAST` samples; a power of two of samples."""
+"""Shortest length of a panel (s), unless `LEAST` samples are longer; a panel has a power of two of samples."""
 LEAST = 1 << 17
 
 
 def panel_length(rate: float) -> int:
-    """Number of samples of a panel: a power of two.
+    """Return the number of samples of a panel: a power of two.
 
     >>> panel_length(100.0), panel_length(4000.0)
     (131072, 524288)
@@ -47,7 +47,7 @@ class Panels:
         self._held = 0
 
     def cut(self, values: Vector) -> Iterator[Vector]:
-        """Add samples of the current segment, and return the panels that are complete."""
+        """Add samples of the current segment, and yield the panels that are complete."""
         first = 0
         while self._held + values.size - first >= self.length:
             last = first + self.length - self._held
@@ -59,7 +59,7 @@ class Panels:
             self._held += values.size - first
 
     def end(self) -> Iterator[Vector]:
-        """End the segment, and return its last panel, if it has samples."""
+        """End the segment, and yield its last panel if it has samples."""
         if self._held:
             yield self._joined(np.empty(0))
 

@@ -1,4 +1,5 @@
-"""Input of every cluster variance: the phase of a signal, the cluster sizes, and the loop over them."""
+"""Input of every Allan, Hadamard and total variance: the phase of a signal, the cluster sizes, and the loop over
+them."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.units import find_unit
 
 Clusters: TypeAlias = Literal["octave", "decade", "all"]
-"""1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40, 100 …; every size."""
+"""Choice of the cluster sizes: 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40, 100 …; or every size."""
 Data: TypeAlias = Literal["rate", "phase"]
 """Kind of the samples: the rate (as from an IMU), or its integral, the phase."""
 Progress: TypeAlias = Callable[[int, int], object]

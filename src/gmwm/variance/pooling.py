@@ -18,8 +18,8 @@ from gmwm.variance.transform import pooled_counts
 
 Number = TypeVar("Number", np.float64, np.int64)
 SLOWER = 1e-3
-"""Largest relative difference of the rates: those of real clocks differ by some 1e-5, and a difference of 1e-3 changes
-the wavelet variance by at most 0.3 %."""
+"""Largest relative difference of the sampling rates. Rates of real clocks differ by some 1e-5, and a difference of 1e-3
+changes the wavelet variance by at most 0.3 %."""
 
 
 def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
@@ -90,13 +90,13 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
 
 
 def without(wv: WaveletVariance, name: str) -> WaveletVariance:
-    """The pooled curve of all recordings but one, with at most as many levels as the pooled curve of all."""
+    """Return the pooled curve of all recordings except one, with at most as many levels as the pooled curve of all."""
     rest = pooled({other: curve for other, curve in wv.recordings.items() if other != name})
     return shortened(rest, min(len(rest), len(wv)))
 
 
 def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
-    """The first `count` levels of a wavelet variance, and of those of its recordings."""
+    """Return the first `count` levels of a wavelet variance and of the wavelet variances of its recordings."""
     cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
     excess = None if wv.excess is None else wv.excess[:count, :count].copy()
     recordings = {name: shortened(one, min(count, len(one))) for name, one in wv.recordings.items()}
@@ -131,7 +131,8 @@ def _differ(what: str, one: str, other: str) -> DataError:
 
 
 def _reach(items: list[WaveletVariance]) -> int:
-    """Number of levels: all of the longest curve, unless a recording lacks a level that its length has.
+    """Return the number of levels: all of the longest curve, unless another recording lacks a level that its length
+    allows.
 
     A regression on the temperature drops coarse levels. The covariance of segments cannot describe a level without the
     coefficients of one of them.
@@ -144,19 +145,19 @@ def _reach(items: list[WaveletVariance]) -> int:
 
 
 def _counts(wv: WaveletVariance, levels: int) -> Vector:
-    """Number of coefficients (levels,) that the length of a recording has, whether or not all were used."""
+    """Return the number of coefficients (levels,) for the length of a recording, whether or not all were used."""
     every = np.arange(1, levels + 1)
     counts, _ = pooled_counts(wv.segments or (wv.samples,), every, find_filter(wv.filter), wv.transform)
     return np.asarray(counts, dtype=np.float64)
 
 
 def _padded(values: NDArray[Number], levels: int) -> NDArray[Number]:
-    """The values of the first levels, with zeros for levels that a recording does not have."""
+    """Return the values of the first levels, with zeros for levels that a recording does not have."""
     return np.concatenate([values, np.zeros(levels, dtype=values.dtype)])[:levels]
 
 
 def _strides(items: list[WaveletVariance], levels: int) -> tuple[int, ...]:
-    """The largest distance between coefficients of each level."""
+    """Return the largest distance between coefficients at each level."""
     if not any(wv.strides for wv in items):
         return ()
     every = [np.concatenate([np.array(wv.strides, dtype=np.int64), np.ones(levels, dtype=np.int64)])[:levels]
@@ -165,7 +166,7 @@ def _strides(items: list[WaveletVariance], levels: int) -> tuple[int, ...]:
 
 
 def _mean(values: list[float | None], items: list[WaveletVariance]) -> float | None:
-    """The mean weighted by the lengths; None if it is not known for each recording."""
+    """Return the mean weighted by the lengths; None if a recording has no value."""
     known = [value for value in values if value is not None]
     if len(known) < len(values):
         return None
@@ -173,7 +174,8 @@ def _mean(values: list[float | None], items: list[WaveletVariance]) -> float | N
 
 
 def _excess(items: list[WaveletVariance], shares: list[Vector]) -> Matrix | None:
-    """The relative covariance beyond Gaussian signals; a recording without one has zero."""
+    """Return the relative covariance in addition to the Gaussian one; a recording without such a value counts as
+    zero."""
     if all(wv.excess is None for wv in items):
         return None
     size = shares[0].size

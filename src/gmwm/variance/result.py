@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
-"""Codes of the remarks on robust estimates that are not roots of the estimating equation."""
+"""Codes of the remarks on robust estimates that do not solve the estimating equation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -139,7 +139,7 @@ class WaveletVariance(Summarised):
 
     @property
     def degrees_of_freedom(self) -> Vector:
-        """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1), for a DWT M_j (Percival 1995).
+        """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1); M_j for a DWT (Percival 1995).
 
         For several segments M_j² / Σ_s (M_sj² / η_sj), with η_sj ≥ 1. For a robust estimate this is multiplied by the
         efficiency, which is conservative, because correlated coefficients lose less, and divided by `loss_factor`.
@@ -154,7 +154,7 @@ class WaveletVariance(Summarised):
 
     @property
     def loss_factor(self) -> float:
-        """Factor of the covariance of the estimates due to filled samples, see `loss_factor`."""
+        """Factor by which filled samples increase the covariance of the estimates, see `loss_factor`."""
         return loss_factor(self.filled, self.samples)
 
     @property
@@ -266,7 +266,7 @@ class WaveletVariance(Summarised):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields as plain numbers, lists and texts, ready for JSON."""
+        """Return all fields as plain numbers, lists and texts, ready for JSON."""
         return {
             "levels": self.levels.tolist(),
             "scales": self.scales.tolist(),
@@ -298,7 +298,7 @@ class WaveletVariance(Summarised):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletVariance:
-        """The result whose `to_dict` gave `values`."""
+        """Restore a result from `values`, the output of `to_dict`."""
         from gmwm.regression.result import Regression
 
         derived = ("scales", "tau")
@@ -318,7 +318,7 @@ class WaveletVariance(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What to know about single levels before using them."""
+        """Remarks on single levels. Read them before using the levels."""
         outcomes = self.diagnostics.get("robust", {}).get("outcome", [])
         remarks = []
         for outcome, code in _OUTCOMES.items():
@@ -332,7 +332,7 @@ class WaveletVariance(Summarised):
         return tuple(dict.fromkeys([*remarks, *own]))
 
     def to_frame(self) -> DataFrame:
-        """The curve as a Polars data frame: one row for each level.
+        """Return the curve as a Polars data frame: one row for each level.
 
         >>> import gmwm
         >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_frame().columns
@@ -353,7 +353,7 @@ class WaveletVariance(Summarised):
         )
 
     def summary(self) -> str:
-        """A table: scale, variance, limits and number of coefficients of every level."""
+        """Format a table: scale, variance, limits and number of coefficients of every level."""
         unit = f" ({self.unit})²" if self.unit else ""
         name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
         title = f"{name} {self.transform.upper()} wavelet variance"
@@ -433,7 +433,7 @@ def _checked_samples(samples: int) -> int:
 
 
 def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
-    """Efficiency of a robust estimate; None for a classical one."""
+    """Return the efficiency of a robust estimate; None for a classical one."""
     from gmwm.variance.biweight import biweight, unused_efficiency
 
     if robust:

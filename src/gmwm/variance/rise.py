@@ -1,4 +1,4 @@
-"""The mean rise of a whole recording with its gaps, from its samples and their times."""
+"""The mean rise of a whole recording with gaps, from its samples and their times."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gmwm.signals import Signal
 
 
 class RiseSums(NamedTuple):
-    """Sums for the slope of a straight line, by least squares, through samples at known times.
+    """Sums for the least-squares slope of a straight line through samples at known times.
 
     Attributes
     ----------
@@ -34,14 +34,14 @@ class RiseSums(NamedTuple):
 
     @classmethod
     def of(cls, signal: Signal) -> RiseSums:
-        """The sums of a signal."""
+        """Compute the sums of a signal."""
         sums = cls()
         for values, start in zip(signal.segment_values(), signal.starts, strict=True):
             sums = sums.followed_by(_of_segment(values, start * signal.rate))
         return sums if signal.gaps_known or len(signal.segments) == 1 else sums._replace(known=0.0)
 
     def followed_by(self, later: RiseSums) -> RiseSums:
-        """The sums of these samples and later ones."""
+        """Add the sums of later samples."""
         if not self.number or not later.number:
             return later if later.number else self
         number, apart = self.number + later.number, later.time - self.time
@@ -56,7 +56,7 @@ class RiseSums(NamedTuple):
         )
 
     def slope(self) -> float | None:
-        """Rise per sample; None if the times are not known."""
+        """Return the rise per sample; None if the times are not known."""
         return self.product / self.times2 if self.known and self.times2 > 0 else None
 
 

@@ -27,12 +27,13 @@ step if these tiles hold more independent coefficients than its sample."""
 PASSES = 8
 """Largest number of passes; two or three are typical. A level that has not converged then is solved by `_settle`."""
 TOLERANCE = 1e-11
-"""Largest predicted error of log σ² at which a level has converged."""
+"""Predicted error of log σ² at which a level has converged."""
 FEW = 2
-"""Up to this many coefficients no outlier can be identified: the variance is the mean of the squares."""
+"""Largest number of coefficients among which no outlier can be identified: the variance is the mean of the squares."""
 
 Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
-"""Outcome of a level: a root; (MAD / 0.67449)² without a root; too few coefficients; mostly zero coefficients."""
+"""Result of the search at a level: "root", a root of the equation; "mad", (MAD / 0.67449)² because there is no root;
+"mean", too few coefficients; "zero", most coefficients are zero."""
 
 
 @dataclass

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from gmwm.variance.accumulate import WaveletAccumulator
 
 OTHERS = 0.05
-"""Relative change of a variance in the second pass above which the samples must differ from those of the first pass.
-With the same samples, 1e-4 is typical."""
+"""Relative change of a variance in the second pass above which the samples must differ from the samples of the first
+pass. For the same samples, 1e-4 is typical."""
 NEAR = 0.02
-"""Largest distance in log σ² from the position of the exact sums for which the linear correction is used."""
+"""Largest distance in log σ² from the position of the exact sums at which the linear correction is used."""
 DOUBT = 0.01
-"""Threshold for the maximum of the criterion and for its slope at the root, both relative to a. Below this threshold,
-the exact coefficients may have a root although the sketch has none, or the reverse. The second pass then collects the
-sums for both cases."""
+"""Threshold for the maximum of the criterion and for its slope at the root, both relative to a. Below it, the exact
+coefficients may have a root although the sketch has none, or the reverse. The second pass then collects the sums for
+both cases."""
 
 
 class SecondPass(SegmentedAccumulator):

@@ -1,4 +1,4 @@
-"""The lines of an Allan deviation: the law of each term, its units, and a line fitted to a range of a curve."""
+"""Lines through an Allan deviation: the power law of each term, its units, and a line fitted to a range of a curve."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Term: TypeAlias = Literal["Q", "N", "B", "K", "R"]
 
 @dataclass(frozen=True)
 class _Law:
-    """σ(τ) = factor · coefficient · τ^slope, by IEEE Std 952."""
+    """Power law of a term, σ(τ) = factor · coefficient · τ^slope, by IEEE Std 952."""
 
     name: str
     slope: float
@@ -38,7 +38,7 @@ LAWS: dict[Term, _Law] = {
 
 
 def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = "si") -> tuple[str, float]:
-    """The unit of a coefficient of data in `unit`, and the factor to it from the unit of the data and seconds.
+    """Return the unit of a coefficient for data in `unit`, and the factor to it from the unit of the data and seconds.
 
     >>> name, factor = coefficient_unit("N", "rad/s", "datasheet")
     >>> name, round(factor, 3)

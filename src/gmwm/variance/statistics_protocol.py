@@ -1,4 +1,4 @@
-"""Statistics of wavelet coefficients that are collected in chunks, besides the sums of their squares."""
+"""Protocols for statistics of wavelet coefficients that are collected in chunks, in addition to the sums of squares."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ class LevelStatistic(Protocol):
     """A statistic of some coefficients of one level. Statistics can be merged in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
-        """The statistic of the coefficients of both."""
+        """Return the statistic of the coefficients of both."""
 
 
 class Statistics(Protocol):
     """The statistics of all levels. They can be merged in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
-        """The statistic of the coefficients of both."""
+        """Return the statistic of the coefficients of both."""
 
 
 class StatisticsCollector(Protocol):
@@ -33,16 +33,17 @@ class StatisticsCollector(Protocol):
     squares: bool
 
     def haar(self, running_sum: Vector, levels: int, begin: int) -> Statistics:
-        """The statistics of the coefficients of levels 1 … `levels` that end at sample `begin` or after."""
+        """Return the statistics of the coefficients of levels 1 … `levels` that end at sample `begin` or after."""
 
     def across(self, running_sum: Vector, level: int) -> Statistics:
-        """The statistics of all coefficients of one level of a running sum."""
+        """Return the statistics of all coefficients of one level of a running sum."""
 
     def values(self, coefficients: Vector, level: int) -> LevelStatistic:
-        """The statistic of coefficients of one level, none or many."""
+        """Return the statistic of coefficients of one level, none or many."""
 
     def at(self, level: int, part: Any, resolution: float) -> Statistics:
-        """Statistics with the given one at `level` and none at the others; |W| up to `resolution` is rounding."""
+        """Return statistics with `part` at `level` and none at other levels; |W| up to `resolution` is a rounding
+        error."""
 
     def empty(self) -> Statistics:
-        """The statistics of no coefficients."""
+        """Return the statistics of no coefficients."""

@@ -113,7 +113,7 @@ def total_variance(
 
 
 def _bias(alphas: NDArray[np.int64]) -> Vector:
-    """The coefficient a of the expected ratio 1 − a τ/T of total to Allan variance."""
+    """Return the coefficient a of the expected ratio 1 − a τ/T of total to Allan variance."""
     return np.array([_PHASE_BIAS[a] if a > 0 else _FREQUENCY_NOISE[a][2] for a in alphas.tolist()])
 
 

@@ -281,7 +281,8 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Scaling and wavelet coefficients of one level, Σ_l f_l V_{2n+1−l} modulo the (even) number of V."""
+    """Compute scaling and wavelet coefficients of one level: Σ_l f_l V_{2n+1−l}, indices modulo the (even) number of
+    V."""
     half = values.size // 2
     smooth, detail = np.zeros(half), np.zeros(half)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
@@ -292,7 +293,7 @@ def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _undecimated(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vector:
-    """Invert `_decimated`, by the transposed map."""
+    """Invert `_decimated` by the transposed matrix."""
     values = np.zeros(2 * smooth.size)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
         first = (1 - l) % 2
@@ -301,7 +302,7 @@ def _undecimated(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vecto
 
 
 def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
-    """V_{2n+1−l}, n = 0, 1, …, modulo the number of V."""
+    """Return V_{2n+1−l} for n = 0, 1, …, indices modulo the number of V."""
     first = (1 - l) % 2
     return np.roll(values[first::2], (l - 1 + first) // 2)
 
@@ -309,20 +310,20 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
 # --- which coefficients make an estimate --------------------------------------------------------------
 
 LOSS = 2.5
-"""Increase of the covariance of wavelet variances per share of filled samples (tests/filling)."""
+"""Relative increase of the covariance of wavelet variances per share of filled samples (tests/filling)."""
 Transform = Literal["modwt", "dwt"]
-"""Maximal overlap, or decimated."""
+"""Kind of transform: maximal-overlap ("modwt") or decimated ("dwt")."""
 
 
 def _first_interior(filter: WaveletFilter, level: int) -> int:
-    """Index of the first decimated coefficient that does not depend on the boundary: 2^j (n + 1) ≥ L_j."""
+    """Return the index of the first decimated coefficient that does not depend on the boundary: 2^j (n + 1) ≥ L_j."""
     return -(-filter.width(level) >> level) - 1
 
 
 def coefficient_counts(
     samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
-    """Number M_j of coefficients that need no sample outside the recording; not positive if there are none.
+    """Return the number M_j of coefficients that need no sample outside the recording; not positive if there are none.
 
     The maximal-overlap transform has N − L_j + 1 of them, and the decimated transform every 2^j-th of these.
     """
@@ -335,7 +336,8 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Number M_j of coefficients of several segments together, and degrees of freedom of the mean of their squares.
+    """Return the number M_j of coefficients of several segments together, and the degrees of freedom of their mean
+    square.
 
     M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj). If no segment is shorter than two scales, η_j = M_j / 2^j. It
     is larger if there are many segments with few coefficients, because each of them has at least one degree of freedom.
@@ -350,7 +352,7 @@ def pooled_counts(
 
 
 def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> int:
-    """Deepest level with a coefficient that needs no sample outside the recording; 0 if there is none."""
+    """Return the deepest level with a coefficient that needs no sample outside the recording; 0 if there is none."""
     level = filter.deepest_level(samples)
     if transform == "dwt":
         while level > 0 and coefficient_counts(samples, np.array([level]), filter, transform)[0] < 1:
@@ -361,12 +363,12 @@ def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> 
 def degrees_of_freedom(
     counts: NDArray[np.int64], levels: NDArray[np.int64], transform: Transform
 ) -> NDArray[np.float64]:
-    """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1), and M_j of the decimated transform (Percival 1995)."""
+    """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1); M_j for the decimated transform (Percival 1995)."""
     return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, levels)), 1.0)
 
 
 def loss_factor(filled: int, samples: int) -> float:
-    """Factor by which filled samples increase the covariance of wavelet variances: 1 + 2.5 p for a share p of them.
+    """Return the factor by which filled samples increase the covariance of wavelet variances: 1 + 2.5 p for a share p.
 
     A filled sample brings no information, and the scatter of its own. Measured in tests/filling.
     """
@@ -374,7 +376,8 @@ def loss_factor(filled: int, samples: int) -> float:
 
 
 def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Wavelet variances ν̂_j² of levels 1 … J: mean squares of the coefficients that do not depend on the boundary.
+    """Compute wavelet variances ν̂_j² of levels 1 … J: mean squares of the coefficients that do not depend on the
+    boundary.
 
     Decimated coefficients are 2^(j/2) times those of the maximal-overlap transform, so their mean squares are divided
     by 2^j.
@@ -385,7 +388,8 @@ def variances(values: Vector, filter: WaveletFilter, transform: Transform, level
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """Coefficients of levels 1 … J that do not depend on the boundary, scaled as maximal-overlap coefficients."""
+    """Return the coefficients of levels 1 … J that do not depend on the boundary, scaled as maximal-overlap
+    coefficients."""
     centred = values - _core.mean(values)
     whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = whole.interior

@@ -1,4 +1,4 @@
-"""Mean rise of a record of winsorised values, in two passes: outliers have a bounded effect.
+"""Mean rise of a record of winsorised values in two passes, so that outliers have a bounded effect.
 
 The first pass keeps a sample of the values and estimates their median and spread. The second pass weights each value;
 it needs the lengths of the segments, which the first pass provides.
@@ -53,7 +53,7 @@ class ThinnedValues:
         return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thinned(every)
 
     def _thinned(self, every: int) -> ThinnedValues:
-        """Thin to every `every`-th sample, and further to at most `KEPT` values."""
+        """Keep every `every`-th sample, and fewer if more than `KEPT` values remain."""
         first, values, own = self.first, self.values, self.every
         while own < every or values.size > KEPT:
             odd = first // own % 2
