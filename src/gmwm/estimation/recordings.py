@@ -109,7 +109,7 @@ class Deviations:
 
     @property
     def of_mean(self) -> Matrix:
-        """What the spread between recordings adds to the covariance (p, p) of the pooled estimate.
+        """Return the part of the covariance (p, p) of the pooled estimate that the spread between recordings adds.
 
         If the test of a parameter finds no difference, it is τ̂²/R, widened to the t distribution by the degrees of
         freedom of Satterthwaite. If it finds one, it gives the width of the interval that accounts for the uncertainty
@@ -125,7 +125,8 @@ class Deviations:
 
 
 def half_widths(x: Matrix, s2: Matrix) -> Vector:
-    """Half widths of the 95 % confidence intervals of the means of samples (m, n) with a spread; see `of_mean`."""
+    """Return half widths of the 95 % confidence intervals of the means of samples (m, n) with a spread; see
+    `of_mean`."""
     from scipy.stats import chi2, t
 
     at, alone = effects(x, s2), effects(x, s2, spread2=np.zeros(len(x)))
@@ -141,7 +142,7 @@ def half_widths(x: Matrix, s2: Matrix) -> Vector:
 
 
 def deviations(fit: Fit) -> Deviations:
-    """The deviations of the recordings from a pooled fit; each fit computes them once.
+    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit.
 
     Parameters
     ----------
@@ -259,7 +260,8 @@ def _error_between(parts: list[_Part]) -> float:
 
 
 def spread_of_mean(fit: Fit) -> Matrix:
-    """What the spread between recordings adds to the covariance of the wavelet variance (J, J), in unit⁴.
+    """Return the part of the covariance of the wavelet variance (J, J), in unit⁴, that the spread between recordings
+    adds.
 
     The spread is in the parameters: it moves the curve in the directions of its derivatives. The goodness-of-fit test
     does not depend on it.
@@ -270,7 +272,7 @@ def spread_of_mean(fit: Fit) -> Matrix:
 
 
 def stepped(parameter: Parameter, value: float, share: float) -> float:
-    """A value after a relative step, inside the domain of its parameter.
+    """Return a value after a relative step, inside the domain of its parameter.
 
     >>> from gmwm import WN
     >>> stepped(WN.parameters[0], 4.0, 0.25), stepped(WN.parameters[0], 4.0, -1.5)

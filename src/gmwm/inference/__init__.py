@@ -1,4 +1,4 @@
-"""Standard errors, confidence intervals, tests, bootstrap and planning: the results that methods of a fit return."""
+"""Standard errors, confidence intervals, tests, bootstrap and planning, which methods of a fit return."""
 
 from gmwm.inference.asymptotic import Sandwich
 from gmwm.inference.bootstrap import Bootstrap

@@ -74,7 +74,7 @@ class Sandwich:
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """Covariance of the estimates: see `Fit.sandwich`."""
+    """Compute the covariance of the estimates: see `Fit.sandwich`."""
     design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
     wavelet = noise_covariance(fit.model, design)
     found = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
@@ -86,7 +86,7 @@ def sandwich(fit: Fit) -> Sandwich:
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:
-    """V (J, J) of a model that has noise at every level.
+    """Return V (J, J) of a model that has noise at every level.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def noise_covariance(model: Model, design: Design) -> Matrix:
 
 
 def no_noise(model: Model) -> ModelError:
-    """The error for a model whose V is zero at a level."""
+    """Make the error for a model whose V is zero at a level."""
     return ModelError(
         f"{model.structure} as estimated has no noise at some level, so its estimates would be exact",
         advice="Use a model with noise at every level, for example with WN.",
@@ -110,7 +110,7 @@ def no_noise(model: Model) -> ModelError:
 def sandwich_of(
     model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
-    """Covariance of estimates with the weighting matrix Ω (J, J) if ν̂² has the covariance V (J, J).
+    """Compute the covariance of estimates with the weighting matrix Ω (J, J) if ν̂² has the covariance V (J, J).
 
     The shape of a term that acts as another process is left out, and the term is not reported. A term that is estimated
     as zero may be present, and the other terms smaller by as much. It therefore counts as free, which makes the
@@ -130,7 +130,7 @@ def sandwich_of(
 
 
 def _unseen(model: Model, design: Design) -> list[Vector]:
-    """Wavelet variances (J,), at unit scale, of terms that are zero and have no free shape parameter."""
+    """Return wavelet variances (J,), at unit scale, of terms that are zero and have no free shape parameter."""
     return [
         process.shape(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
         for process in model.processes
@@ -141,13 +141,13 @@ def _unseen(model: Model, design: Design) -> list[Vector]:
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard errors by name: see `Fit.standard_errors`."""
+    """Return standard errors by name: see `Fit.standard_errors`."""
     errors = fit.sandwich.errors
     return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
 
 
 def why_no_error(model: Model, errors: Mapping[str, float], acts_as: Mapping[str, str]) -> dict[str, str]:
-    """The reason why each parameter that is not in `errors` has no standard error."""
+    """Return the reason why each parameter that is not in `errors` has no standard error."""
     why = {}
     for term, process in zip(model.terms, model.processes, strict=True):
         for parameter in process.parameters:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 DRAWS = 500
 LEAST_DRAWS = 2
-"""Smallest number of recordings that have a standard deviation."""
+"""Smallest number of recordings for a standard deviation."""
 LEAST_FOR_TEST = 19
 """Smallest number of recordings for a test at the 5 % level, because p is at least 1 / (draws + 1)."""
 
@@ -85,14 +85,15 @@ def bootstrap(
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
-    """Check a number of simulated recordings: a whole number, and enough for `what`."""
+    """Check a number of simulated recordings: a whole number, and large enough for `what`."""
     if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
     return int(draws)
 
 
 def least_draws(level: float) -> int:
-    """Smallest number of draws for an interval of this level: the extremes of n estimates are quantiles 1 / (n + 1).
+    """Return the smallest number of draws for an interval of this level: the extremes of n estimates are quantiles 1 /
+    (n + 1).
 
     >>> least_draws(0.95), least_draws(0.99)
     (39, 199)

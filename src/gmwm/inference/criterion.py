@@ -1,4 +1,5 @@
-"""The wavelet information criterion: how well a fitted model predicts the wavelet variance of another recording.
+"""The wavelet information criterion, which measures how well a fitted model predicts the wavelet variance of another
+recording.
 
 A fit is closer to its own data than to other data. The criterion adds the mean of this difference, the optimism, to the
 objective.
@@ -75,7 +76,7 @@ def wic(
 
 
 def optimism(fit: Fit, wavelet: Matrix) -> float:
-    """The optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory, with V (J, J) the covariance of ν̂²."""
+    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory, with V (J, J) the covariance of ν̂²."""
     wv = fit.wavelet_variance
     root = square_root(fit.weighting_matrix)
     design = Design.of(wv)
@@ -96,7 +97,7 @@ def optimism(fit: Fit, wavelet: Matrix) -> float:
 
 
 def _inverse(hessian: Matrix) -> Matrix | None:
-    """H⁻¹; None if the estimate is not a minimum to second order, for example at the end of a domain."""
+    """Return H⁻¹; None if the estimate is not a minimum to second order, for example at the end of a domain."""
     strength, axes = np.linalg.eigh(hessian)
     if strength[0] <= COLLINEAR * strength[-1]:
         return None
@@ -106,7 +107,8 @@ def _inverse(hessian: Matrix) -> Matrix | None:
 def _derivatives(
     fit: Fit, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector
 ) -> tuple[Matrix, Matrix]:
-    """D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p), with respect to free scale coefficients and nonlinear parameters."""
+    """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p), with respect to free scale coefficients and nonlinear
+    parameters."""
     columns: list[Vector] = []
     blocks: list[Matrix] = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
@@ -136,7 +138,7 @@ def _of_process(
     pull: Vector,
     free: NDArray[np.intp],
 ) -> tuple[Matrix, Matrix]:
-    """The same derivatives for one process: its scale first, then the nonlinear parameters `free`."""
+    """Return the same derivatives for one process: its scale first, then the nonlinear parameters `free`."""
     at = process.nonlinear
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
@@ -158,7 +160,7 @@ def _of_process(
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
-    """The optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from draws (B, J)."""
+    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from draws (B, J)."""
     centred = variances - variances.mean(axis=0)
     fitted = implied - implied.mean(axis=0)
     return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
@@ -167,7 +169,7 @@ def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> floa
 def implied_by_refits(
     problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
 ) -> Matrix:
-    """Fitted curves ν(θ̂*) (B, J) of a problem for other data (B, J).
+    """Return fitted curves ν(θ̂*) (B, J) of a problem for other data (B, J).
 
     `known` (J,) is the wavelet variance of the held processes.
     """
@@ -182,6 +184,6 @@ def implied_by_refits(
 
 
 def problem_of(fit: Fit) -> tuple[Problem, Vector]:
-    """The problem that a fit solved, and the wavelet variance of its held processes."""
+    """Return the problem that a fit solved, and the wavelet variance of its held processes."""
     problem = pose(fit.model, fit.wavelet_variance, fit.weighting_matrix)
     return problem, fit.wavelet_variance.variance - problem.observed

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 LEAST_FREEDOM = 3.0
-"""A level is used if it has more degrees of freedom M_j / 2^j than this. The chi-square law then holds at the 5 % level
+"""Degrees of freedom M_j / 2^j above which a level is used. The chi-square law then holds at the 5 % level
 (docs/validation/goodness.md). Of a full set of levels, the two coarsest are left out."""
 
 
@@ -71,7 +71,7 @@ class GoodnessOfFit(Summarised):
         }
 
     def summary(self) -> str:
-        """The test in one line."""
+        """Describe the test in one line."""
         law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
         if self.method == "bootstrap":
             law = f"objective {self.statistic:.4g} compared with simulated recordings"
@@ -82,7 +82,7 @@ class GoodnessOfFit(Summarised):
 
     @property
     def pvalue_in_words(self) -> str:
-        """The p-value with three decimals, or "< 0.001"."""
+        """Format the p-value with three decimals, or as "< 0.001"."""
         return f"{self.pvalue:.3f}" if self.pvalue >= 0.001 else "< 0.001"
 
     def __str__(self) -> str:
@@ -115,7 +115,7 @@ def goodness_of_fit(
 
 
 def _by_theory(fit: Fit) -> GoodnessOfFit:
-    """The chi-square test of `Fit.goodness_of_fit`."""
+    """Compute the chi-square test of `Fit.goodness_of_fit`."""
     from scipy.special import gammaincc
 
     wv = fit.wavelet_variance
@@ -145,17 +145,17 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
 
 
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
-    """Which levels of a wavelet variance have enough degrees of freedom for the test (J,)."""
+    """Return which levels of a wavelet variance have enough degrees of freedom for the test (J,)."""
     return usable_in(Design.of(wv))
 
 
 def usable_in(design: Design) -> NDArray[np.bool_]:
-    """Which levels of a design have enough degrees of freedom for the test (J,)."""
+    """Return which levels of a design have enough degrees of freedom for the test (J,)."""
     return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
 
 
 def _statistic(fit: Fit) -> tuple[float, int]:
-    """The statistic T, and the number of free parameters that the data determine."""
+    """Return the statistic T, and the number of free parameters that the data determine."""
     wv = fit.wavelet_variance
     design = Design.of(wv)
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)

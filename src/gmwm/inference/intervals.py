@@ -30,11 +30,12 @@ Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
 ROUNDING = 1e-8
-"""Tolerance of a correlation in a covariance that a user passes: about √ε, as for a matrix written with 8 digits."""
+"""Tolerance of the correlations in a covariance that a user passes: about √ε, as for a matrix written with 8 digits."""
 _UNKNOWN = 14.0
-"""Half width of an interval, on the logarithm of a parameter, that counts as not determined: a factor of a million."""
+"""Half width of an interval, on the logarithm of a parameter, from which the parameter is not determined: a factor of a
+million."""
 _ROUNDS = 60
-"""Bound on the iterations. `_SETTLED` ends them earlier in every fit of tests/inference/test_inference_laws.py."""
+"""Largest number of iterations. `_SETTLED` ends them earlier in every fit of tests/inference/test_inference_laws.py."""
 _SETTLED = 1e-4
 """Relative accuracy of an upper limit; limits are shown with four digits."""
 
@@ -96,7 +97,7 @@ def _intervals(
 
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
-    """A copy of a fit of minor weight that has quick intervals: upper limits are those of the first step, ĉ + z SE(ĉ).
+    """Return a copy of a fit of minor weight with quick intervals: upper limits after one step, ĉ + z SE(ĉ).
 
     The fit itself keeps no quick intervals, because its users get exact ones.
     """
@@ -125,12 +126,12 @@ def with_quick_intervals(fit: Fit, level: float) -> Fit:
 
 
 def free_shape(process: Process) -> bool:
-    """Whether a shape parameter of a process is free."""
+    """Return whether a shape parameter of a process is free."""
     return any(not process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
 
 
 def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
-    """Whether a scale parameter is zero, or its scale coefficient is less than z standard errors from zero."""
+    """Return whether a scale parameter is zero, or its scale coefficient is less than z standard errors from zero."""
     if fit.parameters[name] == 0:
         return True
     found, power = fit.sandwich.sampling, parameter.scale_power or 1.0
@@ -157,7 +158,7 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
 
 
 def parameters_by_name(model: Model) -> dict[str, Parameter]:
-    """The parameters of a model, by name."""
+    """Return the parameters of a model, by name."""
     return {
         f"{term}.{parameter.name}": parameter
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -166,7 +167,7 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """The interval value ± reach, on the scale that keeps its ends inside the domain of the parameter."""
+    """Return the interval value ± reach, on the scale that keeps its ends inside the domain of the parameter."""
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -216,7 +217,8 @@ def _no_covariance(what: str, got: object) -> OptionError:
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """Upper limit of a scale parameter: an estimate as small as this one then has the probability (1 − level)/2.
+    """Return the upper limit of a scale parameter: if it were true, an estimate as small as this has the probability (1
+    − level)/2.
 
     The scale coefficient c of the limit solves c = ĉ + z SE(c), with the standard error of a model with this c, because
     it grows with c. In addition, no process can exceed the data: c times its wavelet variance is at most the upper
@@ -250,7 +252,7 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
 
 
 def _spread(fit: Fit, name: str) -> float:
-    """What the spread between recordings adds to the relative standard error of a parameter, in squares."""
+    """Return the part of the squared relative standard error of a parameter that the spread between recordings adds."""
     found = fit.sandwich
     if found.without_spread is None or name not in found.names:
         return 0.0
@@ -259,7 +261,7 @@ def _spread(fit: Fit, name: str) -> float:
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """The fixed point of the line through the last two (x, f(x)); f(x) if the line is too steep."""
+    """Return the fixed point of the line through the last two (x, f(x)); f(x) if the line is too steep."""
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value
@@ -268,7 +270,7 @@ def _fixed_point(tried: list[tuple[float, float]]) -> float:
 
 
 def _relative_error(fit: Fit, model: Model, name: str) -> float:
-    """Relative standard error of a parameter under `model`."""
+    """Return the relative standard error of a parameter under `model`."""
     design = Design.of(fit.wavelet_variance)
     matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
     found = sandwich_of(

@@ -1,4 +1,4 @@
-"""The relative error of a model: how far it is from the data at each level beyond what chance explains.
+"""The relative error of a model: its distance from the data at each level in addition to chance.
 
 Long recordings reject every model. The error τ of a model is estimated as in random-effects models: each level of the
 model is off by a factor 1 ± τ, independent of the others, in addition to the scatter of the data. The estimate makes
@@ -26,12 +26,12 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 LARGEST = 1.0
-"""Largest error that is considered: a model that is off by a factor of two says nothing (tests/inference/
-test_model_error.py)."""
+"""Largest error that is considered: a model that is wrong by a factor of two is of no use
+(tests/inference/test_model_error.py)."""
 IMPLAUSIBLE = 0.01
-"""Size of the test of the coarse levels of one fit, the usual level for one of several axes."""
+"""Level of the test of the coarse levels of one fit: 1 %, because a unit has several axes."""
 SMALLEST = 1e-5
-"""Smallest error that is looked for: far below the relative standard error of any level."""
+"""Smallest error that the search considers: far below the relative standard error of any level."""
 _ROUNDS = 2
 _SETTLED = 0.05
 _HALVINGS = 24
@@ -76,7 +76,7 @@ class RelativeMisfit:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> RelativeMisfit:
-        """The misfit whose `to_dict` gave `values`."""
+        """Restore a misfit from `values`, the output of `to_dict`."""
         arrays = {name: np.array(values[name], dtype=np.float64) for name in ("distance", "error")}
         judged = np.array(values["judged"], dtype=np.bool_)
         return cls(**{**values, **arrays, "judged": judged})
@@ -104,7 +104,7 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 
 
 def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which coarse levels (J,) are farther from the model than its own recordings would be.
+    """Return which coarse levels (J,) are farther from the model than simulated recordings of the model would be.
 
     Levels with at most 30 degrees of freedom are tested, each with the chi-square law of the variance that the model
     implies, at `size` for all of them together.
@@ -161,7 +161,7 @@ def model_error(fit: Fit) -> float:
 
 
 def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
-    """The wavelet variance with a relative error of the model at each level."""
+    """Return the wavelet variance with a relative error of the model at each level."""
     return replace(wv, model_error=error)
 
 
@@ -194,7 +194,7 @@ class Distance:
 
     @classmethod
     def of(cls, fit: Fit) -> Distance:
-        """The distance of a fit; its covariance has the excess of the data."""
+        """Compute the distance of a fit; its covariance includes the excess of the data."""
         wv = fit.wavelet_variance
         used = usable_levels(wv)
         design = Design.of(wv).only(used)
@@ -211,18 +211,20 @@ class Distance:
 
     @property
     def surely(self) -> float:
-        """The p-value with every level as a degree of freedom: at least that of any sum within the fitted one."""
+        """The p-value if every level were a degree of freedom. It is at least the p-value of any sum within the fitted
+        one."""
         from scipy.special import gammaincc
 
         return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
     def statistic(self, error: float) -> float:
-        """The chi-square statistic if the model has a relative error: without the part that the parameters can fit."""
+        """Compute the chi-square statistic for a model with a relative error, without the part that the parameters can
+        fit."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
         return unexplained(root @ self.left, root @ self.slopes)[0]
 
     def error(self) -> float:
-        """The relative error with which the statistic equals its degrees of freedom."""
+        """Return the relative error with which the statistic equals its degrees of freedom."""
         if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
             return 0.0
         low, high = SMALLEST, LARGEST

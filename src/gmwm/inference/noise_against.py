@@ -29,16 +29,18 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 LEAST_FREEDOM = 30.0
-"""Fewest degrees of freedom of a level: the joint test at 5 % then rejects 3 % (docs/validation/regression.md)."""
+"""Smallest number of degrees of freedom of a level: the joint test at 5 % then rejects 3 %
+(docs/validation/regression.md)."""
 LEAST_RANGE = 0.5
-"""Smallest share of the variance of the condition that its means over a scale must have. At a scale with less, the
-condition changes within one coefficient."""
+"""Smallest share of the variance of the condition that its means over a scale must have. Otherwise the condition
+changes within one coefficient."""
 SHORTEST = 16
-"""Shortest blocks (samples) in which knocks are clipped."""
+"""Smallest length of the blocks (samples) in which knocks are clipped."""
 SUPPORTED = 4.0
-"""Standard errors from zero from which a term has a slope: the slope of a weaker one says nothing."""
+"""Distance from zero, in standard errors, from which a slope is estimated for a term: a weaker term has no usable
+slope."""
 PARTS = 4096
-"""Number of parts of each level whose mean squares are used, so that a slope costs the same at any length."""
+"""Number of parts of each level whose mean squares are used, so that the cost does not depend on the length."""
 _ROUNDS = 20
 _SETTLED = 1e-10
 
@@ -104,7 +106,7 @@ class NoiseAgainst(Summarised):
         freeze(self.tau)
 
     def summary(self) -> str:
-        """The slopes of levels and terms in per cent per unit, with standard errors and p-values."""
+        """Write the slopes of levels and terms in per cent per unit, with standard errors and p-values."""
         per = f"%/{self.unit}" if self.unit else "% per unit"
         verdict = "changes" if self.pvalue < 0.05 else "does not change measurably"
         lines = [
@@ -231,7 +233,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
 
 
 def _condition(signal: Signal, condition: Against) -> tuple[Term, Covariates, Vector]:
-    """The condition, the regression of the mean on it, and its value at each sample."""
+    """Return the condition, the regression of the mean on it, and its value at each sample."""
     asked = Asked.of(condition)
     term = asked.terms[0] if len(asked.terms) == 1 else None
     arrays = dict(asked.arrays or {})
@@ -256,7 +258,7 @@ def _tested(value: float, error: float) -> Slope:
 
 
 def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> tuple[list[str], Matrix]:
-    """The terms that the data support, and their shares of the wavelet variance of each level (J, terms)."""
+    """Return the terms that the data support, and their shares of the wavelet variance of each level (J, terms)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         found = fit(model, wv, certify=False)
@@ -269,7 +271,8 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
-    """Levels with enough degrees of freedom, over whose coefficients the condition is nearly constant (J,)."""
+    """Return the levels with enough degrees of freedom, over whose coefficients the condition is nearly constant
+    (J,)."""
     found, whole = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
     for k, (level, freedom) in enumerate(zip(design.levels.tolist(), design.degrees_of_freedom, strict=True)):
         if freedom >= LEAST_FREEDOM:
@@ -283,7 +286,7 @@ def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
 
 
 def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64], Vector, Vector]:
-    """Numbers of coefficients, sums of their squares, and means of the condition, in parts of a level."""
+    """Return numbers of coefficients, sums of their squares, and means of the condition, in parts of a level."""
     pieces = [
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
@@ -320,11 +323,11 @@ def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[floa
 
 
 def _long(signal: Signal, level: int) -> list[tuple[int, int]]:
-    """Segments with a coefficient of a level."""
+    """Return the segments with a coefficient of a level."""
     return [(a, b) for a, b in signal.segments if b - a >= 1 << level]
 
 
 def _running(values: Vector, width: int) -> Vector:
-    """Means of all runs of `width` values."""
+    """Return the means of all runs of `width` values."""
     sums = np.concatenate([[0.0], np.cumsum(values - values[0])])
     return np.asarray(values[0] + (sums[width:] - sums[:-width]) / width)

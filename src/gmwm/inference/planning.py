@@ -30,21 +30,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 SEEN = 0.5
-"""Relative standard error above which a parameter counts as uncertain: the 95 % interval then includes zero."""
+"""Relative standard error above which a parameter is uncertain: the 95 % interval then includes zero."""
 PER_DECADE = 8
-"""Lengths of the curve in a factor of ten."""
+"""Number of lengths for which the curve is computed, per factor of ten."""
 LONGEST = 2**40
-"""Samples of the longest recording that is allowed: 350 years at 100 Hz."""
+"""Number of samples of the longest recording that is allowed: 350 years at 100 Hz."""
 SUMMED = 2**20
-"""Samples up to which a covariance that is a sum over all lags takes less than a second."""
+"""Number of samples up to which a covariance that is a sum over all lags takes less than a second."""
 BEYOND = 1e4
 """Multiple of the planned duration up to which `Plan.needed` searches."""
 PER_OCTAVE = 4
-"""Lengths in a factor of two that this search evaluates before it bisects."""
+"""Number of lengths per factor of two that this search evaluates before it bisects."""
 NEAR = 5e-3
 """Relative accuracy of the length that it finds; lengths are shown with two digits."""
 _LEAST, _MOST = 1e-295, 1e295
-"""Range of squared variances: 1e±308 of double precision, with a margin for sums over 2⁴⁰ samples."""
+"""Range of squared variances: the range of double precision, 1e±308, with a margin for sums over 2⁴⁰ samples."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -354,7 +354,8 @@ def plan(
 def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"]
 ) -> tuple[tuple[str, ...], Vector]:
-    """Names of the free parameters, and their relative standard errors (p,), for a recording of `samples`."""
+    """Return the names of the free parameters, and their relative standard errors (p,), for a recording of
+    `samples`."""
     design = Design(np.arange(1, samples.bit_length()), samples, rate)
     wavelet = covariance(model, design)
     found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
@@ -375,7 +376,7 @@ def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matr
 
 
 def _free(model: Model, rate: float) -> int:
-    """Number of free parameters of a model; it must have all its values and no term that is zero."""
+    """Return the number of free parameters of a model, which must have all its values and no term that is zero."""
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -420,7 +421,8 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 
 def samples_of(duration: float, rate: float, free: int) -> int:
-    """Number of samples of a recording of `duration` (s), which must have more levels than `free` parameters."""
+    """Return the number of samples of a recording of `duration` (s), which must have more levels than `free`
+    parameters."""
     known = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
     if not (known and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
@@ -451,7 +453,7 @@ def as_accuracy(accuracy: float) -> float:
 
 
 def error_text(error: float) -> str:
-    """A relative standard error in per cent.
+    """Format a relative standard error in per cent.
 
     >>> error_text(0.0296), error_text(0.123), error_text(0.7), error_text(float("inf"))
     ('3.0 %', '12 %', '> 50 %', 'not determined')

@@ -17,7 +17,8 @@ from gmwm.processes.model import Model
 from gmwm.variance.api import variances_alone
 
 BATCH = 1 << 17
-"""Samples of each process that are drawn at once (1 MiB): they fit into the cache, and the overhead of Python is small.
+"""Number of samples of each process that are drawn at once (1 MiB): they fit into the cache, and the overhead of Python
+is small.
 
 The number must not depend on the machine, because the simulated paths depend on it.
 """
@@ -118,7 +119,7 @@ def _stream(seed: int, batch: int) -> np.random.Generator:
 
 
 def _keep_memory(batch: int) -> None:
-    """Let the allocator keep the memory of a batch for the next one.
+    """Prevent the allocator from releasing the memory of a batch, because the next batch needs it.
 
     glibc returns free memory to the system beyond twice the largest block that was freed, up to 32 MiB. Getting it back
     page by page can take longer than the arithmetic. The block here is never touched and costs nothing.

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 PROVEN = 1e-3
-"""Gap up to which a summary calls a fit the global optimum: 10 times `CERTIFIED_GAP`, at which the search stops unless
-it runs out of nodes."""
+"""Largest gap at which a summary calls a fit the global optimum: 10 times `CERTIFIED_GAP`, at which the search stops
+unless it reaches its limit of nodes."""
 
 
 @dataclass(frozen=True)
 class IntervalMethod:
-    """How to compute intervals and tests: confidence level, and theory or a bootstrap of `draws` recordings."""
+    """Method for intervals and tests: confidence level, and theory or a bootstrap of `draws` recordings."""
 
     level: float = 0.95
     method: Method = "asymptotic"
@@ -59,7 +59,7 @@ class Row:
 
 
 def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interval], Remark | None]:
-    """The intervals; if they cannot be computed, none and a remark that says why."""
+    """Return the intervals; if they cannot be computed, return none and a remark with the reason."""
     try:
         return confidence_intervals(fit, how.level, how.method, draws=how.draws, rng=how.seed), None
     except (MissingTheoryError, ModelError) as error:
@@ -67,7 +67,7 @@ def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interva
 
 
 def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, str]:
-    """The goodness-of-fit test and its summary, or None and the reason why there is no test."""
+    """Return the goodness-of-fit test and its summary, or None and the reason why there is no test."""
     try:
         test = goodness_of_fit(fit, how.method, draws=how.draws, rng=how.seed)
     except (MissingTheoryError, ModelError) as error:
@@ -76,7 +76,7 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Intervals, standard errors and test as numbers and strings, ready for JSON; None if there is no number."""
+    """Return intervals, standard errors and test as numbers and strings, ready for JSON; None if there is no number."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {
@@ -95,12 +95,12 @@ def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
 
 
 def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
-    """Standard error of each parameter, by theory or from the bootstrap."""
+    """Return the standard error of each parameter, by theory or from the bootstrap."""
     return bootstrap(fit, how.draws, how.seed).errors if how.method == "bootstrap" else fit.standard_errors
 
 
 def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[Row]:
-    """One row for each parameter of a fit, in the order of the terms."""
+    """Return one row for each parameter of a fit, in the order of the terms."""
     units = fit.units()
     errors = standard_errors(fit, how) if intervals else {}
     shown = []
@@ -120,17 +120,18 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
 
 
 def no_intervals(error: GmwmError) -> Remark:
-    """The remark that there are no confidence intervals, with the reason."""
+    """Make the remark that there are no confidence intervals, with the reason."""
     return Remark.of("no-intervals", reason=error.reason)
 
 
 def without_axis(*remarks: Remark | None) -> list[Remark]:
-    """Remarks without their axis, for a summary that has the axis in its heading."""
+    """Remove the axis from remarks, for a summary with the axis in its heading."""
     return [remark.about("") for remark in remarks if remark is not None]
 
 
 def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
-    """A short text for each parameter: estimate and relative standard error, upper limit, or what its term acts as."""
+    """Return a short text for each parameter: estimate and relative standard error, upper limit, or what its term acts
+    as."""
     intervals, _ = intervals_if_known(fit, how)
     shown = {}
     for row in rows(fit, intervals, how):
@@ -149,12 +150,12 @@ def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
 
 
 def estimate_text(value: float) -> str:
-    """An estimate as text."""
+    """Format an estimate."""
     return f"{value:.3e}" if value else "0"
 
 
 def interval_text(low: float, high: float) -> str:
-    """An interval as text; in words if the parameter is not determined or only bounded."""
+    """Format an interval; in words if the parameter is not determined or has only a limit."""
     if not math.isfinite(high):
         return "not determined"
     if low == 0:
@@ -172,7 +173,7 @@ def summary(
     draws: int = DRAWS,
     rng: int | np.random.Generator = 0,
 ) -> str:
-    """The text of `Fit.summary`."""
+    """Return the text of `Fit.summary`."""
     how = IntervalMethod(level, method, draws, as_seed(rng))
     intervals, missing = intervals_if_known(fit, how)
     table = rows(fit, intervals, how)
@@ -182,13 +183,13 @@ def summary(
 
 
 def table_text(table: list[Row], level: float) -> list[str]:
-    """Parameters as aligned columns with a header."""
+    """Format parameters as aligned columns with a header."""
     heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
     return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
 def head(fit: Fit, how: IntervalMethod) -> list[str]:
-    """The first lines of a summary: model, data, objective with its bounds, and the test."""
+    """Return the first lines of a summary: model, data, objective with its bounds, and the test."""
     wv = fit.wavelet_variance
     start = fit.diagnostics.start
     certificate = "not certified (certify=False)"
@@ -212,7 +213,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """The summary as HTML, with the parameters as a table."""
+    """Return the summary as HTML, with the parameters as a table."""
     how = IntervalMethod()
     intervals, missing = intervals_if_known(fit, how)
     words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)
@@ -220,7 +221,7 @@ def as_html(fit: Fit) -> str:
 
 
 def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
-    """Title, facts, a table of parameters with 95 % intervals, and remarks (already HTML), as HTML."""
+    """Make HTML from a title, facts, a table of parameters with 95 % intervals, and remarks (already HTML)."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"

@@ -39,12 +39,12 @@ from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
 
 CLEAR = 4.0
-"""Standard errors of the difference of two criteria above which the larger one is not equivalent. The error assumes
-Gaussian levels, and the coarse ones are not: with 2, the true WN + RW is excluded in 10 % of recordings, with 4 in none
-of 40 (docs/validation/selection.md)."""
+"""Number of standard errors of the difference of two criteria above which the larger one is not equivalent. The
+standard error assumes Gaussian levels, which the coarse ones are not: with 2, the true WN + RW is excluded in 10 % of
+recordings, with 4 in none of 40 (docs/validation/selection.md)."""
 REJECTED = 0.005
-"""p-value of the goodness-of-fit test below which a model is not equivalent to a best one whose p-value is more than
-ten times as large: five true models of a thousand have it (tests/selection/test_equivalence.py)."""
+"""p-value of the goodness-of-fit test below which a model is not equivalent to a best one with a p-value more than ten
+times as large. Five true models of a thousand have such a p-value (tests/selection/test_equivalence.py)."""
 BETTER = 10.0
 
 Data = WaveletVariance | Signal | ArrayLike
@@ -149,7 +149,8 @@ def select_within(
     against: Against = None,
     progress: Progress | None = None,
 ) -> Ranking:
-    """The ranking of every model within a general one, by checked options; all contain the `required` terms."""
+    """Rank every model within a general one, by options that are already checked; all models contain the `required`
+    terms."""
     wv = measured(data, rate, robust, efficiency, against=against)
     optional = without_drift(without_values(as_model(general)), [wv])
     models = nested(optional)
@@ -232,7 +233,8 @@ def rank(
 
 
 def _union(models: Sequence[Model]) -> Model:
-    """The smallest model that contains all models; a term that is fixed in some models and free in others is free."""
+    """Return the smallest model that contains all models; a term that is fixed in some models and free in others is
+    free."""
     most = Counter[Process]()
     for model in models:
         most |= Counter(model.processes)
@@ -252,7 +254,8 @@ def _union(models: Sequence[Model]) -> Model:
 
 
 def _join(one: Process, other: Process) -> type[Process] | None:
-    """The class of a process whose order includes those of two processes; None if they have fixed values."""
+    """Return the class of a process whose order includes the orders of two processes; None if they have fixed
+    values."""
     if type(one) is type(other) or any(
         process.is_fixed(p.name) for process in (one, other) for p in process.parameters
     ):
@@ -293,7 +296,7 @@ def _ranked(
 
 
 def _levels(made: Sequence[Candidate]) -> dict[str, float]:
-    """The criterion of each structure, the same for those that differ by no more than the numerical error.
+    """Return the criterion of each structure, the same for structures that differ by no more than the numerical error.
 
     ARMA(1,1) and GM + WN have one curve; the last digits of their criteria must not choose between them.
     """
@@ -307,7 +310,8 @@ def _levels(made: Sequence[Candidate]) -> dict[str, float]:
 
 
 def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
-    """Sort by the criterion; a model with the same fit as a smaller one comes after it, whatever the last digits."""
+    """Sort by the criterion. A model with the same fit as a smaller one comes after it, whatever the rounding
+    errors."""
     level = _levels(made)
     return sorted(
         made,
@@ -334,7 +338,7 @@ def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | No
 
 
 def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:
-    """The criterion of each candidate; shared fits are evaluated once."""
+    """Compute the criterion of each candidate; fits that candidates share are evaluated once."""
     known: dict[int, float] = {}
     variances = None
     if method == "bootstrap":
@@ -367,7 +371,7 @@ def _related(made: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _end(name: str, target: Mapping[str, str | None]) -> str:
-    """The end of a chain of `same_as`."""
+    """Return the last name of a chain of `same_as`."""
     seen = {name}
     while (after := target[name]) is not None and after not in seen:
         name = after
@@ -376,7 +380,7 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Number of parameters; noise without a correlation time counts as two further ones.
+    """Return the number of parameters; noise without a correlation time counts as two additional ones.
 
     Flicker noise has one parameter, but the curve of several Gauss-Markov processes. In short recordings it would
     replace a single one.
@@ -388,7 +392,7 @@ def _complexity(candidate: Candidate) -> int:
 
 
 def _rejected(candidate: Candidate, best: Candidate) -> bool:
-    """Whether the goodness-of-fit test rejects a candidate, and the best one fits much better.
+    """Return whether the goodness-of-fit test rejects a candidate, and the best one fits much better.
 
     The criteria alone do not show this: with the weights of a candidate that is far below the data at long scales, its
     rivals can be as far from the data.
@@ -400,7 +404,8 @@ def _rejected(candidate: Candidate, best: Candidate) -> bool:
 def _equivalent(
     made: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """The candidates as good as the best, without those that contain another of them; the simplest first."""
+    """Return the candidates that are as good as the best, except those that contain another such candidate; the
+    simplest first."""
     best, level = made[0], _levels(made)
     equivalent: list[Candidate] = []
     own = (c for c in made if c.same_as is None)

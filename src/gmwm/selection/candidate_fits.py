@@ -26,15 +26,15 @@ NOT_LOWER = 1e-9
 """Relative difference below which two objectives are equal (tests/selection/test_nested_objectives.py)."""
 
 EVERY = 8
-"""Step through the grid of correlation times: neighbours differ by 20 % (used in docs/validation/selection.md)."""
+"""Step through the grid of correlation times. Neighbours then differ by 20 % (used in docs/validation/selection.md)."""
 
 Progress = Callable[[int, int], None]
-"""A function that is called with the number of candidates done and the number of all candidates."""
+"""Progress callback: called with the number of candidates done and the number of all candidates."""
 
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """The candidates fitted to one recording.
+    """All candidates, fitted to one recording.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ def explore(
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
-    """The mean loss of each candidate on a recording that its fit left out; None for a single recording.
+    """Return the mean loss of each candidate on a recording that its fit did not use; None for a single recording.
 
     Each recording is left out once. The fits to the others have the Ω of the general model, and the loss has that of
     the recording: (ν̂_r − ν)ᵀ Ω_r (ν̂_r − ν).
@@ -105,7 +105,7 @@ def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: 
 
 
 def _explored_again(explored: Explored, candidates: Sequence[Model], wv: WaveletVariance, weighting: str) -> list[Fit]:
-    """The fits of the candidates to other data, with the weights of `explored`."""
+    """Fit the candidates to other data, with the weights of `explored`."""
     matrix = explored.matrix
     if len(wv) < len(matrix):
         matrix = _inverse(explored.wavelet[: len(wv), : len(wv)], weighting)
@@ -132,7 +132,7 @@ class _Solved:
 
 
 class _Exploration:
-    """The solved sums for one Ω, by structure."""
+    """The solutions for one Ω, by structure of the sum."""
 
     def __init__(self, wv: WaveletVariance, matrix: Matrix, weighting: str) -> None:
         self.wv, self.matrix, self.weighting = wv, matrix, weighting
@@ -140,7 +140,7 @@ class _Exploration:
         self.fits: dict[int, Fit] = {}
 
     def take(self, model: Model, problem: Problem, solution: Solution) -> _Solved:
-        """Store a solution, also for its part without terms that are zero."""
+        """Store a solution, also for the smaller model without terms that are zero."""
         structure = structure_of(model)
         shown = _shown(model, problem, solution)
         found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
@@ -162,7 +162,7 @@ class _Exploration:
         self.take(model, problem, solve(problem, certify=False))
 
     def mend(self) -> None:
-        """Replace a solution with a larger objective than that of one of its parts."""
+        """Replace a solution whose objective is larger than the objective of a model that it contains."""
         for key, found in sorted(self.solved.items(), key=lambda item: sum(item[1].structure.values())):
             square, reached = found.problem.unit**2, found.solution.objective
             lower = sorted(
@@ -173,14 +173,14 @@ class _Exploration:
                 self.solved[key] = replace(best, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:
-        """The fit of a candidate; sums with the same optimum share one fit."""
+        """Return the fit of a candidate; sums with the same optimum share one fit."""
         found = self.solved[_key(structure_of(model))]
         if id(found.solution) not in self.fits:
             self.fits[id(found.solution)] = as_fit(Settled(found.problem, found.solution), self.wv, self.weighting)
         return self.fits[id(found.solution)]
 
     def _part(self, found: _Solved) -> _Solved:
-        """The solution without the terms that are zero."""
+        """Return the solution without the terms that are zero."""
         old = found.problem
         linear = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
         moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
@@ -195,7 +195,7 @@ class _Exploration:
 
 
 def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
-    """The structure without the terms that are zero."""
+    """Return the structure without the terms that are zero."""
     structure = structure_of(model)
     zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
     zero += [k for k, term in zip(problem.shaped, solution.terms, strict=True) if term.scale == 0]
@@ -208,7 +208,7 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Wavelet variances (n, J) that the general model can add, and the number of those without shape parameters.
+    """Return wavelet variances (n, J) that the general model can add, and the number of those without shape parameters.
 
     Those without shape parameters come first. A process with a search is evaluated on a grid over its domain. For other
     processes with shape parameters, such a grid would allow more than their parameters can reach; they have their
@@ -227,7 +227,7 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
 
 
 def _ways(general: Fit, problem: Problem) -> list[Matrix]:
-    """The estimated shape of each free process, and its derivatives with both signs."""
+    """Return the estimated shape of each free process, and its derivatives with both signs."""
     rows = []
     for process in general.model.processes:
         moving = to_find(process)

@@ -25,7 +25,8 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
 
 
 def difference_error(first: Fit, second: Fit, matrix: Matrix, wavelet: Matrix) -> float:
-    """Standard error of the difference of the losses of two fits, for Ω (J, J) and V (J, J) of the ranking."""
+    """Compute the standard error of the difference of the losses of two fits, for Ω (J, J) and V (J, J) of the
+    ranking."""
     root = square_root(matrix)
     scatter = root @ wavelet @ root.T
     design = Design.of(first.wavelet_variance)

@@ -33,13 +33,14 @@ from gmwm.selection.candidate_fits import Explored, relaxed_columns
 from gmwm.selection.structure import without_values
 
 SPARE = 1e-8
-"""Squared share of a term outside the span of the others below which it is collinear: √ε of a double."""
+"""Squared norm of the part of a unit vector outside the span of the others, below which a term is collinear: √ε of a
+double."""
 SURELY = 100.0
-"""Difference of criteria with the common Ω above which a candidate is rejected without a further fit, to save time."""
+"""Difference of criteria under the common Ω above which a candidate is rejected without another fit, to save time."""
 NEVER = 1e-6
-"""p-value of a bound on the loss below which a candidate is rejected without a further fit, to save time."""
+"""p-value of a bound on the loss below which a candidate is rejected without another fit, to save time."""
 CLOSER = 1
-"""Number of times that a rejected candidate is fitted again with the weights of its last fit; see
+"""Number of times that a rejected candidate is fitted again, with the weights of its last fit; see
 docs/validation/selection.md."""
 
 
@@ -64,7 +65,7 @@ class Hypothesis:
 
     @classmethod
     def of(cls, explored: Explored, fit: Fit, draws: int, seed: int) -> Hypothesis | None:
-        """The hypothesis for a fit; None if the candidate has no noise at some level."""
+        """Make the hypothesis for a fit; None if the candidate has no noise at some level."""
         wv = fit.wavelet_variance
         try:
             wavelet = drawn_covariance(fit.model, Design.of(wv), wv.variance)
@@ -76,7 +77,8 @@ class Hypothesis:
         return cls(explored=explored, fit=fit, matrix=matrix, wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
-        """Whether the loss exceeds that of the rival by far more than chance explains, without another fit."""
+        """Return whether the loss exceeds the loss of the rival by far more than chance explains, without another
+        fit."""
         from scipy.special import gammaincc
 
         losses = []
@@ -88,17 +90,17 @@ class Hypothesis:
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
 
     def excess(self, rival: Fit) -> float:
-        """The criterion of the candidate minus that of a rival, both fitted with Ω."""
+        """Return the criterion of the candidate minus the criterion of a rival, both fitted with Ω."""
         criteria = [fit.objective + optimism(fit, self.wavelet) for fit in (self.again, self._fitted(rival))]
         return criteria[0] - criteria[1]
 
     @cached_property
     def again(self) -> Fit:
-        """The candidate, fitted with its own Ω."""
+        """Fit the candidate with its own Ω."""
         return self._fitted(self.fit)
 
     def closer(self) -> Hypothesis | None:
-        """The hypothesis with Ω and V from the fit `again`; None if it has no noise at some level."""
+        """Return the hypothesis with Ω and V from the fit `again`; None if it has no noise at some level."""
         return Hypothesis.of(self.explored, self.again, self.draws, self.seed)
 
     def _fitted(self, fit: Fit) -> Fit:
@@ -123,7 +125,7 @@ class Hypothesis:
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of all processes, and the number of those without a search, which come first."""
+        """Unit vectors (n, J) of all processes, and the number of processes without a search, which come first."""
         shapes, linear = relaxed_columns(self.explored)
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
@@ -136,12 +138,12 @@ class Hypothesis:
 
     @cached_property
     def single(self) -> Matrix:
-        """Reduction of the criterion (B, k) by one more term."""
+        """Reduction of the criterion by one more term (B, k), for each recording and term."""
         return self._single[0]
 
     @property
     def least(self) -> float:
-        """The smallest penalty of two parameters."""
+        """Smallest penalty of two additional parameters."""
         return self._single[1]
 
     @cached_property
@@ -160,7 +162,8 @@ class Hypothesis:
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
     def several(self, records: NDArray[np.int64]) -> Vector:
-        """Upper bound of the reduction of the criterion by two or more parameters, for some simulated recordings."""
+        """Return an upper bound of the reduction of the criterion by two or more parameters, for some simulated
+        recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
@@ -169,7 +172,7 @@ class Hypothesis:
 
 
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
-    """Whether a candidate is equivalent to its rival."""
+    """Return whether a candidate is equivalent to its rival."""
     hypothesis = Hypothesis.of(explored, fit, draws, seed)
     for closer in range(1 + CLOSER):
         if closer and hypothesis is not None:
@@ -182,7 +185,8 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Whether a share of more than `size` of the simulated recordings show a difference as large as the data."""
+    """Return whether a share of more than `size` of the simulated recordings shows a difference as large as the
+    data."""
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
@@ -210,14 +214,14 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 
 def factor_of(wavelet: Matrix) -> Matrix:
-    """F (J, J) with FFᵀ = V, from V scaled to unit diagonal."""
+    """Return F (J, J) with FFᵀ = V, from V scaled to unit diagonal."""
     deviation = np.sqrt(np.diag(wavelet))
     share, axes = np.linalg.eigh(wavelet / np.outer(deviation, deviation))
     return np.asarray(deviation[:, None] * axes * np.sqrt(np.maximum(share, 0)))
 
 
 def axes_of(fit: Fit, root: Matrix, design: Design) -> Matrix:
-    """Orthonormal directions (J, p) in which the fitted curve can change."""
+    """Return orthonormal directions (J, p) in which the fitted curve can change."""
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
     slopes = root @ relative_jacobian(fit.model, design, columns)
     length = np.linalg.norm(slopes, axis=0)

@@ -15,7 +15,7 @@ FEWEST_DRAWS = 100
 
 @dataclass(frozen=True, kw_only=True)
 class RankingOptions:
-    """How models are ranked; `gmwm.select` describes each option.
+    """Options of a ranking of models; `gmwm.select` describes each of them.
 
     Raises
     ------

@@ -33,10 +33,11 @@ WIDTH = 80
 SAME = 1e-6
 """Relative difference below which two criteria are equal (tests/selection/test_ranking.py)."""
 REJECTED = 0.01
-"""p-value of the goodness-of-fit test below which the ranking has the remark `recommended-rejected`. A convention:
-the usual level of 5 %, with room for several axes."""
+"""p-value of the goodness-of-fit test below which the ranking has the remark `recommended-rejected`. It is a
+convention: the usual level of 5 %, lowered because a unit has several axes."""
 LONG = 60
-"""Length of a model's text above which it is shown without fixed values: the coefficients of a filter fill a page."""
+"""Number of characters of a model's text above which it is shown without fixed values: the coefficients of a filter
+fill a page."""
 LISTED = 10
 """Number of candidates in a table."""
 
@@ -153,27 +154,27 @@ class Ranking:
 
     @property
     def recommended(self) -> Candidate:
-        """The simplest of the candidates that are as good as the best."""
+        """The simplest of the candidates that are as good as the best one."""
         return next(candidate for candidate in self.candidates if candidate.recommended)
 
     @property
     def equivalent(self) -> tuple[Candidate, ...]:
-        """The candidates that are as good as the best and contain no smaller one that is."""
+        """The candidates that are as good as the best one and do not contain a smaller such candidate."""
         return tuple(candidate for candidate in self.candidates if candidate.equivalent)
 
     @property
     def distinct(self) -> tuple[Candidate, ...]:
-        """The candidates without those that have the same fit as a smaller one."""
+        """The candidates without those that have the same fit as a smaller candidate."""
         return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
 
     def label(self, candidate: Candidate) -> str:
-        """A candidate as text; a long one without its fixed values, if no other candidate has the same terms."""
+        """Return a candidate as text; a long one without its fixed values, if no other candidate has the same terms."""
         whole, short = candidate.structure, candidate.model.structure
         return short if len(whole) > LONG and self._terms[short] == 1 else whole
 
     @cached_property
     def _terms(self) -> Counter[str]:
-        """How many candidates have the same terms, without their values."""
+        """Number of candidates with the same terms, without their values."""
         return Counter(candidate.model.structure for candidate in self.candidates)
 
     def compare(self, first: int | str | Model, second: int | str | Model) -> Comparison:
@@ -251,7 +252,7 @@ class Ranking:
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """The recommended model, the models that are as good, and what limits the recommendation."""
+        """Remarks: the recommended model, the equivalent models, and the limits of the recommendation."""
         return tuple(self._remarks())
 
     def _remarks(self) -> Iterator[Remark]:
@@ -267,7 +268,7 @@ class Ranking:
             yield Remark.of("candidates-reduced", axis, count=reduced)
 
     def summary(self, limit: int | None = LISTED) -> str:
-        """The table of the first `limit` candidates, and the remarks."""
+        """Write the table of the first `limit` candidates, and the remarks."""
         wv = self.best.fit.wavelet_variance
         lines = [
             f"{counted(len(self), 'model')}{' of ' + wv.axis if wv.axis else ''} within {self.within}",
@@ -389,7 +390,7 @@ class Comparison(Summarised):
 
     @property
     def remark(self) -> Remark:
-        """Which model has the smaller criterion, and whether the difference may be chance."""
+        """Remark that states which model has the smaller criterion, and whether the difference may be chance."""
         better, worse = (self.first, self.second) if self.difference <= 0 else (self.second, self.first)
         size = abs(self.difference)
         if size <= SAME * abs(self.first.wic.value):
@@ -437,5 +438,5 @@ class Comparison(Summarised):
 
 
 def _short(number: float) -> str:
-    """Two decimals, or five digits of a large number."""
+    """Format a number with two decimals, or a large number with five digits."""
     return f"{number:.2f}" if abs(number) < 1000 else f"{number:.5g}"

@@ -1,4 +1,4 @@
-"""Search for the model of one axis, driven by the data: the slow noise first, then what the spectrum shows.
+"""Search for the model of one axis, controlled by the data: first the slow noise, then what the spectrum shows.
 
 1. Every sum within the slow family is ranked. If the test accepts the recommended one, the search ends, unless a
    Gauss-Markov term of it is so fast that it stands for a filter.
@@ -36,31 +36,33 @@ from gmwm.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.variance.result import WaveletVariance
 
 SLOW = "4*GM + WN + QN + FN + RW + DR"
-"""The family that is tried first (docs/validation/selection.md)."""
+"""The family of models that is tried first (docs/validation/selection.md)."""
 BESIDE = "4*GM + FN + RW + DR"
-"""What is added to the noise at high frequencies: it contains white and quantization noise already."""
+"""Terms that are combined with the noise at high frequencies, which already contains white and quantization noise."""
 REJECTED = 0.002
-"""p-value of the test below which the search goes on: two true models of a thousand."""
+"""p-value of the goodness-of-fit test below which the search continues: it stops too late for two true models of a
+thousand."""
 FEWEST = 24
-"""Frequencies that a shape at high frequencies needs at least; with fewer, the spectrum is not used."""
+"""Smallest number of frequencies for a shape at high frequencies; with fewer, the spectrum is not used."""
 MIXED = 0.5
 """Share of slow noise in the density above which a frequency is not used for the shape at high frequencies."""
 FAST = 20.0
-"""Correlation time (samples) up to which a Gauss-Markov term counts as noise at high frequencies. The corner of its
+"""Correlation time (samples) up to which a Gauss-Markov term is treated as noise at high frequencies. The corner of its
 density is at 1/126 of the rate; the shape is fitted to the density above this frequency."""
 FELT = 0.003
-"""Share of a line in the wavelet variance of a level from which it enters the model: the relative standard error of the
-first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
+"""Share of the wavelet variance of a level from which a line enters the model: the relative standard error of the first
+levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
 MOST_FREE = 1
-"""Number of lines, the strongest ones, whose power is fitted; others have the power that the spectrum shows."""
+"""Largest number of lines, the strongest ones, whose power is fitted. Other lines have the power that the spectrum
+shows."""
 FILTERED = 3.0
 """Correlation time (samples) up to which a Gauss-Markov term describes the sensor's low-pass filter. A filter is not
 exactly of this form, and N is then wrong by 0.5 % while the test accepts the model (docs/validation/sensors.md)."""
 MEMORY = 2000.0
 """Correlation time (samples) of an AR(2) beyond which it is a line and not a shape at high frequencies."""
 NARROW = 0.002
-"""Width of a bump, as a share of the rate, below which it counts as a line: half that of the narrowest ARMA peak here,
-see `gmwm.spectrum.short_memory.POLE`."""
+"""Width of a bump, relative to the sampling rate, below which it is treated as a line: half the width of the narrowest
+ARMA peak here, see `gmwm.spectrum.short_memory.POLE`."""
 AROUND = 8
 """Distance from a line, in resolutions, within which the spectrum is not used for the shape (tests/selection/
 test_search.py)."""
@@ -94,7 +96,7 @@ class Searched:
 
     @property
     def with_error(self) -> WaveletVariance:
-        """The data with the model error."""
+        """Return the data with the model error."""
         return having_error(self.wavelet_variance, self.error)
 
 
@@ -105,7 +107,7 @@ def search(
     *,
     check: Callable[[], None] = lambda: None,
 ) -> Searched:
-    """Search for the model of one axis, see the module docstring.
+    """Search for the model of one axis; the module docstring describes the steps.
 
     Parameters
     ----------
@@ -143,14 +145,15 @@ def search(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """The terms that the spectrum shows, the data with the uncertainty of their shape, and that of its band."""
+    """The terms that the spectrum shows, the data with the uncertainty of their shape, and the uncertainty of its
+    band."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
     band: Mapping[str, float] = field(default_factory=dict)
 
     def searched(self, beside: str, options: RankingOptions, check: Callable[[], None]) -> Searched:
-        """The ranking of every sum within a family beside these terms."""
+        """Rank every sum within a family, combined with these terms."""
         found = within_family(
             beside, self.wavelet_variance, options, required=self.terms, check=check, tried=(SLOW,)
         )  # fmt: skip
@@ -158,7 +161,7 @@ class _Shown:
 
 
 def _as_sampled(found: Searched) -> Searched:
-    """The result with the uncertainty of flicker noise near half the sampling rate in the data of every fit."""
+    """Add the uncertainty of flicker noise near half the sampling rate to the data of every fit."""
     wv = with_sampling_error(found.wavelet_variance, found.ranking.recommended.fit)
     if wv is found.wavelet_variance:
         return found
@@ -205,13 +208,13 @@ def within_family(
 
 
 def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
-    """The required terms without lines whose power is estimated as zero."""
+    """Return the required terms without lines whose power is estimated as zero."""
     zero = {p.value("frequency") for p in fit.model.processes if isinstance(p, SIN) and p.scale == 0}
     return [p for p in required if not (isinstance(p, SIN) and p.value("frequency") in zero)]
 
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
-    """The largest sum of a family, with the required terms, that has at most as many parameters as levels."""
+    """Return the largest sum of a family, with the required terms, that has at most as many parameters as levels."""
     optional = without_drift(without_values(as_model(family)), [wv])
     whole = Model((*optional.processes, *required))
     if freedom(whole) <= len(wv):
@@ -229,7 +232,7 @@ def _required(
     options: RankingOptions,
     check: Callable[[], None],
 ) -> _Shown:
-    """The terms that the spectrum shows, or without a spectrum an AR(2) that fits the curve."""
+    """Return the terms that the spectrum shows; without a spectrum, an AR(2) that fits the curve."""
     if spectrum is None:
         shape = _fitted_shape(wv, options)
         return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
@@ -251,7 +254,7 @@ def _required(
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
-    """An AR(2) fitted to the wavelet variance beside slow noise, with its coefficients fixed."""
+    """Return an AR(2) fitted to the wavelet variance together with slow noise, with its coefficients fixed."""
     try:
         whole = Model.parse("AR(2) + 2*GM + QN + RW")
         fit = nearly_fitted(whole, wv, options.weighting)
@@ -267,7 +270,8 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
 
 
 def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
-    """Frequency (Hz), power (u²) and width (Hz) of the lines, and of bumps that are too narrow for an ARMA process."""
+    """Return frequency (Hz), power (u²) and width (Hz) of the lines, and of bumps that are too narrow for an ARMA
+    process."""
     found = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
     for bump in spectrum.bumps:
         if bump.width < NARROW * spectrum.rate:
@@ -277,7 +281,7 @@ def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
 
 
 def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
-    """Sinusoids of known frequency for the lines that matter at some level, the strongest ones."""
+    """Return sinusoids of known frequency for the lines that matter at some level, the strongest ones."""
     found = []
     for frequency, power, _ in _peaks(spectrum):
         process = SIN(frequency=Fixed(frequency), power=Fixed(power))
@@ -290,7 +294,7 @@ def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
-    """The noise at high frequencies beside the slow terms of a fit."""
+    """Fit the noise at high frequencies in addition to the slow terms of a fit."""
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
@@ -305,7 +309,7 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
 
 
 def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float) -> Vector:
-    """Density per sample (n,) of the slow ones of some processes."""
+    """Return the density per sample (n,) of the slow processes among some processes."""
     total = np.zeros(frequencies.size)
     for process in processes:
         if process.scale == 0 or process.line(rate) is not None:

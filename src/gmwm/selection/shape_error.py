@@ -1,4 +1,4 @@
-"""Uncertainty of the shapes that a search fixes, as relative covariance of the wavelet variance."""
+"""Uncertainty of the shapes that a search fixes, as a relative covariance of the wavelet variance."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from gmwm.variance.result import WaveletVariance
 
 SAMPLED = (0.4427, 0.1542, 0.0500, 0.0154, 0.0046, 0.0013)
 """Haar wavelet variance of discrete flicker noise, fractionally integrated white noise of order 1/2 (Kasdin 1995),
-relative to that of continuous flicker noise averaged over each sampling interval, minus 1, at the levels from 1 on. The
-ratio follows from the density π/sin(πf) per sample in place of 1/f (tests/selection/test_shape_error.py)."""
+relative to the wavelet variance of continuous flicker noise averaged over each sampling interval, minus 1, from level 1
+on. The ratio follows from the density π/sin(πf) per sample instead of 1/f (tests/selection/test_shape_error.py)."""
 
 SPREAD = 0.75
-"""Standard deviation of the difference from continuous flicker noise, as a share of `SAMPLED`: it is 0 for the mean
-over each interval, 0.45 for a density of 1/f up to half the rate, and 1 for discrete flicker noise."""
+"""Standard deviation of the difference from continuous flicker noise, relative to `SAMPLED`: the difference is 0 for
+the mean over each interval, 0.45 for a density of 1/f up to half the rate, and 1 for discrete flicker noise."""
 BAND = ("f_b", "f_r", "Q_r")
 """Symbols of the numbers of a shape that do not depend on its density."""
 CHOSEN = 1.5
-"""Factor on the covariance of a shape, because its order was chosen from the same spectrum: without it, intervals of N
-hold in 88 % of recordings with an FIR filter (docs/validation/sensors.md)."""
+"""Factor on the covariance of a shape, because its order was selected with the same spectrum. Without it, intervals of
+N hold in 88 % of recordings with an FIR filter (docs/validation/sensors.md)."""
 
 
 def process_of(shape: SpectralShape | Alternative) -> Process:
-    """The ARMA process of a shape, with its variance free."""
+    """Return the ARMA process of a shape, with its variance free."""
     p, q = shape.phi.size, shape.theta.size
     if p + q == 0:
         return WN()
@@ -47,7 +47,7 @@ def process_of(shape: SpectralShape | Alternative) -> Process:
 
 
 def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
-    """The data with the covariance from the uncertainty of a shape whose density at the frequency 0 is free.
+    """Add the covariance from the uncertainty of a shape, whose density at frequency 0 is free, to the data.
 
     It is the covariance of the coefficients, and the spread of the other orders that describe the spectrum as well.
 
@@ -78,7 +78,7 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
 
 
 def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
-    """Relative standard errors of the bandwidth f_b, the resonance frequency f_r and its quality factor Q_r.
+    """Return relative standard errors of the bandwidth f_b, the resonance frequency f_r and its quality factor Q_r.
 
     By the delta method from the covariance of the coefficients, with the spread of the other orders.
 
@@ -112,14 +112,15 @@ def _band(process: Process, rate: float) -> dict[str, float]:
 
 
 def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vector:
-    """Wavelet variance (J,) of a process with the density 1 at the frequency 0."""
+    """Return the wavelet variance (J,) of a process with the density 1 at frequency 0."""
     nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
     curve = type(process_of(shape)).shape(nonlinear, wv.levels, wv.rate)[0]
     return np.asarray(curve * ((1 - shape.phi.sum()) / (1 + shape.theta.sum())) ** 2)
 
 
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
-    """The data with the uncertainty of flicker noise near half the sampling rate, which depends on how it is sampled.
+    """Add the uncertainty of flicker noise near half the sampling rate, which depends on how it is sampled, to the
+    data.
 
     The model has the mean of continuous noise over each sampling interval. Noise that the output stage makes itself, or
     that folds back, has more power at the first levels; N would count it as white noise.

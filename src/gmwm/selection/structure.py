@@ -1,4 +1,4 @@
-"""Structures of models: the processes of a sum, and which sums are part of another one."""
+"""Structures of models: the processes of a sum, and which sums contain other sums."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from gmwm.processes.ordered import find_class
 from gmwm.variance.result import WaveletVariance
 
 FELT = 0.1
-"""Share of a drift in the wavelet variance of the longest scale, below which the segments of a recording cannot show
-it (tests/selection/test_gaps.py)."""
+"""Share of a drift in the wavelet variance of the longest scale below which the segments of a recording cannot show it
+(tests/selection/test_gaps.py)."""
 MOST_CANDIDATES = 5000
 """Number of candidates above which `select` refuses a general model (tests/selection/test_ranking.py)."""
 
 
 def without_values(model: Model) -> Model:
-    """The same sum with only its fixed values, because candidates do not share starting values."""
+    """Return the same sum with only its fixed values, because candidates do not share starting values."""
     return Model(
         tuple(p.with_values(**{q.name: None for q in p.parameters if not p.is_fixed(q.name)}) for p in model.processes)
     )
 
 
 def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
-    """The sum without drifts, if the recordings as a whole do not rise by as much as a drift in their segments would.
+    """Return the sum without drifts if the recordings as a whole rise less than a drift in their segments would.
 
     Inside short segments a slow random process looks like a drift. Over the whole recording, with its gaps, a drift
     would rise far more.
@@ -43,7 +43,7 @@ def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Mode
 
 
 def _is_felt(rise: float, wv: WaveletVariance) -> bool:
-    """Whether a drift of this rise per sample is part of the curve at its longest scale."""
+    """Return whether a drift of this rise per sample is a visible part of the curve at its longest scale."""
     felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
     return bool(felt[0] >= FELT * wv.variance[-1])
 
@@ -85,7 +85,7 @@ def nested(general: Model) -> list[Model]:
 
 
 def _choices(process: Process, count: int) -> list[list[Process]]:
-    """The choices for a term that occurs `count` times: all of them first, none last."""
+    """Return the choices for a term that occurs `count` times: all occurrences first, none last."""
     every = [[process] * k for k in range(count, -1, -1)]
     if count > 1 or any(process.is_fixed(p.name) for p in process.parameters):
         return every
@@ -93,22 +93,23 @@ def _choices(process: Process, count: int) -> list[list[Process]]:
 
 
 def freedom(model: Model) -> int:
-    """Number of parameters to estimate."""
+    """Return the number of parameters to estimate."""
     return len(model.names) - len(model.fixed_names)
 
 
 def terms_of(processes: Iterable[Process]) -> Counter[str]:
-    """The names of some processes with their fixed values, counted."""
+    """Count the names of some processes with their fixed values."""
     return Counter(str(process) for process in processes)
 
 
 def structure_of(model: Model) -> Counter[str]:
-    """The structure of a model, without its free values."""
+    """Return the structure of a model, without its free values."""
     return terms_of(without_values(model).processes)
 
 
 def shown_by(fit: Fit) -> Counter[str]:
-    """The structure of a fitted model without terms that are zero, and with terms as the processes that they act as."""
+    """Return the structure of a fitted model. Terms that are zero are left out; terms that act as another process are
+    that process."""
     bare = without_values(fit.model)
     shown, acted = Counter[str](), set[str]()
     for term, process in zip(bare.terms, bare.processes, strict=True):
@@ -121,7 +122,7 @@ def shown_by(fit: Fit) -> Counter[str]:
 
 
 def within(part: Counter[str], whole: Counter[str]) -> bool:
-    """Whether one structure is a special case of another, also at the ends of the domains of its processes.
+    """Return whether one structure is a special case of another, also at the ends of the domains of its processes.
 
     >>> within(Counter({"WN": 1, "RW": 1}), Counter({"GM": 1, "WN": 1}))  # a slow GM is a random walk
     True
@@ -130,17 +131,18 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
 
 
 def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
-    """Whether each term of one structure is a term of the other, with the same or a lower order."""
+    """Return whether each term of one structure is a term of the other, with the same or a lower order."""
     return _matched(_surplus(part, whole), _surplus(whole, part), limits=False)
 
 
 def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
-    """The terms of one structure that the other lacks. A ranking asks this 10 000 times; `one - other` is slower."""
+    """Return the terms of one structure that the other lacks. A ranking calls this 10 000 times; `one - other` is
+    slower."""
     return [name for name, count in one.items() for _ in range(count - other.get(name, 0))]
 
 
 def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:
-    """Whether each missing term is a special case of a different spare term."""
+    """Return whether each missing term is a special case of a different spare term."""
     if not missing:
         return True
     first, *rest = missing
@@ -152,7 +154,7 @@ def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bo
 
 @lru_cache
 def _cases(name: str, limits: bool) -> frozenset[str]:
-    """Names of the special cases of a process, with those at the ends of its domain if `limits` is true."""
+    """Return the names of the special cases of a process; with those at the ends of its domain if `limits` is true."""
     kind = find_class(name)
     if kind is None:
         return frozenset()

@@ -15,21 +15,23 @@ from gmwm.spectrum.result import PowerSpectrum
 from gmwm.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_sided_density, periodograms
 
 SHORTEST = 32
-"""Shortest blocks (samples) that are chosen by themselves."""
+"""Smallest length of the blocks (samples) that is chosen automatically."""
 LONGEST = 1 << 16
-"""Longest default block (samples): 11 min at 100 Hz, 1 MB of state."""
+"""Largest default length of a block (samples): 11 min at 100 Hz, 1 MB of memory."""
 ENOUGH = 15
-"""Blocks of one length from which shorter blocks are not needed: 8 lengths of a recording without gaps. The standard
-error of the density is then 27 %, and the mean of neighbouring frequencies is as precise as with shorter blocks."""
+"""Number of blocks of one length from which shorter blocks are not needed: 8 lengths of a recording without gaps. The
+standard error of the density is then 27 %, and the mean of neighbouring frequencies is as precise as with shorter
+blocks."""
 LEAST_SAMPLES = 64
-"""Fewest samples without a gap of a recording whose spectrum is estimated: three blocks of the shortest length."""
+"""Smallest number of samples without a gap for an estimate of the spectrum: three blocks of the shortest length."""
 FOLD = 1 << 18
-"""Samples that are buffered before they are processed."""
+"""Number of samples that are buffered before they are processed."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Sums over the blocks of one length, how many of them overlap with the one before, and where they begin and end.
+    """Sums over the blocks of one length, the number of blocks that overlap with the previous block, and the first and
+    last sample.
 
     `first` and `last` are the beginnings of the first and the last block.
     """
@@ -183,7 +185,7 @@ class SpectrumAccumulator:
         return self._joined(following)
 
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
-        """Return an accumulator of this and of another, independent recording; no block has samples of both.
+        """Return an accumulator of this recording and another, independent one; no block has samples of both.
 
         Both need the same options. The rate is that of this recording.
         """
@@ -236,7 +238,7 @@ class SpectrumAccumulator:
 
     @property
     def _reach(self) -> int:
-        """Samples at an end of this part that a block across it can use."""
+        """Return the number of samples at an end of this part that a block across the end can use."""
         return max(self._sums) - 1
 
     def _fold(self) -> None:
@@ -275,12 +277,12 @@ class SpectrumAccumulator:
         self._drop_shorter()
 
     def _drop_shorter(self) -> None:
-        """Forget the blocks that are shorter than the longest of which there are enough."""
+        """Remove the blocks that are shorter than the longest length with enough blocks."""
         enough = max((n for n, sums in self._sums.items() if sums.blocks >= ENOUGH), default=0)
         self._sums = {n: sums for n, sums in self._sums.items() if n >= enough}
 
     def _joined(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
-        """Return the accumulator of both parts; their arrays are never changed, so they can be shared."""
+        """Return the accumulator of both parts. Their arrays never change, so both can share them."""
         joint = SpectrumAccumulator(
             self.rate, length=self.length, detrend=self.detrend, start=self.start, unit=self.unit,
             axis=self.axis or following.axis,
@@ -311,7 +313,7 @@ class SpectrumAccumulator:
 
 
 def checked_length(length: int | None) -> int | None:
-    """Return the length of the blocks if it is an even number from 8, or None.
+    """Check the length of the blocks: an even number from 8, or None.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The smallest sinusoid that the search for lines finds."""
+"""The smallest amplitude of a sinusoid that the search for lines can find."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from gmwm.spectrum.line import Line
 
 HIGHEST = 40
-"""Highest harmonic that is looked for."""
+"""Highest harmonic that the search considers."""
 
 
 def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
@@ -32,7 +32,7 @@ def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
 
 
 def _multiples(first: Line, lines: Iterable[Line], resolution: float) -> list[tuple[Line, int]]:
-    """The lines at multiples of the frequency of `first`, itself included, each with its k."""
+    """Return the lines at multiples of the frequency of `first`, including `first`, each with its multiple k."""
     found = []
     for line in lines:
         k = round(line.frequency / first.frequency)

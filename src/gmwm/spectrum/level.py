@@ -12,10 +12,12 @@ from gmwm._arrays import Vector
 NEIGHBOURS = (4 / 9, 1 / 36)
 """Correlation of Hann periodograms one and two bins apart: (2/3)² and (1/6)²."""
 FLANK_SHARE = 5.0
-"""Degrees of freedom of the median of a flank, in units of those of a value: 8 independent values, times the efficiency
-2/π of a median. 16 neighbouring frequencies of a Hann spectrum have the information of 8 independent ones."""
+"""Degrees of freedom of the median of a flank, relative to the degrees of freedom of a value: 8 independent values,
+times the efficiency 2/π of a median. 16 neighbouring frequencies of a Hann spectrum have the information of 8
+independent ones."""
 GROUP = 256
-"""Frequencies from whose scatter the degrees of freedom are checked; the scatter then has a standard error of 7 %."""
+"""Number of frequencies whose scatter is used to check the degrees of freedom; the scatter then has a standard error of
+7 %."""
 
 
 class Flanks(NamedTuple):
@@ -26,17 +28,18 @@ class Flanks(NamedTuple):
 
     @property
     def level(self) -> Vector:
-        """The higher one of both: at least the level between them, for every monotone spectrum."""
+        """The higher of the two medians: at least the level between them, for every monotone spectrum."""
         return np.maximum(self.left, self.right)
 
     @property
     def between(self) -> Vector:
-        """Their geometric mean, the level between them of a power law."""
+        """The geometric mean of the two medians: the level between them for a power law."""
         return np.sqrt(self.left * self.right)
 
 
 def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, least: int) -> Flanks:
-    """Local levels from the values that are `nearest` to `farthest` places away, at least `least` on each side."""
+    """Compute local levels from the values that are `nearest` to `farthest` places away, at least `least` on each
+    side."""
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
     windows = sliding_window_view(padded, width)
@@ -53,19 +56,19 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
 
 
 def median_factor(freedom: Vector) -> Vector:
-    """Median of χ²_ν / ν (Wilson and Hilferty 1931)."""
+    """Return the median of χ²_ν / ν (Wilson and Hilferty 1931)."""
     return (1 - 2 / (9 * freedom)) ** 3
 
 
 def p_values(ratio: Vector, freedom: Vector) -> Vector:
-    """Probability that noise gives a greater ratio of a value to the median of a flank: an F distribution."""
+    """Return the probability that noise gives a larger ratio of a value to the median of a flank: an F distribution."""
     from scipy.special import fdtrc
 
     return np.asarray(fdtrc(freedom, FLANK_SHARE * freedom, ratio))
 
 
 def effective_freedom(density: Vector, freedom: Vector) -> Vector:
-    """Degrees of freedom of each density, reduced where neighbouring densities scatter more than these allow.
+    """Return the degrees of freedom of each density, reduced where neighbouring densities scatter more than expected.
 
     They do if the noise is not stationary, for example if single blocks contain knocks.
     """
@@ -90,6 +93,6 @@ def effective_freedom(density: Vector, freedom: Vector) -> Vector:
 
 
 def pooled_freedom(freedom: Vector, count: Vector) -> Vector:
-    """Degrees of freedom of the mean of `count` neighbouring densities of a Hann spectrum."""
+    """Return the degrees of freedom of the mean of `count` neighbouring densities of a Hann spectrum."""
     one, two = NEIGHBOURS
     return freedom * count / (1 + 2 * one * (1 - 1 / count) + 2 * two * np.maximum(1 - 2 / count, 0))

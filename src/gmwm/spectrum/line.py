@@ -1,11 +1,11 @@
-"""What is found in a spectrum: lines and bumps."""
+"""Peaks in a spectrum: lines and bumps."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 LEAST_QUALITY = 60.0
-"""A peak is a line if its frequency is at least 60 times its width: twice the Q factor of a sharp resonance, 30."""
+"""Smallest ratio of frequency to width for which a peak is a line: twice the Q factor of a sharp resonance, 30."""
 
 
 @dataclass(frozen=True, kw_only=True)

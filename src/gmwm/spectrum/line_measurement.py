@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 CORRELATIONS = (1.0, 2 / 3, 1 / 6)
-"""Correlation of the Fourier coefficients of Hann blocks 0, 1 and 2 bins apart, by amount."""
+"""Correlation of the Fourier coefficients of Hann blocks 0, 1 and 2 bins apart, in absolute value."""
 FREQUENCY_OVERLAP = 0.4
 """Variance of the mean frequency over blocks that overlap by one half, relative to independent blocks. The noise enters
 with the weights h = w w', whose overlapping halves have the correlation −3/10: 1 − 2 · 3/10."""
 WINDOW_MOMENT = 1 / 3
-"""Second central moment (bins²) of a line under the Hann window: −r''(0) / 4π² of its autocorrelation r."""
+"""Second central moment (bins²) of a line under the Hann window: −r''(0) / 4π², with r the autocorrelation of the
+window."""
 TRUNCATION = 3e-4
 """Largest error (bins) of the mean frequency over seven bins, from the side lobes beyond them."""
 GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
@@ -69,7 +70,7 @@ def measured_line(
 def _variance(
     weights: Vector, excess: Vector, *, level: float, freedom: float, wandering: bool, overlap: float = 1.0
 ) -> float:
-    """Variance of Σ weights · excess, with the error of the level.
+    """Compute the variance of Σ weights · excess, with the error of the level.
 
     `overlap` is the effect of overlapping blocks on the product of the sinusoid and the noise.
     """

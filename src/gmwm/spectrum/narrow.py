@@ -19,18 +19,19 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 FIRST_BIN = 2
-"""The first bin used: the Hann window spreads the mean that was removed over the bins 0 and 1."""
+"""First bin that is used: the Hann window spreads the mean that was removed over the bins 0 and 1."""
 NEAR, FAR = 4, 19
-"""Distances (bins) of the flanks of a line: outside of the four bins of the Hann window, 16 bins on each side."""
+"""Distances (bins) at which the flanks of a line begin and end: outside the four bins of the Hann window, 16 bins on
+each side."""
 LEAST_FLANK = 6
-"""Fewest bins of a flank; without them a frequency is too close to zero to be tested."""
+"""Smallest number of bins of a flank. With fewer, the frequency is too close to zero for the test."""
 INNER, OUTER = 2, 8
 """A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
 OUTSIDE_NOISE = 6.0
-"""Standard error of the excess at 3 to 8 bins on both sides, in units of that of a density: √12 for 12 bins, √1.94 for
-the correlation of neighbours, and 12 times 0.3 for the level."""
+"""Standard error of the excess at 3 to 8 bins on both sides, relative to the standard error of a density: √12 for 12
+bins, √1.94 for the correlation of neighbours, and 12 times 0.3 for the level."""
 CORE = 3
-"""Bins on each side that have the power of a line under the Hann window, but 7e-5 of it."""
+"""Number of bins on each side that contain all power of a line under the Hann window except 7e-5."""
 
 
 def narrow_lines(
@@ -84,7 +85,8 @@ def narrow_lines(
 
 
 def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> float | None:
-    """Width (Hz) of a resonance that looks like a line of some bins; None if it is too narrow for one.
+    """Return the width (Hz) of a resonance that looks like a line of some bins; None if it is too narrow for a
+    resonance.
 
     The fitted width is that of a Lorentz shape under the Hann window, a Voigt shape: of Olivero and Longbothum's
     0.5346 w + √(0.2166 w² + v²), where v is the width of the window.
@@ -107,7 +109,8 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
 
 
 def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
-    """Bins on each side that hold the power of the peak at k; None if the peak is not narrow."""
+    """Return the number of bins on each side that contain the power of the peak at k; None if the peak is not
+    narrow."""
     excess = density[max(k - OUTER, 0) : k + OUTER + 1] - level
     distance = np.abs(np.arange(excess.size) - min(k, OUTER))
     inside, outside = float(excess[distance <= INNER].sum()), float(excess[distance > INNER].sum())

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 FALSE_ALARMS = 0.01
-"""Probability of a false line or bump in a spectrum of noise whose density is monotone, by Bonferroni's inequality:
-one half for narrow lines, one half for wide peaks. tests/spectrum/test_false_alarms.py holds it to this."""
+"""Probability of a false line or bump in a spectrum of noise whose density is monotone, by Bonferroni's inequality: one
+half for narrow lines, one half for wide peaks. Pinned by tests/spectrum/test_false_alarms.py."""
 
 STATIONARY = 0.5
-"""Least share of the degrees of freedom of stationary noise at which peaks are tested. If knocks have most of the
+"""Smallest degrees of freedom, relative to stationary noise, at which peaks are tested. If knocks have most of the
 power, densities at neighbouring frequencies are not independent: a short knock has a random spectrum with bumps."""
 
 

@@ -107,7 +107,7 @@ class PowerSpectrum(Summarised):
 
     @property
     def resolution(self) -> float:
-        """Width (Hz) at half the power of a sinusoid in this spectrum. Closer lines are not separated."""
+        """Width (Hz) at half the power of a sinusoid in this spectrum. Lines closer than this are not separated."""
         return HALF_POWER_WIDTH * self.rate / self.length
 
     @property
@@ -134,7 +134,7 @@ class PowerSpectrum(Summarised):
         return smoothed(self, per_octave)
 
     def detectable_amplitude(self, frequency: ArrayLike, power: float = 0.9) -> Vector:
-        """Return the smallest amplitude (u) of a sinusoid that is found as a line with a probability.
+        """Return the smallest amplitude (u) of a sinusoid that is found as a line with a given probability.
 
         Parameters
         ----------
@@ -222,7 +222,7 @@ class PowerSpectrum(Summarised):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> PowerSpectrum:
-        """Return the spectrum whose `to_dict` gave `values`."""
+        """Restore a spectrum from `values`, the output of `to_dict`."""
         fields = {name: value for name, value in values.items() if name != "resolution"}
         for name in ("frequencies", "density", "degrees_of_freedom"):
             fields[name] = np.asarray(fields[name], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Fit of a resonance: a Lorentz shape on a power law."""
+"""Fit a resonance: a Lorentz shape on a power law."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from gmwm._arrays import Vector
 
 LEAST_POINTS = 8
-"""Fewest densities for the five parameters of the shape."""
+"""Smallest number of densities for the five parameters of the shape."""
 WITHIN = 3.0
-"""A fit that moves the frequency by more than the width, or changes the width by more than this factor, is of something
-else and is not used."""
+"""Largest shift of the frequency, in widths, and largest factor on the width at which a fit is used. With a larger
+change, the fit describes something else."""
 
 
 def lorentz_fit(

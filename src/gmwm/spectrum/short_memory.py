@@ -1,4 +1,4 @@
-"""Fit a rational power spectral density, that of an ARMA process, to a measured one by least squares of logarithms."""
+"""Fit the power spectral density of an ARMA process to a measured one, by least squares of logarithms."""
 
 from __future__ import annotations
 
@@ -13,30 +13,32 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector, freeze
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
-"""Roots (p, q) that are added to the best process so far (tests/spectrum/test_short_memory.py: filters up to order 4,
-moving averages, resonances)."""
+"""Numbers of roots (p, q) that are added to the best process so far (tests/spectrum/test_short_memory.py: filters up to
+order 4, moving averages, resonances)."""
 HIGHEST = 10
 """Largest order p or q."""
 SURE = 0.05
-"""Largest standard error of the logarithm of the density at 0: N, its root, is then known within 2.5 %."""
+"""Largest standard error of the logarithm of the density at 0. N, the square root of the density, is then known within
+2.5 %."""
 POLE, ZERO = 0.987, 1 - 1e-6
-"""Largest modulus of a pole and of a zero. A pole of 0.987 has a width of 0.4 % of the rate, 0.4 Hz at 100 Hz; its
-memory is 2000 samples, the most that the covariance supports. A zero must be inside the unit circle."""
+"""Largest modulus of a pole and of a zero. A pole of 0.987 has a width of 0.4 % of the rate, 0.4 Hz at 100 Hz. Its
+memory is 2000 samples, the largest that the covariance supports. A zero must be inside the unit circle."""
 FLAT = 0.25
 """Largest logarithm of the density at 0, relative to the lowest frequency of the data: a resonance at four times this
-frequency changes it by 0.13, and a larger step has no data that support it."""
+frequency changes it by 0.13, and no data support a larger step."""
 ACCURACY = 0.005
-"""Relative error of a density that is always assumed, so that a few precise frequencies do not decide the shape."""
+"""Relative error that every density has at least, so that a few precise frequencies do not determine the shape."""
 FLOOR = 1e-4
-"""Density, relative to that at low frequencies, below which a stop band does not count: it is far below the noise that
-rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
+"""Density, relative to the density at low frequencies, below which a stop band is ignored: it is far below the noise
+that rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
 KNOWN = 2.0
-"""Standard deviation of the logarithm of the factor on the known part, which is fitted too: the slow terms come from a
-fit without this shape, and may be off by several times (docs/validation/sensors.md)."""
+"""Standard deviation of the logarithm of the factor on the known part, which is also fitted: the slow terms come from a
+fit without this shape, and may be wrong by a factor of several (docs/validation/sensors.md)."""
 LEAST_KNOWN = 1e-3
-"""Smallest known part that is assumed, as a share of the lowest density: it falls as that of a random walk."""
+"""Smallest known part that is assumed, relative to the lowest density. It decreases with frequency as for a random
+walk."""
 LIKELY = 0.01
-"""Smallest weight of an order that is reported beside the best one."""
+"""Smallest weight of another order that is reported in addition to the best one."""
 _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
 _NEAR = 1e-4
 _SMOOTH = 5
@@ -161,17 +163,17 @@ def short_memory(
 
 
 def _supported(data: _Data, points: Iterable[_Point]) -> list[_Point]:
-    """The points that have no step below the lowest frequency."""
+    """Return the points without a step below the lowest frequency."""
     return [point for point in points if abs(_bend(data, point)) <= FLAT]
 
 
 def _freed(data: _Data, point: _Point) -> _Point:
-    """The point after a descent in which the size of the known part is free too."""
+    """Return the point after a descent in which the size of the known part is also free."""
     return _descend(data, point.a, point.b, point.scale, free=True)
 
 
 def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Point]:
-    """All processes that were tried, while roots are added to the best one."""
+    """Add roots to the best process repeatedly; return all processes that were tried."""
     tried = [best]
     while True:
         orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
@@ -185,7 +187,7 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
 
 
 def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
-    """The optimum with more roots, from the starting points that have descended farthest after a few steps."""
+    """Return the optimum with more roots, from the starting points that have descended farthest after a few steps."""
     # A real root does not depend on the angle, and both residuals can be largest at the same frequency.
     distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
     short = [_descend(data, a, b, best.scale, slow=best.slow, free=free, steps=_FIRST) for a, b in distinct]
@@ -203,7 +205,7 @@ def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
 
 
 def _log_bias(degrees_of_freedom: Vector) -> Vector:
-    """Expectation (n,) of the logarithm of a chi-square estimate relative to its expectation, about −1/η."""
+    """Return the expectation (n,) of the logarithm of a chi-square estimate relative to its expectation, about −1/η."""
     from scipy.special import digamma
 
     half = degrees_of_freedom / 2
@@ -251,7 +253,8 @@ class _Point:
 
     @cached_property
     def jacobian(self) -> Matrix:
-        """Derivatives (n, 2 + p + q) of the logarithm of the density by the scale, a, b and the known part."""
+        """Derivatives (n, 2 + p + q) of the logarithm of the density with respect to the scale, a, b and the known
+        part."""
         p, q = self.a.size, self.b.size
         found = np.empty((self.left.size, 2 + p + q))
         with np.errstate(all="ignore"):
@@ -279,7 +282,7 @@ def _evaluated(data: _Data, a: Vector, b: Vector, scale: float, *, slow: float) 
 
 
 def _step(normal: Matrix, damped: Vector, slope: Vector) -> Vector:
-    """The solution of the damped normal equations; that of least norm if they are singular."""
+    """Solve the damped normal equations; return the solution of least norm if they are singular."""
     damped_normal = normal.copy()
     damped_normal.flat[:: normal.shape[0] + 1] += damped
     try:
@@ -291,7 +294,7 @@ def _step(normal: Matrix, damped: Vector, slope: Vector) -> Vector:
 def _descend(
     data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
 ) -> _Point:
-    """The local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
+    """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
 
     The factor on the known part is fitted if it is free.
     """
@@ -332,7 +335,7 @@ def _score(point: _Point, price: float, spread: float = 1.0) -> float:
 
 
 def _error_at_zero(point: _Point, data: _Data) -> float:
-    """Standard error of the logarithm of the density at the frequency 0."""
+    """Return the standard error of the logarithm of the density at frequency 0."""
     slopes = np.concatenate([
         [1.0], -2 / (1 + point.a.sum()) * np.ones(point.a.size), 2 / (1 + point.b.sum()) * np.ones(point.b.size), [0.0]
     ])  # fmt: skip
@@ -340,7 +343,8 @@ def _error_at_zero(point: _Point, data: _Data) -> float:
 
 
 def _scatter(point: _Point, data: _Data) -> Matrix:
-    """Covariance of the logarithm of the scale, of the coefficients a and b, and of the factor on the known part."""
+    """Return the covariance of the logarithm of the scale, of the coefficients a and b, and of the factor on the known
+    part."""
     root = np.sqrt(data.weights)[:, None] * point.jacobian
     root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / KNOWN)])
     length = np.linalg.norm(root, axis=0)
@@ -353,7 +357,8 @@ def _scatter(point: _Point, data: _Data) -> Matrix:
 
 
 def _bend(data: _Data, point: _Point) -> float:
-    """Logarithm of the density at the frequency 0, relative to that at the lowest frequency of the data."""
+    """Return the logarithm of the density at frequency 0, relative to the density at the lowest frequency of the
+    data."""
     below, above = (
         abs(1 + data.waves[0, : tail.size] @ tail) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b)
     )
@@ -361,7 +366,8 @@ def _bend(data: _Data, point: _Point) -> float:
 
 
 def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
-    """Move the roots of 1 + c₁z⁻¹ + … inside the unit circle; also the logarithm of the factor that |·|² loses."""
+    """Move the roots of 1 + c₁z⁻¹ + … inside the unit circle; also return the logarithm of the factor by which |·|²
+    decreases."""
     if not tail.size:
         return tail, 0.0
     roots = np.roots(np.concatenate([[1.0], tail]))
@@ -374,7 +380,8 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
 
 
 def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
-    """Starting points: the best process so far, with further roots where its residuals are largest, and at the ends."""
+    """Yield starting points: the best process so far, with additional roots where its residuals are largest, and at the
+    ends."""
     scaled = np.sqrt(data.weights) * best.left
     smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
     for residual in (smooth, scaled):
@@ -391,7 +398,7 @@ def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[
 
 
 def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
-    """The polynomial with `count` more roots at a radius and an angle."""
+    """Return the polynomial with `count` more roots at a radius and an angle."""
     whole = np.concatenate([[1.0], tail])
     for _ in range(count // 2):
         whole = np.convolve(whole, [1.0, -2 * radius * math.cos(angle), radius**2])
@@ -401,7 +408,8 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 
 
 def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
-    """The best process of each other order, with its weight exp(−difference / 2) for a sum of all weights of 1."""
+    """Return the best process of each other order, with its weight exp(−difference / 2), scaled so that all weights sum
+    to 1."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
     own = _score(chosen, price, spread)

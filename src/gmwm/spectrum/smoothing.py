@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 AROUND = 6
-"""Bins on each side of a line that keep their own density: the window's four bins, and some of the level."""
+"""Number of bins on each side of a line that keep their own density: the four bins of the window, and some of the
+level."""
 
 
 def smoothed(spectrum: PowerSpectrum, per_octave: int = 24) -> PowerSpectrum:

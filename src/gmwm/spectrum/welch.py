@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector, freeze
 
 Detrend = Literal["constant", "linear"]
-"""What is removed from each block: its mean, or its straight line of least squares."""
+"""What is removed from each block: the mean, or the least-squares line."""
 OVERLAP_CORRELATION = (1 / 6) ** 2
 """Correlation of the periodograms of two Hann blocks that overlap by one half: (Σ w_t w_{t+L/2} / Σ w_t²)² in the
 limit of long blocks (Percival and Walden 1993, chapter 6.17)."""
@@ -22,16 +22,16 @@ ENERGY_WIDTH = 1.5
 HALF_POWER_WIDTH = 1.44
 """Width of a line at half its power under the Hann window, in bins (Harris 1978, table 1)."""
 BATCH = 1 << 17
-"""Samples that are transformed at once: 1 MB, so that they stay in the processor's cache."""
+"""Number of samples that are transformed at once: 1 MB, so that they stay in the processor's cache."""
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Largest relative error of the mean of a constant block, with a margin of eight."""
+"""Largest relative error of the mean of a constant block, with a safety factor of eight."""
 TINY = 1e-300
 """Smallest value of the periodogram whose logarithm is used. The periodogram of a constant signal is 0."""
 
 
 @lru_cache(maxsize=16)
 def hann(length: int) -> Vector:
-    """Periodic Hann window (length,), as `scipy.signal.get_window("hann", length)`."""
+    """Return the periodic Hann window (length,), as `scipy.signal.get_window("hann", length)`."""
     return freeze(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))
 
 
@@ -72,7 +72,8 @@ class Periodograms(NamedTuple):
 
 @lru_cache(maxsize=16)
 def band_edges(length: int) -> NDArray[np.int64]:
-    """First bins of the bands: one from bin 2 to 31, then octaves. Bins 0 and 1 have part of the mean."""
+    """Return the first bins of the bands: single bins from 2 to 31, then octaves. Bins 0 and 1 contain part of the
+    mean."""
     octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
     return np.array([min(2, length // 2), *octaves], dtype=np.int64)
 
@@ -112,20 +113,20 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
 
 @lru_cache(maxsize=4)
 def _centred_time(length: int) -> Vector:
-    """Sample numbers with mean 0 and norm 1."""
+    """Return sample numbers with mean 0 and norm 1."""
     time = np.arange(length) - (length - 1) / 2
     return freeze(time / np.linalg.norm(time))
 
 
 def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
-    """One-sided power spectral density (u²/Hz) from the sums over all blocks."""
+    """Compute the one-sided power spectral density (u²/Hz) from the sums over all blocks."""
     density = sums.total / (sums.blocks * rate * float(np.sum(hann(length) ** 2)))
     density[1:-1] *= 2
     return density
 
 
 def nominal_freedom(blocks: int, pairs: int) -> float:
-    """Equivalent degrees of freedom of the mean of K periodograms of stationary noise.
+    """Return the equivalent degrees of freedom of the mean of K periodograms of stationary noise.
 
     2 K² / (K + 2 P r) for K blocks of which P pairs overlap, with the correlation r of their periodograms (Welch 1967).
     """
@@ -133,7 +134,7 @@ def nominal_freedom(blocks: int, pairs: int) -> float:
 
 
 def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
-    """Equivalent degrees of freedom of the mean periodogram at each frequency (length/2 + 1,).
+    """Return the equivalent degrees of freedom of the mean periodogram at each frequency (length/2 + 1,).
 
     If the power of the noise differs between the blocks, the mean has fewer: they are divided by 1 + c², where c is the
     coefficient of variation of the block's power beyond that of stationary noise. The first and the last frequency have

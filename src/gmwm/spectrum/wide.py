@@ -1,4 +1,4 @@
-"""Wide peaks: bumps, and lines that wander, on grids of constant relative resolution."""
+"""Wide peaks: bumps, and lines whose frequency wanders, on grids of constant relative resolution."""
 
 from __future__ import annotations
 
@@ -23,24 +23,25 @@ if TYPE_CHECKING:
 RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
 """Bins per octave of the grids, the finest first: for widths from 0.02 % to 50 % of the frequency."""
 LEAST_BINS = 2
-"""Fewest bins of the spectrum in a bin of a grid."""
+"""Smallest number of bins of the spectrum in a bin of a grid."""
 NEAR, FAR = 4, 11
-"""Distances of the flanks, in bins of the grid: 8 bins on each side."""
+"""Distances at which the flanks begin and end, in bins of the grid: 8 bins on each side."""
 LEAST_FLANK = 3
-"""Fewest bins of a flank at the ends of the grid."""
+"""Smallest number of bins of a flank at the ends of the grid."""
 INNER, OUTER = 1, 5
-"""A peak belongs to a grid if its excess at 2 to 5 bins from it is less than half of that within one bin: its flanks
-are then outside of it. Otherwise it belongs to a coarser grid."""
+"""Distances of the test whether a peak belongs to a grid: its excess at 2 to 5 bins is less than half of its excess
+within one bin, so that its flanks are outside it. Otherwise it belongs to a coarser grid."""
 SHARP = 3.0
-"""Q factor from which the shape of a resonance is that of Lorentz, so that its frequency and width are fitted."""
+"""Q factor from which a resonance has a Lorentz shape, so that its frequency and width are fitted."""
 AROUND, PER_WIDTH = 3.0, 6.0
 """The fit uses three widths on each side, and bins of at most a sixth of the width."""
 LEAST_HEIGHT = 1.25
-"""Least ratio of a bump to the level beside it, so that ripples in the response of a sensor's filter are not listed."""
+"""Smallest ratio of a bump to the level beside it, so that ripples in the response of a sensor's filter are not
+reported."""
 
 
 class Grid(NamedTuple):
-    """Means of the density over bins of a constant relative width; NaN where all of it belongs to lines."""
+    """Means of the density over bins of a constant relative width; NaN in bins that contain only lines."""
 
     frequencies: Vector
     density: Vector
@@ -61,7 +62,7 @@ class WidePeak(NamedTuple):
 
     @property
     def height(self) -> float:
-        """Ratio to the level beside it."""
+        """Ratio of the peak to the level beside it."""
         return self.density / self.level
 
 
@@ -123,7 +124,7 @@ def wide_peaks(
 
 
 def _peaks(grid: Grid, level: float) -> list[WidePeak]:
-    """The significant peaks of one grid, the most significant first."""
+    """Return the significant peaks of one grid, the most significant first."""
     if grid.density.size < 2 * NEAR:
         return []
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -154,7 +155,7 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
 
 
 def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
-    """The peak with the frequency and the width of a fitted Lorentz shape, if it is sharp."""
+    """Return the peak with the frequency and the width of a fitted Lorentz shape, if it is sharp."""
     if peak.frequency < SHARP * peak.width:
         return peak
     fine = [grid for grid in grids if peak.frequency * math.log(2) / grid.per_octave <= peak.width / PER_WIDTH]
@@ -172,7 +173,8 @@ def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
 
 
 def _width(grid: Grid, k: int, half: float) -> float | None:
-    """Width (Hz) at a density on both sides of bin k, less that of the bins; None if it is not reached on a side."""
+    """Return the width (Hz) at a density on both sides of bin k, minus the width of the bins; None if one side does not
+    reach the density."""
     ends = []
     for step in (-1, 1):
         j = k
@@ -188,7 +190,7 @@ def _width(grid: Grid, k: int, half: float) -> float | None:
 
 
 def _summit(grid: Grid, k: int) -> float:
-    """Frequency (Hz) of the peak at bin k: the top of a parabola through the logarithms of three bins."""
+    """Return the frequency (Hz) of the peak at bin k: the vertex of a parabola through the logarithms of three bins."""
     with np.errstate(divide="ignore"):
         left, top, right = np.log(grid.density[k - 1 : k + 2])
     curve = left - 2 * top + right
@@ -197,7 +199,7 @@ def _summit(grid: Grid, k: int) -> float:
 
 
 def _is_compact(grid: Grid, k: int, level: float) -> bool:
-    """Whether most of the excess of the peak at bin k over a level lies within few bins."""
+    """Return whether most of the excess of the peak at bin k over a level is within few bins."""
     first = max(k - OUTER, 0)
     excess = np.nan_to_num(grid.density[first : k + OUTER + 1] - level)
     near = np.abs(np.arange(excess.size) - (k - first)) <= INNER
@@ -205,13 +207,14 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
 
 
 def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
-    """Whether two peaks are one: no farther apart than the width of the wider peak, or than two bins."""
+    """Return whether two peaks are the same: closer than the width of the wider peak, or than two bins."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
     return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
 
 
 def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:
-    """Whether the peak belongs to a narrow bump close to it, or is the pedestal of a line whose phase is not steady.
+    """Return whether the peak belongs to a narrow bump close to it, or is the pedestal of a line whose phase is not
+    steady.
 
     A pedestal has less than half the power of the line within it.
     """
