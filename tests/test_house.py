@@ -73,6 +73,7 @@ def test_import_stays_light() -> None:
     assert [name for name in HEAVY if name in loaded] == []
 
 
+@pytest.mark.slow
 def test_upward_imports_are_local_to_methods() -> None:
     with (ROOT / "pyproject.toml").open("rb") as file:
         (contract,) = tomllib.load(file)["tool"]["importlinter"]["contracts"]
@@ -204,6 +205,7 @@ def test_only_the_command_line_imports_from_the_package_itself() -> None:
     assert wrong == []
 
 
+@pytest.mark.slow
 def test_only_the_process_knows_its_name() -> None:
     places: dict[str, list[str]] = {name: [] for name in registry}
     for file in python_files():

@@ -30,6 +30,7 @@ def look(values, **options):
     return inspect(Imu.from_arrays(values, RATE, **options))
 
 
+@pytest.mark.slow
 def test_a_sensor_at_rest_gets_no_remark():
     for seed in range(5):
         found = look(still(seed=seed))
@@ -73,6 +74,7 @@ def test_motion_is_found():
     assert remark.facts["ratio"] > 4
 
 
+@pytest.mark.slow
 def test_a_turn_of_gravity_is_found():
     values = still()
     for degrees, static in ((0.01, True), (0.5, True), (5.0, False)):
@@ -154,6 +156,7 @@ def test_short_segments_do_not_inflate_wander_and_turn(length):
             assert found.axes[axis].wander == pytest.approx(whole.axes[axis].wander, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_unit_that_makes_a_gyroscope_too_noisy_gets_a_remark():
     # The noise density is 0.0057 deg/s/√Hz. Numbers in deg/s that are read as rad/s give 0.33.
     assert look(still()).remarks == ()

@@ -87,6 +87,7 @@ def test_a_line_and_a_parabola(kind, code):
     assert f"{kind} trend of gyro_x" in found.summary()
 
 
+@pytest.mark.slow
 def test_a_step_is_no_warm_up():
     samples = 144_000
     for place in (2000, 2880, 5000, 20_000):

@@ -53,6 +53,7 @@ def test_spectrum_is_the_process_s_own_and_scores_are_its_derivatives():
         np.testing.assert_allclose(scores[k], (high - low) / 2e-5, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_likelihood_attains_the_cramer_rao_bound():
     truth, samples, draws = (20.0, 2e-5, 4e-6), 3000, 60
     model = GM(beta=truth[0], sigma2=truth[1]) + WN(sigma2=truth[2])

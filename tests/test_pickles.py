@@ -96,6 +96,7 @@ def test_a_result_comes_back_as_it_went(results, name, way):
     assert repr(again) == repr(one)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_comparing_a_result_with_a_copy_raises_nothing(results, name):
     one = results[name]

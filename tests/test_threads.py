@@ -29,6 +29,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 def test_an_interrupt_does_not_wait_for_the_work():
     process = subprocess.Popen([sys.executable, "-c", WORK], stdout=subprocess.PIPE, text=True)

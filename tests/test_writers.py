@@ -24,6 +24,7 @@ FIXED = settings(
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @FIXED
 @given(

@@ -102,6 +102,7 @@ def test_recordings_of_one_unit_agree(three):
     assert found.summary().count("≠") == 1, "only in the legend"
 
 
+@pytest.mark.slow
 def test_a_number_that_changed_is_named(changed):
     found = agree(changed)
     assert [(row.axis, row.symbol) for row in found.disagreeing] == [("gyro_y", "N")]
@@ -185,6 +186,7 @@ def test_false_alarms_are_as_many_as_stated():
     assert alarms / trials == pytest.approx(expected, abs=3 * math.sqrt(expected * (1 - expected) / trials))
 
 
+@pytest.mark.slow
 def test_a_limit_and_a_number_rarely_differ_by_chance():
     rng, trials = np.random.default_rng(6), 2000
     alarms = 0
@@ -394,6 +396,7 @@ def test_labels_fall_back_on_numbers(three):
     assert agree(three[:2], labels=("a", "b")).labels == ("a", "b")
 
 
+@pytest.mark.slow
 def test_an_axis_that_is_absent_is_not_a_model_without_a_number(calibration):
     axes = dict(calibration.axes)
     gone = axes.pop("accel_x")

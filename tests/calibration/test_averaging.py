@@ -204,6 +204,7 @@ def test_a_slow_gauss_markov_process_counts_as_a_random_walk():
     assert ALIKE > 1
 
 
+@pytest.mark.slow
 def test_a_slow_gauss_markov_process_is_named_beside_the_random_walk():
     """GM of 300 s in two hours: its curve is that of a random walk at most scales."""
     rng = np.random.default_rng(3)

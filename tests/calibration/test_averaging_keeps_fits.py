@@ -13,6 +13,7 @@ def calibration():
     return gmwm.calibrate(imu, "2*GM + WN + RW")
 
 
+@pytest.mark.slow
 def test_an_averaged_interval_contains_that_of_the_recommended_model(calibration):
     found, fit = calibration.axes["gyro_x"], calibration["gyro_x"]
     alone = fit.confidence_intervals()

@@ -52,6 +52,7 @@ def test_each_axis_is_what_the_pieces_give_by_themselves(imu, calibration):
         assert fit.gap is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robust", [False, True])
 def test_robust_can_be_forced(imu, robust):
     found = gmwm.calibrate(imu, "WN + RW", robust=robust, efficiency=0.8, axes=["gyro_x", "gyro_y"])
@@ -61,6 +62,7 @@ def test_robust_can_be_forced(imu, robust):
     assert found.verdicts["gyro_y"].contaminated
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_nothing(imu, calibration):
     assert gmwm.calibrate(imu, WITHIN, threads=1).to_dict() == calibration.to_dict()
 
@@ -99,6 +101,7 @@ def test_a_recording_with_gaps_is_calibrated_from_all_its_segments():
     assert gmwm.Calibration.from_dict(calibration.to_dict()).to_dict() == calibration.to_dict()
 
 
+@pytest.mark.slow
 def test_a_signal_and_a_wavelet_variance_are_calibrated(imu, calibration):
     signal = gmwm.calibrate(imu["gyro_x"], WITHIN)
     assert signal["gyro_x"].to_dict() == calibration["gyro_x"].to_dict()
@@ -109,6 +112,7 @@ def test_a_signal_and_a_wavelet_variance_are_calibrated(imu, calibration):
         gmwm.calibrate({"gyro_x": gmwm.wavelet_variance(imu["gyro_x"])}, WITHIN, robust=True)
 
 
+@pytest.mark.slow
 def test_progress_reports_every_step_from_one_thread_at_a_time(imu):
     calls, inside = [], threading.Lock()
 
@@ -123,6 +127,7 @@ def test_progress_reports_every_step_from_one_thread_at_a_time(imu):
     assert {text for _, _, text in calls} == {f"{axis}: {stage}" for axis in TRUTH for stage in STAGES}
 
 
+@pytest.mark.slow
 def test_an_interrupt_in_progress_stops_the_work(imu):
     seen = []
 
@@ -147,6 +152,7 @@ def test_remarks_of_fits_are_on_the_axes_and_not_warnings():
     assert "[acts-as]" in found.summary(every=True)
 
 
+@pytest.mark.slow
 def test_needed_lengths_hold(imu):
     short = {"gyro_x": gmwm.Signal(imu["gyro_x"].values[:6000], 100.0, "rad/s", "gyro_x")}
     found = gmwm.calibrate(short, gmwm.GM() + gmwm.WN(), robust=False)
@@ -185,6 +191,7 @@ def test_options_are_checked(imu, options, argument, got):
         gmwm.calibrate(imu, "WN", **options)
 
 
+@pytest.mark.slow
 def test_axes_are_named_one_by_one_or_by_their_sensor(imu):
     assert list(gmwm.calibrate(imu, "WN", axes="gyro_x")) == ["gyro_x"]
     assert list(gmwm.calibrate(imu, "WN", axes=["gyro"])) == ["gyro_x", "gyro_y"]
@@ -211,6 +218,7 @@ def test_other_data_are_refused(data, name):
         gmwm.calibrate(data, "WN")
 
 
+@pytest.mark.slow
 def test_a_generator_draws_the_seed_that_the_settings_record(imu):
     found = gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=np.random.default_rng(2))
     assert found.settings.seed == gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=np.random.default_rng(2)).settings.seed

@@ -36,6 +36,7 @@ def test_everything_comes_back(calibration, file):
         assert back.verdicts[axis].to_dict() == calibration.verdicts[axis].to_dict()
 
 
+@pytest.mark.slow
 def test_rankings_come_back_with_their_fits(calibration, file):
     back = Calibration.load(file)
     for axis, ranking in calibration.rankings.items():

@@ -58,6 +58,7 @@ def test_gaussian_noise_has_no_remark_and_no_excess():
     assert (verdict.replaced, verdict.spikes, verdict.exceeds) == (Replaced(), 0, False)
 
 
+@pytest.mark.slow
 def test_wrong_samples_are_replaced_and_counted():
     found = gmwm.calibrate(with_spikes(), WITHIN)
     remark = only(found.remarks, "spikes-repaired", "gyro_x")
@@ -93,6 +94,7 @@ def test_the_rule_is_the_same_in_a_stream(tmp_path, monkeypatch, size):
             assert only(chunks.remarks, "spikes-repaired", "gyro_x").facts["count"] == N // 250
 
 
+@pytest.mark.slow
 def test_a_robust_curve_that_depends_on_its_efficiency_gets_a_remark():
     x = signal().values.copy()
     rng = np.random.default_rng(5)

@@ -138,6 +138,7 @@ def test_a_recording_of_a_few_scales_cannot_be_calibrated(samples, short):
         assert remark.facts["scales"] < SCALES
 
 
+@pytest.mark.slow
 def test_axes_of_several_lengths_have_a_remark_each(imu):
     found = gmwm.calibrate(
         {

@@ -41,6 +41,7 @@ def calibration(days):
     return gmwm.calibrate(days, "GM + WN + RW")
 
 
+@pytest.mark.slow
 def test_one_model_for_each_axis_and_the_truth_about_equality(calibration):
     assert list(calibration) == ["gyro_x", "accel_x"]
     gyro, accel = (calibration.axes[axis].replicates for axis in calibration)
@@ -57,6 +58,7 @@ def test_one_model_for_each_axis_and_the_truth_about_equality(calibration):
     assert {candidate.out_of_sample is None for candidate in calibration.rankings["gyro_x"]} == {False}
 
 
+@pytest.mark.slow
 def test_the_numbers_contain_the_spread(calibration, days):
     n = calibration.datasheets["gyro_x"]["N"]
     own = [gmwm.calibrate(day, "WN + RW").datasheets["gyro_x"]["N"] for day in days]
@@ -135,6 +137,7 @@ def test_recordings_with_other_offsets_lengths_and_axes(days):
     assert found["gyro_x"].parameters["WN.sigma2"] == pytest.approx(1.13e-6, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_list_of_one_is_one_recording(days, calibration):
     assert gmwm.calibrate(days[:1], "WN + RW").recording.samples == 12_000
     assert gmwm.calibrate(days[:1], "WN + RW").recordings == {}
@@ -158,6 +161,7 @@ def test_what_is_refused(days):
         gmwm.calibrate([days[0], slow], axes="gyro_x")
 
 
+@pytest.mark.slow
 def test_files_without_names_are_numbered(days):
     found = gmwm.calibrate([dataclasses.replace(day, source="static.csv") for day in days[:2]], "WN", axes="gyro_x")
     assert list(found.recordings) == ["1", "2"]

@@ -36,6 +36,7 @@ def test_a_strong_line_is_a_caution():
     assert "SIN(frequency=fixed(" in remark.text()
 
 
+@pytest.mark.slow
 def test_a_line_in_the_model_and_a_weak_line_are_information():
     modelled = gmwm.calibrate(recording(5e-4), within=gmwm.WN() + gmwm.SIN(frequency=gmwm.fixed(1.7)))
     assert "lines-known" in codes(modelled)

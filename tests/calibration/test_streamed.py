@@ -65,6 +65,7 @@ def test_more_samples_than_fit_into_memory(path, monkeypatch):
         assert "levels-strided" in codes(found.remarks)
 
 
+@pytest.mark.slow
 def test_axes_of_a_stream(path):
     found = gmwm.calibrate(gmwm.stream(path), within="WN + RW", axes="accel")
     assert list(found) == ["accel_z"]
@@ -99,6 +100,7 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
     assert seen.axes["gyro_x"].sd == pytest.approx(rows[:2000].std(), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_one_reading_is_enough_for_one_curve(path):
     stream = gmwm.stream(path)
     curves, seen = curves_and_inspection(stream, ["gyro_x"], robust=False, efficiency=0.6)

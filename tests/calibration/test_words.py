@@ -68,6 +68,7 @@ def test_outliers_get_a_remark_with_their_size(calibration):
     assert "left out" in next(line for line in calibration.summary().splitlines() if line.startswith("  outliers"))
 
 
+@pytest.mark.slow
 def test_outliers_that_are_kept_get_a_remark(imu):
     found = gmwm.calibrate(imu, WITHIN, robust=False, axes=["gyro_y"])
     remark = only(found.remarks, "outliers-kept", "gyro_y")
@@ -127,6 +128,7 @@ def test_symbols_of_the_standard_come_in_its_order():
     assert in_order(lists) == ["Q", "N", "B", "K", "R", "T_c[1]", "T_c[2]"]
 
 
+@pytest.mark.slow
 def test_one_gauss_markov_term_is_in_the_row_of_the_first_of_two():
     truth = {
         "gyro_x": "GM(beta=8.0, sigma2=5e-8) + GM(beta=0.2, sigma2=2e-8) + WN(sigma2=4e-7)",
@@ -154,6 +156,7 @@ def test_it_is_short_as_a_repr_and_complete_in_a_notebook(calibration):
     assert "Gyroscopes" in calibration._repr_html_()
 
 
+@pytest.mark.slow
 def test_scales_that_gaps_hide_get_a_remark(imu):
     x = imu["gyro_x"]
     pieces = tuple((start, min(start + 2000, 100_000)) for start in range(0, 100_000, 2000))

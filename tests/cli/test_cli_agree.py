@@ -26,6 +26,7 @@ def files(tmp_path_factory):
     return made
 
 
+@pytest.mark.slow
 def test_it_prints_the_library_s_summary(gmwm, files):
     outcome = gmwm("agree", *files, "--reference", "gyro.N=0.2°/√h", "--size", 0.1)
     found = library.agree([Calibration.load(file) for file in files], size=0.1, reference={"gyro.N": (0.2, "°/√h")})
@@ -69,6 +70,7 @@ def test_a_folder_stands_for_the_calibration_in_it(gmwm, files):
     assert gmwm("agree", *folders).out == gmwm("agree", *files).out
 
 
+@pytest.mark.slow
 def test_errors_take_one_line(gmwm, files, tmp_path):
     none = tmp_path / "none.json"
     broken = tmp_path / "broken.json"

@@ -29,6 +29,7 @@ def test_json_is_the_library_s(gmwm, recording, kind):
     assert content["kind"] == kind
 
 
+@pytest.mark.slow
 def test_table_and_csv(gmwm, recording, tmp_path):
     target = tmp_path / "allan.csv"
     outcome = gmwm("allan", recording, "--csv", target, "--datasheet")
@@ -66,6 +67,7 @@ def test_all_cluster_sizes_say_their_cost_first_and_show_octaves(gmwm, unlabelle
     assert [int(row[0]) for row in rows if row and row[0].isdecimal()] == [2**k for k in range(8)]
 
 
+@pytest.mark.slow
 def test_all_axes_in_one_picture(gmwm, recording, tmp_path):
     target = tmp_path / "allan.svg"
     assert gmwm("allan", recording, "--kind", "total", "--clusters", "decade", "--plot", target).code == 0

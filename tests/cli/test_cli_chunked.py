@@ -25,11 +25,13 @@ def same(gmwm, *arguments):
     return parts.out
 
 
+@pytest.mark.slow
 def test_info(gmwm, file):
     assert "19000 samples" in gmwm("info", file, "--start", "10s", "--chunked", "yes").out
     same(gmwm, "info", file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robust", [(), ("--robust",)])
 def test_wv(gmwm, file, robust):
     assert "accel" not in same(gmwm, "wv", file, "--axis", "gyro", *robust)
@@ -54,6 +56,7 @@ def test_worker_processes(gmwm, file):
     assert gmwm(*arguments, "--workers", "1").out == gmwm(*arguments).out
 
 
+@pytest.mark.slow
 def test_large_files_are_read_in_chunks(gmwm, file, monkeypatch):
     monkeypatch.setattr(streams, "LARGE", 1000)
     read = []

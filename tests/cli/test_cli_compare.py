@@ -65,6 +65,7 @@ def coarse(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_wv_robust(gmwm, recording):
     content = gmwm("wv", recording, "--axis", "accel_x", "--robust", "--efficiency", "0.8", "--json").json
     expected = library.wavelet_variance(read(recording)["accel_x"], robust=True, efficiency=0.8)
@@ -72,6 +73,7 @@ def test_wv_robust(gmwm, recording):
     assert "robust with efficiency 0.6" in gmwm("wv", recording, "--axis", "accel_x", "--robust").out
 
 
+@pytest.mark.slow
 def test_zeros_are_remarked(gmwm, coarse):
     outcome = gmwm("wv", coarse, "--robust", "--json")
     assert outcome.json["axes"]["gyro_x"]["variance"][0] == 0
@@ -86,6 +88,7 @@ def test_zeros_are_remarked(gmwm, coarse):
     assert "level 1" in refused.err.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_fit_robust(gmwm, recording):
     content = gmwm("fit", recording, "--axis", "gyro_z", "--model", "WN + RW", "--robust", "--json").json
     found = library.fit("WN + RW", read(recording)["gyro_z"], robust=True)

@@ -27,6 +27,7 @@ def run(gmwm, folder, *more, table="rates.csv"):
     return gmwm("fit", file, "--model", "WN", "--conditions", folder / table, "--varies", "WN: 1 + rate**2", *more)
 
 
+@pytest.mark.slow
 def test_the_coefficients_are_printed_and_written(gmwm, turned, tmp_path):
     shown = run(gmwm, turned, "--output", tmp_path)
     assert shown.code == 0

@@ -41,6 +41,7 @@ def test_json_says_what_was_written(gmwm, survey, tmp_path):
     assert scaled == ["LN200", "LN200"]
 
 
+@pytest.mark.slow
 def test_rate_and_units_are_those_of_other_commands(gmwm, unlabelled, tmp_path):
     out = tmp_path / "a.csv"
     assert gmwm("convert", unlabelled, out, "--rate", 50, "--units", "gyro=deg/s").code == 0
@@ -66,6 +67,7 @@ def test_a_temperature_that_is_left_out_is_remarked(gmwm, tmp_path):
     assert (remark["subject"], remark["facts"]) == (str(out), {"format": ".imu"})
 
 
+@pytest.mark.slow
 def test_errors_take_one_line_and_leave_no_file(gmwm, survey, unlabelled, tmp_path):
     out = tmp_path / "a.imu"
     cases = [

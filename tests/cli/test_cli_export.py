@@ -11,6 +11,7 @@ def file(calibrated):
     return calibrated[0] / "calibration.json"
 
 
+@pytest.mark.slow
 def test_calibrate_writes_imu_yaml(file):
     text = (file.parent / "imu.yaml").read_text(encoding="utf-8")
     assert text == Calibration.load(file).export(format="kalibr")
@@ -35,6 +36,7 @@ def test_it_prints_the_library_s_text(gmwm, file):
     assert gmwm("export", file).out == gmwm("export", file.parent).out == found.export()
 
 
+@pytest.mark.slow
 def test_it_writes_a_file_and_says_so(gmwm, file, tmp_path):
     target = tmp_path / "noise.m"
     outcome = gmwm("export", file, "--format", "matlab", "--output", target)
@@ -43,6 +45,7 @@ def test_it_writes_a_file_and_says_so(gmwm, file, tmp_path):
     assert target.read_text(encoding="utf-8") == Calibration.load(file).export(format="matlab")
 
 
+@pytest.mark.slow
 def test_all_writes_every_format(gmwm, file, tmp_path):
     folder = tmp_path / "new" / "exported"
     outcome = gmwm("export", file, "--all", folder, "--json")
@@ -50,6 +53,7 @@ def test_all_writes_every_format(gmwm, file, tmp_path):
     assert len(outcome.json["written"]) == len(list(folder.iterdir())) == len(export_formats())
 
 
+@pytest.mark.slow
 def test_json_has_the_text(gmwm, file):
     content = gmwm("export", file, "--format", "kalibr", "--json").json
     assert content["command"] == "export"

@@ -16,6 +16,7 @@ def test_wv_is_the_library_s(gmwm, recording, name, transform):
     assert f"{name} {transform}" in gmwm("wv", recording, *options).out
 
 
+@pytest.mark.slow
 def test_fit_is_the_library_s(gmwm, recording):
     content = gmwm("fit", recording, "--axis", "gyro_y", "--model", "WN + RW", "--filter", "d4", "--json").json
     fit = library.fit("WN + RW", library.wavelet_variance(read(recording)["gyro_y"], filter="d4"))

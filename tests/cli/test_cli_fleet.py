@@ -43,6 +43,7 @@ def test_it_prints_the_summary_and_what_it_wrote(run):
     assert max(map(len, outcome.out.partition("\nWrote")[0].splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_a_unit_that_failed_is_a_warning(run):
     _, outcome = run
     (line,) = outcome.err.splitlines()
@@ -51,6 +52,7 @@ def test_a_unit_that_failed_is_a_warning(run):
     assert line.endswith(" [not-calibrated]")
 
 
+@pytest.mark.slow
 def test_a_unit_s_file_is_its_calibration(gmwm, run, folder):
     target, _ = run
     alone = gmwm("calibrate", folder / "unit 3.parquet", "--within", WITHIN, "--json").json
@@ -78,6 +80,7 @@ def test_the_same_again_does_nothing_anew_and_json_says_so(gmwm, run, folder):
     assert remarks["files-left-out"]["facts"]["files"] == ["photo.jpg"]
 
 
+@pytest.mark.slow
 def test_options_reach_every_unit(gmwm, folder, tmp_path):
     arguments = ("--axis", "gyro", "--robust", "yes", "--confidence", 0.9, "--stop", "15s", "--pattern", "unit [0-3]*")
     outcome = gmwm("fleet", folder, "--within", "WN", "--output", tmp_path, "--workers", 0, *arguments)
@@ -101,6 +104,7 @@ def test_none_that_can_be_calibrated_is_an_error_and_the_table_says_why(gmwm, tm
     assert pl.read_parquet(tmp_path / "out" / "fleet.parquet")["status"].to_list() == ["failed"] * 12
 
 
+@pytest.mark.slow
 def test_a_unit_that_is_too_short_fails_with_the_reason(gmwm, folder, tmp_path):
     (tmp_path / "in").mkdir()
     library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=9, rng=1).write(tmp_path / "in" / "nine.csv")
@@ -112,6 +116,7 @@ def test_a_unit_that_is_too_short_fails_with_the_reason(gmwm, folder, tmp_path):
     assert "9 samples" in rows[1][2]
 
 
+@pytest.mark.slow
 def test_many_failures_with_one_reason_are_one_warning(gmwm, folder, tmp_path):
     (tmp_path / "in").mkdir()
     for k in range(12):

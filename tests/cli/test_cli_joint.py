@@ -20,6 +20,7 @@ def recordings(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_cross(gmwm, recordings, tmp_path):
     path, table, picture = recordings / "monday.csv", tmp_path / "cross.csv", tmp_path / "cross.png"
     outcome = gmwm("cross", path, "--json", "--csv", table, "--plot", picture)
@@ -37,6 +38,7 @@ def test_one_axis_has_no_pair(gmwm, recordings):
     assert gmwm("cross", recordings / "monday.csv", "--axis", "gyro_x").code == 2
 
 
+@pytest.mark.slow
 def test_same(gmwm, recordings):
     files = [recordings / f"{name}.csv" for name in ("monday", "tuesday")]
     outcome = gmwm("same", *files, "--json", "--tolerance", "0.1")
@@ -51,6 +53,7 @@ def test_same(gmwm, recordings):
     assert gmwm("same", files[0]).code == 2
 
 
+@pytest.mark.slow
 def test_fuse(gmwm, tmp_path):
     rng = np.random.default_rng(1)
     for name in ("static", "drive"):
@@ -76,6 +79,7 @@ def test_fuse(gmwm, tmp_path):
     assert np.array_equal(read(files[1])["gyro_x"].values, expected)
 
 
+@pytest.mark.slow
 def test_fuse_says_what_it_needs(gmwm, recordings, tmp_path):
     files = [recordings / f"{name}.csv" for name in ("monday", "tuesday")]
     assert gmwm("fuse", files[0], "--horizon", "1s").code == 2

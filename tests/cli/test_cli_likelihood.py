@@ -21,6 +21,7 @@ def carried(recording):
     return start, library.fit_ml(MODEL, signal, start=start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--likelihood", "--ml"])
 def test_json_is_the_library_s(gmwm, recording, carried, option):
     outcome = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x", option, "--json")
@@ -39,6 +40,7 @@ def test_json_is_the_library_s(gmwm, recording, carried, option):
     assert library.likelihood.LikelihoodFit.from_dict(found["likelihood"]).parameters == fit.parameters
 
 
+@pytest.mark.slow
 def test_without_the_option_nothing_changes(gmwm, recording):
     plain = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x")
     both = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x", "--ml")
@@ -49,12 +51,14 @@ def test_without_the_option_nothing_changes(gmwm, recording):
     )
 
 
+@pytest.mark.slow
 def test_one_axis_is_both_summaries(gmwm, recording, carried):
     start, fit = carried
     outcome = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x", "--ml", "--confidence", 0.9)
     assert outcome.out == f"{start.summary(0.9)}\n\n{fit.summary(0.9)}\n"
 
 
+@pytest.mark.slow
 def test_tables_of_several_axes(gmwm, recording):
     outcome = gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro", "--ml")
     imu = read(recording)

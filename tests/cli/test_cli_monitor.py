@@ -47,6 +47,7 @@ def kinds(lines):
     return [(event["kind"], event["axis"]) for event in map(json.loads, lines)]
 
 
+@pytest.mark.slow
 def test_a_good_recording_gives_exit_code_0(folder):
     found = invoke(folder / "good.parquet", "--from-fits", folder)
     assert found.exit_code == 0
@@ -118,6 +119,7 @@ def test_a_process_writes_a_growing_file_with_a_fault_and_the_command_reports_it
     assert json.loads(last)["samples"] == len(lines) - 1
 
 
+@pytest.mark.slow
 def test_events_are_printed_before_the_input_ends(folder, monkeypatch):
     """The command must not wait for the end of standard input."""
     monkeypatch.setattr(growing_files, "POLL", 0.005)
@@ -176,6 +178,7 @@ def test_a_recording_without_the_axes_of_the_calibration_is_refused(folder, tmp_
     assert "accel_x" in found.stderr
 
 
+@pytest.mark.slow
 def test_three_units_are_compared_and_the_changed_one_is_named(folder, tmp_path):
     paths = []
     for k, name in enumerate("abc"):

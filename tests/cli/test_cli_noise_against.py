@@ -18,6 +18,7 @@ def warm(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_the_table_follows_the_inspection(gmwm, warm):
     shown = gmwm("info", warm, "--noise-against", "temperature")
     assert shown.code == 0
@@ -26,6 +27,7 @@ def test_the_table_follows_the_inspection(gmwm, warm):
     assert found["terms"]["WN"]["value"] == pytest.approx(0.02, abs=4 * found["terms"]["WN"]["error"])
 
 
+@pytest.mark.slow
 def test_a_recording_without_a_temperature_has_time(gmwm, recording):
     failed = gmwm("info", recording, "--noise-against", "temperature")
     assert failed.code != 0

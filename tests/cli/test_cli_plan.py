@@ -45,6 +45,7 @@ def test_a_folder_stands_for_what_is_in_it(gmwm, fits, tmp_path):
     assert both.err != outcome.err
 
 
+@pytest.mark.slow
 def test_json_is_the_library_s(gmwm):
     content = gmwm("plan", MODEL, "--rate", 100, "--duration", "1min", "--weighting", "optimal", "--json").json
     plan = library.plan(MODEL, duration=60.0, rate=100.0, weighting="optimal")
@@ -66,6 +67,7 @@ def test_what_is_infinite_is_null(gmwm):
     assert content["planned"]["WN.sigma2"] is None
 
 
+@pytest.mark.slow
 def test_from_a_pilot_recording(gmwm, fits):
     found = json.loads(fits.read_text(encoding="utf-8"))["axes"]["gyro_y"]
     content = gmwm("plan", "--from-fits", fits, "--axis", "gyro_y", "--duration", "1d", "--json").json

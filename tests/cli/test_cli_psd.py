@@ -19,6 +19,7 @@ def vibrating(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_json_is_the_library_s(gmwm, vibrating):
     content = gmwm("psd", vibrating, "--axis", "gyro_x", "--json").json
     assert list(content["axes"]) == ["gyro_x"]
@@ -52,6 +53,7 @@ def test_csv_and_plot(gmwm, vibrating, tmp_path):
     assert one.exists()
 
 
+@pytest.mark.slow
 def test_chunks_give_the_same(gmwm, vibrating):
     content = gmwm("psd", vibrating, "--chunked", "yes", "--axis", "gyro_x", "--json").json["axes"]
     whole = library.psd(read(vibrating))

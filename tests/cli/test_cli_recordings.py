@@ -33,6 +33,7 @@ def test_calibrate_says_first_whether_they_differ(gmwm, files, tmp_path):
     assert (tmp_path / "results" / "report.html").stat().st_size > 100_000
 
 
+@pytest.mark.slow
 def test_fit_and_select(gmwm, files):
     found = gmwm("fit", *files, "--axis", "gyro_x", "--model", "WN", "--json")
     document = json.loads(found.out)
@@ -65,6 +66,7 @@ def test_what_is_refused_has_one_line(gmwm, files, arguments, word):
     assert word in line
 
 
+@pytest.mark.slow
 def test_files_of_one_name_have_the_names_of_their_folders(gmwm, files, tmp_path):
     for day, file in zip(("cold", "warm"), files, strict=False):
         (tmp_path / day).mkdir()

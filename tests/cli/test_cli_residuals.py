@@ -22,6 +22,7 @@ def test_json_is_the_library_s(gmwm, recording, extra):
     assert found["parameters"] == fit.parameters
 
 
+@pytest.mark.slow
 def test_the_true_model_passes_and_another_does_not(gmwm, recording):
     def whiteness(model):
         found = gmwm("residuals", recording, "-m", model, "--axis", "accel", "--json").json["axes"]
@@ -42,6 +43,7 @@ def test_values_that_are_given_are_taken(gmwm, recording):
     assert found["ljung_box"] == expected.to_dict()["ljung_box"]
 
 
+@pytest.mark.slow
 def test_the_table(gmwm, recording):
     outcome = gmwm("residuals", recording, "-m", "WN + RW", "--axis", "gyro")
     assert outcome.code == 0
@@ -77,6 +79,7 @@ def test_fits_of_a_file(gmwm, recording, fits):
         assert found["gyro_y"][name] == value
 
 
+@pytest.mark.slow
 def test_models_of_another_recording_were_not_estimated_here(gmwm, recording, fits, tmp_path):
     other = tmp_path / "other.csv"
     other.write_bytes(recording.read_bytes())

@@ -43,6 +43,7 @@ def test_info_help_explains_its_columns(gmwm):
         assert column in words
 
 
+@pytest.mark.slow
 def test_a_last_line_without_an_end_is_remarked(gmwm, recording, tmp_path):
     text = recording.read_text(encoding="utf-8")
     whole, open_end = tmp_path / "whole.csv", tmp_path / "open.csv"
@@ -141,6 +142,7 @@ def test_wv_plot(gmwm, recording, tmp_path, extra):
     assert target.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_fit_json_is_the_library_s(gmwm, recording):
     outcome = gmwm("fit", recording, "--model", "GM + WN", "--axis", "accel", "--json")
     content = outcome.json
@@ -156,6 +158,7 @@ def test_fit_json_is_the_library_s(gmwm, recording):
         assert found["lower_bound"] <= found["objective"]
 
 
+@pytest.mark.slow
 def test_fit_tables(gmwm, recording):
     outcome = gmwm("fit", recording, "--model", "WN + RW", "--axis", "gyro")
     assert outcome.code == 0
@@ -168,6 +171,7 @@ def test_fit_tables(gmwm, recording):
     assert "accel" not in outcome.out
 
 
+@pytest.mark.slow
 def test_fit_tables_show_what_acts_as_another(gmwm, recording):
     outcome = gmwm("fit", recording, "--model", "GM + RW", "--axis", "gyro_y,gyro_z", "--no-certify")
     rows = [line for line in outcome.out.splitlines() if line.split()[:1] in (["GM.beta"], ["GM.sigma2"])]
@@ -178,6 +182,7 @@ def test_fit_tables_show_what_acts_as_another(gmwm, recording):
     assert found == [("gyro_y", "WN", "WN.sigma2"), ("gyro_z", "WN", "WN.sigma2")]
 
 
+@pytest.mark.slow
 def test_fit_needs_enough_records_of_a_bootstrap(gmwm, recording):
     for given, least in ((("--bootstrap-draws", 38), 39), (("--bootstrap-draws", 198, "--confidence", 0.99), 199)):
         outcome = gmwm("fit", recording, "--model", "WN", *given)

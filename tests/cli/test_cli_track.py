@@ -16,6 +16,7 @@ def near(value):
     return pytest.approx(value, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "method"), [("smooth", "smooth"), ("filter", "kalman_filter")])
 def test_json_is_the_library_s(gmwm, recording, kind, method):
     content = gmwm("track", recording, "-m", "WN + RW", "--axis", "gyro_z", "--kind", kind, "--json").json
@@ -37,6 +38,7 @@ def test_json_is_the_library_s(gmwm, recording, kind, method):
         assert brief["last_reach"] == near((high[-1] - low[-1]) / 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "source"),
     [([], "fitted to the wavelet variance"), (["--ml"], "fitted by maximum likelihood")],
@@ -104,6 +106,7 @@ def test_gaps_are_missing_samples(gmwm, broken, tmp_path):
     assert all(fact in words for fact in ("1500 samples", "15 s", "1000 samples missing", "rad/s"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", ["60", "1min"])
 def test_a_prediction_widens(gmwm, recording, tmp_path, length):
     target = tmp_path / "ahead.csv"
@@ -123,6 +126,7 @@ def test_a_prediction_widens(gmwm, recording, tmp_path, length):
     assert max(map(len, words.splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_the_table(gmwm, recording):
     outcome = gmwm("track", recording, "-m", "GM + WN", "--axis", "accel", "--datasheet", "--confidence", 0.9)
     assert outcome.code == 0
@@ -145,6 +149,7 @@ def test_fits_of_a_file(gmwm, recording, tmp_path):
     assert found["gyro_y"]["parameters"] == content["gyro_y"]["likelihood"]["parameters"]
 
 
+@pytest.mark.slow
 def test_a_fast_term_of_the_bias_is_remarked(gmwm, recording):
     # Correlation times of 2, 9.8 and 10.2 samples: the limit is 10.
     for beta, samples in ((50.0, 2.0), (10.2, 9.8), (9.8, None)):
@@ -207,6 +212,7 @@ def test_errors_take_a_line_and_leave_no_file(gmwm, recording, broken, fits, fol
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_with_130_and_leaves_no_file(gmwm, recording, tmp_path, monkeypatch):
     def press(*_, **__):
         raise KeyboardInterrupt
@@ -219,6 +225,7 @@ def test_an_interrupt_ends_with_130_and_leaves_no_file(gmwm, recording, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_fits_hold_for_another_recording_of_the_unit(gmwm, recording, fits, tmp_path):
 
     signal = read(recording)["gyro_x"]

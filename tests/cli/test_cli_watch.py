@@ -125,6 +125,7 @@ def test_a_bad_line_ends_it_with_what_came_before(tmp_path, gmwm):
     assert early.stdout == ""
 
 
+@pytest.mark.slow
 def test_what_is_wrong_before_anything_came(tmp_path, gmwm):
     assert gmwm("watch", tmp_path / "none.csv").err.startswith(f"error: {tmp_path / 'none.csv'} ")
     assert gmwm("watch", tmp_path).err.startswith(f"error: {tmp_path} ")

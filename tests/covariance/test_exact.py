@@ -85,6 +85,7 @@ def test_is_a_covariance(samples):
     assert np.linalg.eigvalsh(v / np.outer(scale, scale)).min() > 0
 
 
+@pytest.mark.slow
 def test_against_simulation():
     model, samples, paths = WN(1.0) + RW(1e-4) + GM(2.0, 0.5), 2048, 3000
     x = model.simulate(samples, RATE, np.random.default_rng(5), paths=paths)

@@ -52,6 +52,7 @@ def test_independent_samples_add_their_kurtosis_at_every_level(freedom, kurtosis
     assert np.linalg.eigvalsh(found[0]).min() > -1e-12
 
 
+@pytest.mark.slow
 def test_it_is_the_scatter_of_the_estimates():
     curves = np.array([wavelet_variance(student(5, seed, 20_000), RATE).variance[:3] for seed in range(400)])
     scatter = 20_000 * np.cov((curves / curves.mean(axis=0)).T)

@@ -58,6 +58,7 @@ def test_a_scan_finds_what_the_search_has_proven(truth, seed):
     assert found.parameters["AR(1).phi1"] == pytest.approx(proven.parameters["AR1.phi"], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_larger_order_never_fits_worse():
     wv = measured(TRUTHS[1], 3)
     omega = gmwm.fit("ARMA(2,1)", wv).weighting_matrix
@@ -132,6 +133,7 @@ def test_a_fit_survives_its_dictionary():
     assert "no proof" in fit.summary()
 
 
+@pytest.mark.slow
 def test_orders_are_chosen():
     wv = measured(TRUTHS[0], 6)
     ranking = gmwm.rank(["AR(1)", "AR(2)", "AR(3)", "MA(1)"], wv)
@@ -141,6 +143,7 @@ def test_orders_are_chosen():
     assert within.recommended.structure == "AR(2)"
 
 
+@pytest.mark.slow
 def test_bootstrap_intervals_lie_about_negative_estimates():
     fit = gmwm.fit(AR(2), measured(TRUTHS[0], 7, n=2000))
     for name, (low, high) in fit.confidence_intervals(method="bootstrap", draws=60).items():
@@ -149,6 +152,7 @@ def test_bootstrap_intervals_lie_about_negative_estimates():
     assert all(0.6 < errors[name] / standard[name] < 1.7 for name in standard)
 
 
+@pytest.mark.slow
 def test_roots_that_cancel_are_told():
     white = np.random.default_rng(0).standard_normal(5000)
     with pytest.warns(FitWarning):

@@ -62,6 +62,7 @@ def test_the_estimate_is_that_of_least_squares_under_its_own_weights(data, found
     assert found.lower_bound == found.objective
 
 
+@pytest.mark.slow
 def test_intervals_cover_and_tests_have_their_size():
     rng = np.random.default_rng(2)
     truth = {"WN.sigma2 (1)": 1.0, "WN.sigma2 (rate^2)": 1e-4, "RW.gamma2": 4e-6}
@@ -123,6 +124,7 @@ def test_a_held_term_and_recordings_of_different_lengths(data):
     assert len(one.curves[50.0]) == len(one.curves[0.0]) - 2
 
 
+@pytest.mark.slow
 def test_the_text_the_document_and_the_picture(found, tmp_path):
     assert "WN.sigma2 (rate^2)" in found.summary()
     assert "p < 0.001" in found.summary()

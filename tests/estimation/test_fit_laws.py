@@ -62,6 +62,7 @@ def test_the_order_of_terms_changes_nothing(seed: int) -> None:
             assert again.parameters[name] == pytest.approx(value, rel=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, derandomize=True, deadline=None)
 @given(seeds, st.sampled_from([1e-12, 1e-5, 0.3, 17.0, 1e6, 1e12]), WEIGHTINGS)
 def test_scaling_the_data_scales_the_estimates(seed: int, factor: float, weighting: str) -> None:
@@ -83,6 +84,7 @@ def test_the_same_input_gives_the_same_output(seed: int) -> None:
     assert gmwm.fit("3*GM + WN + RW", wv).to_dict() == gmwm.fit("3*GM + WN + RW", wv).to_dict()
 
 
+@pytest.mark.slow
 @settings(max_examples=8, derandomize=True, deadline=None)
 @given(seeds)
 def test_a_full_matrix_that_is_diagonal_is_the_diagonal(seed: int) -> None:

@@ -55,6 +55,7 @@ def test_weights_of_a_fit_are_those_of_the_robust_estimate():
     np.testing.assert_allclose(inflation[:8], [1.49, 1.40, 1.33, 1.30, 1.29, 1.28, 1.28, 1.28], rtol=0.06)
 
 
+@pytest.mark.slow
 def test_sampling_variance_is_a_safe_bound():
     # Of white noise, levels 1 to 6: the scatter of 300 recordings against the bound, which correlation keeps below.
     curves = [

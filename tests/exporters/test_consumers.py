@@ -126,6 +126,7 @@ def test_a_walk_that_is_not_there_is_the_upper_limit_of_the_wider_model(units):
     assert all(words(one) in words(text) for one in texts(found))
 
 
+@pytest.mark.slow
 def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
     from .conftest import calibrated
 
@@ -207,6 +208,7 @@ def test_files_are_as_they_were(units, name, format):
     assert found == pytest.approx(wanted, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_csv_has_every_number_of_every_datasheet(unit):
     _, calibration = unit
     lines = [line for line in calibration.export(format="csv").splitlines() if line and not line.startswith("#")]

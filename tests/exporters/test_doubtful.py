@@ -55,6 +55,7 @@ def test_they_are_the_axes_that_cannot_be_used(bad):
             assert remark.facts["side"] == ("above" if far.ratio > 1 else "below")
 
 
+@pytest.mark.slow
 def test_a_rejected_model_that_follows_its_curve_is_no_caution():
     # 20 % off is far more than chance, and less than the ratio of 1.5 of a misfit.
     curve = exact_curve("gyro_z", TRUTHS["no-walk"]["gyro_x"])
@@ -108,6 +109,7 @@ def test_a_limit_among_measured_values_names_its_axis(mixed, format):
     assert walk == pytest.approx(limit, rel=2e-6)
 
 
+@pytest.mark.slow
 def test_the_values_in_remarks_are_not_inflated(mixed):
     assert remarks_in(mixed, "kalibr", inflation=1.0) == remarks_in(mixed, "kalibr", inflation=10.0)
 
@@ -126,6 +128,7 @@ def test_a_mean_with_a_limit_names_the_axes(mixed, format):
     assert "upper-limit" not in {remark.code for remark in found}
 
 
+@pytest.mark.slow
 def test_limits_of_all_axes_and_of_some_are_told_apart():
     found = remarks_in(calibrated({**MIXED, "accel_y": "WN(sigma2=3e-5)", "accel_z": "WN(sigma2=4e-5)"}), "kalibr")
     assert only(found, "upper-limit").subject == "K of the accelerometers"
@@ -177,6 +180,7 @@ def test_all_formats_at_once_have_the_cautions(bad, tmp_path):
     assert math.isfinite(json.loads(written["json"].read_text(encoding="utf-8"))["horizon"])
 
 
+@pytest.mark.slow
 def test_a_ramp_in_matrices_is_a_caution():
     drifting = {**TRUTHS["no-walk"], "gyro_z": "WN(sigma2=1e-6) + DR(omega=1e-6)"}
     calibration = calibrated(drifting, "WN + DR")

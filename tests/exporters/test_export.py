@@ -213,6 +213,7 @@ def test_a_time_near_the_horizon_is_told(units):
     assert only(remarks_in(units["gauss-markov"], "kalibr", horizon=1.2), "near-horizon").subject == "accel_y"
 
 
+@pytest.mark.slow
 def test_terms_that_act_as_others_are_counted_to_these(units):
     curve = exact_curve("gyro_x", "WN(sigma2=6e-7) + RW(gamma2=1e-11)")
     found = calibrated(TRUTHS["quantized"])

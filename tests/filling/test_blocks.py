@@ -48,6 +48,7 @@ def as_one(parts, axis):
     return joined(list(parts)).signals[axis]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_cut_anywhere(seed):
     rng = np.random.default_rng([1, seed])
@@ -64,6 +65,7 @@ def test_cut_anywhere(seed):
         np.testing.assert_allclose(found.starts, whole.starts, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_known_samples_keep_their_places_and_the_inspection_knows_the_gaps_that_stay(seed):
     x = recording(seed)[0]
@@ -75,6 +77,7 @@ def test_known_samples_keep_their_places_and_the_inspection_knows_the_gaps_that_
     assert len(joined_ranges(RATE, x.segments, x.starts)) == len(whole.segments)
 
 
+@pytest.mark.slow
 def test_each_axis_is_filled_as_it_would_be_alone():
     signals = recording(3)
     both = list(filled([Batch({x.axis: x for x in signals})]))
@@ -105,6 +108,7 @@ def test_gaps_of_unknown_length_stay():
     assert "gaps-filled" not in {remark.code for remark in gmwm.inspect(Imu({"gyro_x": signal})).remarks}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robust", [False, True])
 def test_a_file_has_the_curve_of_memory_in_batches_of_any_size(tmp_path, monkeypatch, robust):
     signals = {x.axis: x for x in recording(5)}
@@ -120,6 +124,7 @@ def test_a_file_has_the_curve_of_memory_in_batches_of_any_size(tmp_path, monkeyp
             assert found[axis].lower.tolist() == expected[axis].lower.tolist()
 
 
+@pytest.mark.slow
 def test_a_calibration_is_the_same_from_memory_and_from_chunks(tmp_path, monkeypatch):
     Imu({x.axis: x for x in recording(6)}).write(tmp_path / "a.csv")
     expected = gmwm.calibrate(gmwm.read(tmp_path / "a.csv"), within="WN + RW")
@@ -131,6 +136,7 @@ def test_a_calibration_is_the_same_from_memory_and_from_chunks(tmp_path, monkeyp
             assert found.to_dict() == expected.to_dict()
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_iterated_twice_is_filled_in_the_same_way():
     x = recording(7)[0]
     source = Batches(Imu({"gyro_x": x}))
@@ -138,6 +144,7 @@ def test_a_recording_that_is_iterated_twice_is_filled_in_the_same_way():
     assert one == two
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_watched_shows_long_scales_across_gaps():
     x = recording(8)[0]
     chunks = [

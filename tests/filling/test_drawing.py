@@ -54,6 +54,7 @@ def curve(x, levels):
     return np.array([np.mean((path[2 * h :] - 2 * path[h:-h] + path[: -2 * h]) ** 2) / (4.0 * h * h) for h in halves])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "burst"), [(0.005, 1), (0.03, 1), (0.1, 1), (0.03, 8), (0.03, 100)])
 @pytest.mark.parametrize("name", SIGNALS)
 def test_the_wavelet_variance_is_unbiased_at_all_scales(name, share, burst):

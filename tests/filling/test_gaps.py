@@ -91,6 +91,7 @@ def test_limits_degrees_of_freedom_and_covariance_include_the_loss():
     assert found == pytest.approx(factor * plain, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_scatter_of_estimates_is_that_of_the_covariance():
     rng = np.random.default_rng(7)
     rows, n, share = [], 4096, 0.1

@@ -190,6 +190,7 @@ def test_healthy_units_raise_an_alarm_as_seldom_as_said(n, ends):
         assert np.mean(pvalues <= size) < 1.15 * size + 4 * math.sqrt(size / 3000)
 
 
+@pytest.mark.slow
 def test_a_fleet_of_many_numbers_raises_no_more():
     alarms = [bool(fleet_statistics(fleet(10, seed=seed)).outliers) for seed in range(25)]
     # The size is 5 %: of 25 fleets 6 or more would come by chance once in a thousand times.

@@ -32,12 +32,14 @@ def test_standard_errors_of_the_bootstrap_are_those_of_theory(fit):
     np.testing.assert_allclose(again.variances.mean(axis=0)[:8], fit.implied[:8], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_intervals_of_both_kinds_agree(fit):
     one, other = fit.confidence_intervals(), fit.confidence_intervals(method="bootstrap", draws=300, rng=1)
     for name, (low, high) in one.items():
         assert np.log(other[name][1] / other[name][0]) == pytest.approx(np.log(high / low), rel=0.25)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bootstrap(fit):
     first = fit.bootstrap(draws=20, rng=3)
     x = gmwm.fit("GM + WN", fit.wavelet_variance).bootstrap(draws=20, rng=3)
@@ -45,6 +47,7 @@ def test_the_same_seed_gives_the_same_bootstrap(fit):
     assert not np.array_equal(first.estimates, fit.bootstrap(draws=20, rng=4).estimates)
 
 
+@pytest.mark.slow
 def test_a_generator_draws_a_seed_that_the_result_records(fit):
     one, other = (fit.bootstrap(draws=20, rng=np.random.default_rng(5)) for _ in range(2))
     assert one.seed == other.seed

@@ -109,6 +109,7 @@ def test_published_case() -> None:
 # What it does not hang on
 
 
+@pytest.mark.slow
 @settings(max_examples=8, derandomize=True, deadline=None)
 @given(seeds, st.sampled_from(WEIGHTINGS))
 def test_the_same_process_in_other_parameters_has_the_same_criterion(seed: int, weighting: str) -> None:
@@ -181,6 +182,7 @@ def test_where_second_derivatives_find_no_minimum_they_are_left_out() -> None:
 # On average
 
 
+@pytest.mark.slow
 def test_larger_models_have_larger_penalties_on_average() -> None:
     nested = ("WN", "GM + WN", "GM + WN + RW", "2*GM + WN + RW")
     truth = "GM(beta=8.0, sigma2=2.0) + GM(beta=0.3, sigma2=0.5) + WN(sigma2=4.0) + RW(gamma2=4e-5)"

@@ -66,6 +66,7 @@ def test_the_planted_error_is_found(drawn):
     assert np.mean(found) == pytest.approx(planted, abs=3 * error / np.sqrt(20) + 0.1 * planted)
 
 
+@pytest.mark.slow
 def test_the_true_model_has_none(drawn):
     general = [nearly_fitted(FREE, drawn(), "optimal") for _ in range(20)]
     found = [model_error(one) for one in general]
@@ -94,6 +95,7 @@ def test_a_model_that_says_nothing_has_the_largest_error(recording):
     assert model_error(one) == LARGEST
 
 
+@pytest.mark.slow
 def test_a_poor_first_fit_does_not_decide_the_error(drawn):
     general = [nearly_fitted(FREE, drawn(0.2), "optimal") for _ in range(6)]
     # Precise levels that are 20 % off mislead the weights of the first fit; the later fits have the error in V.

@@ -24,6 +24,7 @@ def examined(x, condition, model="WN + RW"):
     return noise_against(gmwm.Signal(x, 100.0, unit="rad/s", axis="gyro_x"), condition, model=model)
 
 
+@pytest.mark.slow
 def test_size_and_scatter_of_constant_noise():
     rng = np.random.default_rng(1)
     found = [examined(drawn(rng), {"temperature": TEMPERATURE}) for _ in range(30)]
@@ -33,6 +34,7 @@ def test_size_and_scatter_of_constant_noise():
     assert np.all(np.abs(np.mean(scores, axis=0)) < 4 / np.sqrt(30))
 
 
+@pytest.mark.slow
 def test_slopes_of_terms_are_found_and_covered():
     rng = np.random.default_rng(2)
     found = [examined(drawn(rng, 0.03, -0.02), {"temperature": TEMPERATURE}) for _ in range(24)]
@@ -44,6 +46,7 @@ def test_slopes_of_terms_are_found_and_covered():
     assert all(one.pvalue < 1e-6 for one in found)
 
 
+@pytest.mark.slow
 def test_heavy_tails_and_knocks_are_no_slope():
     rng = np.random.default_rng(3)
     pvalues, errors = [], []

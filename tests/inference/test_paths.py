@@ -122,6 +122,7 @@ def test_a_drift_alone_is_no_noise():
     assert rows == pytest.approx(np.tile(model.wavelet_variance(9, 10.0), (3, 1)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_slow_process_is_stationary_from_the_start():
     n, draws, model = 1024, 4000, Model.parse("GM(beta=3.0, sigma2=1.0)")
     where = design(n, levels=[9, 10], rate=float(n))
@@ -145,6 +146,7 @@ def test_spread_is_the_exact_covariance():
     assert np.all(np.abs(products.mean(axis=0) - exact) < 4 * error)
 
 
+@pytest.mark.slow
 def test_robust_estimates_are_those_of_the_model_too():
     model = WN(sigma2=1.0) + RW(gamma2=0.01)
     robust = design(4096, levels=[1, 2, 3, 4], efficiency=0.6)
@@ -203,6 +205,7 @@ def test_an_error_ends_all_threads():
     assert len(told) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
 def test_interrupted_soon():
     # A shell that starts the tests in the background has them ignore Ctrl-C.
@@ -221,6 +224,7 @@ def test_interrupted_soon():
     assert threading.active_count() == before
 
 
+@pytest.mark.slow
 def test_memory_is_some_batches_whatever_the_draws():
     model, peaks = Model.parse(SUM), []
     for draws in (200, 1600):

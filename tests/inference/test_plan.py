@@ -93,6 +93,7 @@ def test_held_parameters_are_known():
     assert held["GM.sigma2"] < free["GM.sigma2"]
 
 
+@pytest.mark.slow
 def test_optimal_weights_lose_nothing():
     for model in MODELS.values():
         diagonal, optimal = (

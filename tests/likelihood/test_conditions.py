@@ -75,6 +75,7 @@ def test_estimate_covariance_and_likelihood_are_those_of_dense_matrices(model, o
     assert values[0] - values[1] == pytest.approx(value - dense(other, there, columns, signal.values)[2], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_intervals_of_slope_and_noise_cover():
     n, slopes, walks, scores = 4096, [], [], []
     temperature = np.interp(np.linspace(0, N - 1, n), np.arange(N), TEMPERATURE)

@@ -133,6 +133,7 @@ def test_held_parameters_stay():
     assert fit_ml(text, x, RATE, start=free).parameters["GM.beta"] == 1.1 * free.parameters["GM.beta"]
 
 
+@pytest.mark.slow
 def test_an_unsupported_term_is_zero_and_has_a_remark():
     seen = 0
     for seed in range(10):
@@ -158,6 +159,7 @@ def test_an_unsupported_term_is_zero_and_has_a_remark():
     assert seen >= 2
 
 
+@pytest.mark.slow
 def test_a_process_too_slow_for_the_record_is_said_to_be_a_walk():
     for seed in range(5, 8):
         x = Model.parse("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
@@ -422,6 +424,7 @@ def test_a_walk_at_zero_leaves_the_mean_to_the_record():
     assert found.level == pytest.approx(x.mean(), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_a_profile_ends_where_the_other_parameters_run_away():
     # Ten correlation times: next to a random walk, σ² grows beyond all doubles on the way to the upper end.

@@ -130,6 +130,7 @@ def reference(system, series):
     return np.array(after), np.array(spreads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gaps", [False, True])
 def test_a_record_of_many_blocks_is_smoothed_as_one(gaps):
     model = Model.parse("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0) + GM(beta=20.0, sigma2=0.5)")
@@ -151,6 +152,7 @@ def test_a_record_of_many_blocks_is_smoothed_as_one(gaps):
     np.testing.assert_allclose(tracks.error["WN"][there], tracks.error["bias"][there], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_an_unknown_level_is_smoothed_over_many_blocks_too():
     model = Model.parse("WN(sigma2=1.0) + RW(gamma2=0.01)")
     n = 2 * 4096 + 5

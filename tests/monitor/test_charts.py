@@ -86,6 +86,7 @@ def test_few_sums_keep_most_of_the_information() -> None:
     assert white_shape(8) > 0.93 * 24
 
 
+@pytest.mark.slow
 def test_alarms_do_not_depend_on_cuts_and_json() -> None:
     rng = np.random.default_rng(4)
     e = rng.standard_normal(12_000)

@@ -73,6 +73,7 @@ def test_each_fault_is_reported_once_with_its_kind(kind: str) -> None:
         assert abs(event.began - START / RATE) < {"ramp": 60, "hum": 10}.get(kind, 1.1)
 
 
+@pytest.mark.slow
 def test_sizes_are_right() -> None:
     jump, hum, noisier, spike = (
         np.median([getattr(events_of(faulty(kind, seed))[0], name) for seed in range(5)])
@@ -113,6 +114,7 @@ def test_motion_is_one_event_and_the_charts_rest() -> None:
     assert not made.resting
 
 
+@pytest.mark.slow
 def test_events_do_not_depend_on_cuts_pickles_and_json() -> None:
     x = story()
     whole = monitor(*AXES)

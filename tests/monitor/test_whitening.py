@@ -59,6 +59,7 @@ def test_the_start_is_exact(text: str) -> None:
     assert found[0] == 0.0
 
 
+@pytest.mark.slow
 def test_a_settled_filter_predicts_across_a_gap() -> None:
     # A walk that is learnt in some samples, so that the dense matrices can be small.
     model = Model.parse("WN(sigma2=1) + RW(gamma2=4)")
@@ -73,6 +74,7 @@ def test_a_settled_filter_predicts_across_a_gap() -> None:
     np.testing.assert_allclose(found[1:], wanted[1:], atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [*MODELS, "FN(b2=0.1) + WN(sigma2=1)", "SIN(frequency=7, power=2) + WN(sigma2=1)"])
 def test_cuts_and_json_do_not_change_a_bit(text: str) -> None:
     rng = np.random.default_rng(3)

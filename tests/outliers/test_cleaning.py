@@ -45,6 +45,7 @@ def curve(values):
     return gmwm.wavelet_variance(values, RATE).variance[:10]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("size", "fade", "frequency"), [(200.0, 0.1, 30.0), (3000.0, 0.3, 12.0)])
 def test_the_curve_is_that_of_the_sensor_at_rest(kind, size, fade, frequency):
@@ -111,6 +112,7 @@ def test_motion_that_lasts_is_kept():
         assert len(cleaned(Signal(x, RATE)).knocks) == count
 
 
+@pytest.mark.slow
 def test_too_many_knocks_are_kept():
     for share, kept in ((0.5 * MOST, False), (2 * MOST, True)):
         x = white(np.random.default_rng(4))

@@ -90,6 +90,7 @@ def test_small_numbers_are_written_with_a_power_of_ten():
     assert 0.1 < panel.y.limits[1] < 1000
 
 
+@pytest.mark.slow
 def test_it_is_drawn_and_written_for_one_sensor_and_one_unit_too(tmp_path):
     for told in (fleet(9, sensors=("gyro",)), fleet(1)):
         plot_fleet(told, path=tmp_path / "fleet.svg")

@@ -90,6 +90,7 @@ def test_a_plan_of_many_parameters():
     assert_inside(plot_plan(plan))
 
 
+@pytest.mark.slow
 def test_a_legend_in_narrow_axes_is_folded(many):
     mine = MatplotlibFigure(figsize=(5, 3))
     axes = mine.subplots(1, 2)

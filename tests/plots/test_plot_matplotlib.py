@@ -96,6 +96,7 @@ def test_a_constant_signal_can_be_drawn(wv, scaled):
     assert "Every variance is zero" in [text.get_text() for text in picture.axes[0].texts]
 
 
+@pytest.mark.slow
 def test_unbounded_and_zero_limits_can_be_drawn(wv, tmp_path):
     from dataclasses import replace
 

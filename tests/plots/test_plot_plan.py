@@ -14,6 +14,7 @@ def plan():
     return gmwm.plan("GM(beta=8.0, sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)", duration=600.0, rate=100.0)
 
 
+@pytest.mark.slow
 def test_the_curves_are_the_numbers_of_the_plan_and_run_on_beyond_it(plan):
     panel = plan_panel(plan)
     curves = [line for line in panel.lines if line.label.split(":")[0] in plan.errors]
@@ -55,6 +56,7 @@ def test_what_is_wanted_what_is_planned_and_what_is_not_seen(plan):
     assert {tick.label for tick in panel.x.opposite} >= {"1 min", "1 h"}
 
 
+@pytest.mark.slow
 def test_what_is_not_determined_is_named(tmp_path):
     plan = gmwm.plan("GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6) + RW(gamma2=1e-8)", duration=100.0, rate=100.0)
     panel = plan_panel(plan, accuracy=0.001)

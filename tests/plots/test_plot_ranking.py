@@ -34,6 +34,7 @@ def models(panel):
     return [line for line in panel.lines if line.stroke.width > 1 and line.x.size > 2]
 
 
+@pytest.mark.slow
 def test_the_curves_are_those_of_the_best_and_of_the_recommended(ranking):
     for limit in (1, 4):
         curves, distances, _ = ranking_figure(ranking, limit=limit).panels
@@ -177,6 +178,7 @@ def test_it_is_drawn(ranking, several, tmp_path):
     assert (tmp_path / "again.png").read_bytes() == (tmp_path / "ranking.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_every_word_is_inside_and_none_lies_on_another(ranking):
     figure = ranking.plot(limit=2)
     figure.draw_without_rendering()

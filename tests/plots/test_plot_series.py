@@ -254,6 +254,7 @@ def test_pictures_are_written(recording, simulated, tmp_path):
     assert starts == [b"<?xm", b"%PDF", b"\x89PNG"]
 
 
+@pytest.mark.slow
 def test_signals_draw_themselves(recording, simulated):
     assert recording["gyro_y"].plot(units="datasheet").axes[0].get_ylabel() == "Angular rate (deg/h)"
     assert len(recording.plot().axes) == 6
@@ -262,6 +263,7 @@ def test_signals_draw_themselves(recording, simulated):
     assert not picture.legends
 
 
+@pytest.mark.slow
 def test_a_signal_on_axes_of_the_caller(recording):
     from matplotlib.figure import Figure
 

@@ -105,6 +105,7 @@ def test_paths_follow_from_either_theory(way):
         assert abs(product.mean() - expected) < 4 * product.std() / np.sqrt(4000)
 
 
+@pytest.mark.slow
 def test_what_is_no_autocovariance_cannot_be_simulated():
     with raises(MissingTheoryError, 2**22, largest=2**22):
         Impossible(sigma2=1.0).simulate(100, 1.0, 1)

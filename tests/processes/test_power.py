@@ -171,6 +171,7 @@ def test_embedded_autocovariances_are_the_wanted_ones(alpha):
     np.testing.assert_allclose(back, r, rtol=0, atol=1e-13 * r[0])
 
 
+@pytest.mark.slow
 def test_paths_of_any_length_and_their_joint_law():
     for n in (1, 2, 3, 5, 64):
         assert FN(b2=1.0).simulate(n, RATE, 1, paths=2).shape == (2, n)

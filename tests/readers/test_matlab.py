@@ -107,6 +107,7 @@ def test_cut_anywhere(tmp_path, kind):
         assert table(imu).tolist() == VALUES[:, :3].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
 def test_flipped_bytes_are_errors_or_numbers(tmp_path):
     path = saved(tmp_path, "5", gyro=VALUES[:, :3])

@@ -123,6 +123,7 @@ def test_hdf5_and_bare_records(tmp_path):
     assert len(same(stream(tmp_path / "a.imr"), 4)) == 4
 
 
+@pytest.mark.slow
 def test_what_cannot_be_divided_is_one_part(tmp_path):
     path = written(tmp_path / "a.csv", {"time_s": stamps("gaps", None)} | columns())
     packed = tmp_path / "a.csv.gz"

@@ -72,6 +72,7 @@ def readings(kind):
     return np.where(missing, np.nan, t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 @pytest.mark.parametrize("kind", ["everywhere", "every 50th", "some", "only first rows", "only last rows", "few"])
 def test_temperature_is_interpolated_between_its_readings(tmp_path, suffix, kind):
@@ -95,6 +96,7 @@ def test_rows_of_the_temperature_alone_are_readings(tmp_path):
     np.testing.assert_allclose(imu.temperature[inside], 20 + imu["gyro_x"].times()[inside], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_lost_samples_and_gaps_have_the_temperature_of_the_others(tmp_path):
     rng = np.random.default_rng(8)
     columns = table(temperature=readings("every 50th"))
@@ -105,6 +107,7 @@ def test_lost_samples_and_gaps_have_the_temperature_of_the_others(tmp_path):
     both(written(tmp_path, columns), start=5.0, stop=80.0, skip=[(20.0, 21.0)])
 
 
+@pytest.mark.slow
 def test_readings_that_are_far_apart_are_held(tmp_path, monkeypatch):
     monkeypatch.setattr(temperature, "LONGEST", 2000)
     values = readings("few")
@@ -114,6 +117,7 @@ def test_readings_that_are_far_apart_are_held(tmp_path, monkeypatch):
     assert imu.temperature[6500] == values[6500]
 
 
+@pytest.mark.slow
 def test_an_axis_that_is_constant_in_the_first_rows_only(tmp_path):
     columns = table()
     columns["gyro_y [rad/s]"][:5000] = 0.0
@@ -136,6 +140,7 @@ def test_rows_of_others_are_counted_in_the_whole_file(tmp_path):
     assert only(imu.remarks, "rows-of-others").facts == {"count": 900, "rows": ROWS}
 
 
+@pytest.mark.slow
 def test_a_part_of_a_file_with_two_rates(tmp_path):
     columns = table()
     columns["time [s]"] = np.where(np.arange(ROWS) < 4000, np.arange(ROWS) / 100, 40 + (np.arange(ROWS) - 4000) / 50)

@@ -27,6 +27,7 @@ def one_file(folder, container):
     return path if path.is_file() else next(file for file in path.iterdir() if file.name != "metadata.yaml")
 
 
+@pytest.mark.slow
 def test_cut_anywhere(tmp_path):
     """A file cut off is an error at every length: containers say where they end."""
     for container in ("ros1", "ros1-lz4", "db3", "mcap", "mcap-zstd"):

@@ -55,6 +55,7 @@ def test_made_recordings(tmp_path, container):
     assert found["gyro_x"].start == stamps[0] / 1e9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0, STEP - 1])
 def test_mcap_and_database_give_the_same_digits(tmp_path, late):
     store, data = store_of("mcap"), numbers(3000)
@@ -94,6 +95,7 @@ def test_a_temperature_topic_beside_the_imu(tmp_path, container):
     assert sum(map(len, stream(path, topic="/imu1/data"))) == 400
 
 
+@pytest.mark.slow
 def test_the_topic_is_written_to_the_file_for_kalibr(tmp_path):
     store, data = store_of("mcap"), numbers(4000)
     messages = [(START + k * STEP, imu(store, START + k * STEP, row)) for k, row in enumerate(data)]

@@ -111,6 +111,7 @@ def test_chunks_are_what_is_read(tmp_path, suffix, kind):
     }.get(kind, 1)
 
 
+@pytest.mark.slow
 def test_gap_in_the_first_rows_is_found_too(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("gaps", None)} | columns())
     imu, _ = same(path, units={"gyro": "rad/s"}, chunk=10**6)
@@ -123,6 +124,7 @@ def test_short_files(tmp_path, rows):
     same(path, units={"gyro": "rad/s"}, chunk=5)
 
 
+@pytest.mark.slow
 def test_without_stamps_with_factors_and_increments(tmp_path):
     path = written(tmp_path / "a.parquet", columns())
     units = {"gyro": "deg/s", "accel": "mg"}
@@ -146,6 +148,7 @@ def test_bare_records(tmp_path):
     same(path, columns=["time", *imu.axes], units={"gyro": "rad/s", "accel": "m/s2", "time": "s"})
 
 
+@pytest.mark.slow
 def test_temperature_is_beside_the_axes(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None), "temperature": np.arange(ROWS) * 1.0} | columns())
     imu, found = same(path, units={"gyro": "deg/s"})
@@ -153,6 +156,7 @@ def test_temperature_is_beside_the_axes(tmp_path):
     assert np.array_equal(np.concatenate([chunk.temperature for chunk in found]), imu.temperature)
 
 
+@pytest.mark.slow
 def test_it_can_be_read_again(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     source = stream(path, units={"gyro": "deg/s", "accel": "g"})
@@ -206,6 +210,7 @@ def test_stamps_in_no_order(tmp_path):
         drained(written(tmp_path / "a.parquet", {"time": time} | columns()))
 
 
+@pytest.mark.slow
 def test_options_are_checked_at_the_door(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     for chunk in (0, 1.5, True, "many"):

@@ -109,6 +109,7 @@ def test_a_lag_is_found():
     assert fit.regression.lag["temperature"] == pytest.approx(5.0, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a_warm_up_has_its_time_constant():
     rng = np.random.default_rng(8)
     x = noise(rng, 0.0) + 5 * np.exp(-np.arange(N) / 100 / 30)
@@ -151,6 +152,7 @@ def test_a_constant_temperature_needs_no_remark():
     assert found.regressions == {}
 
 
+@pytest.mark.slow
 def test_inspect_tests_each_axis():
     rng = np.random.default_rng(11)
     imu = recording(
@@ -166,6 +168,7 @@ def test_inspect_tests_each_axis():
     assert left.regressions == {}
 
 
+@pytest.mark.slow
 def test_calibrate_removes_the_temperature_and_keeps_the_regression():
     rng = np.random.default_rng(12)
     imu = recording({"gyro_x": 1e-3 * (noise(rng, 0.0) + 2.0 * TEMPERATURE)}, TEMPERATURE)

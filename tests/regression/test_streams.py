@@ -73,6 +73,7 @@ def test_regressions_are_those_in_memory(path, against):
     assert np.array_equal(*effects)
 
 
+@pytest.mark.slow
 def test_a_calibration_and_an_inspection_are_those_in_memory(path):
     imu, stream = opened(path)
     with warnings.catch_warnings():

@@ -123,6 +123,7 @@ def test_the_filter_gets_the_mean_or_the_highest_noise(different):
         found.for_filter("worst")
 
 
+@pytest.mark.slow
 def test_order_and_units_do_not_matter(different):
     recordings = list(different.wavelet_variance.recordings.values())
     turned = gmwm.fit("WN + RW", recordings[::-1], weighting="optimal")
@@ -168,6 +169,7 @@ def test_a_difference_that_no_parameter_describes_does_not_decide_about_all_numb
     assert found["N"].spread < 0.05
 
 
+@pytest.mark.slow
 def test_other_weights_robust_curves_and_files(different):
     for options in ({"weighting": "diagonal"}, {"weighting": "identity"}, {"robust": True}):
         fit = gmwm.fit("WN + RW", signals(noise(1), noise(2)), **options)

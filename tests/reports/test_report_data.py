@@ -39,6 +39,7 @@ def points_of(data, code):
     return [point for point in data["verdict"]["points"] if point["code"] == code]
 
 
+@pytest.mark.slow
 def test_the_verdict_has_the_outliers_and_the_axes(data, calibration):
     assert calibration.verdicts["gyro_y"].contaminated
     assert (data["verdict"]["code"], data["verdict"]["state"]) == ("verdict-usable", "look")
@@ -58,6 +59,7 @@ def test_the_most_severe_points_come_first(data):
     assert {"look", "good"} <= {point["state"] for point in data["verdict"]["points"]}
 
 
+@pytest.mark.slow
 def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
     lost = dataclasses.replace(calibration, failed={"accel_y": "the signal is constant"})
     verdict = report_data(lost)["verdict"]
@@ -100,6 +102,7 @@ def test_a_gyroscope_that_is_too_noisy_gets_a_bad_verdict():
     assert "gyro_x" in point["text"]
 
 
+@pytest.mark.slow
 def test_the_points_about_numbers_leave_out_unusable_axes():
     truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, rng=4), "WN")
@@ -145,6 +148,7 @@ def test_three_unit_systems_say_the_same(data, calibration):
     assert density.in_units("deg/√h")[0] == pytest.approx(np.degrees(density.value) * 60)
 
 
+@pytest.mark.slow
 def test_the_recording_and_its_file(calibration, tmp_path):
     file = tmp_path / "unit 7.csv"
     file.write_bytes(b"what was recorded")
@@ -175,6 +179,7 @@ def test_a_calibration_of_wavelet_variances_has_no_recording(imu):
     assert data["outliers"][0]["remarks"] == ["not tested"]
 
 
+@pytest.mark.slow
 def test_recording_goes_through_the_file(calibration, tmp_path):
     file = tmp_path / "x.csv"
     file.write_text("1\n")
@@ -198,6 +203,7 @@ def test_configuration_files(data):
     assert len(files) + len(data["left_out"]) == len(gmwm.exporters.export_formats())
 
 
+@pytest.mark.slow
 def test_what_cannot_be_exported_says_why(imu):
     data = report_data(gmwm.calibrate(imu, "WN + RW", axes=["gyro_x"]))
     assert any("needs gyroscopes and accelerometers" in text for text in data["left_out"])
@@ -220,6 +226,7 @@ def test_the_citation_is_that_of_the_repository():
     assert re.search(r"abstract: (.+)\.", text)[1] in cited["software"].replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_a_test_is_judged_among_those_of_all_axes(calibration):
     found = calibration.axes["gyro_x"]
 
@@ -308,6 +315,7 @@ def test_names_between_backticks_are_code_and_nothing_else_is():
     )
 
 
+@pytest.mark.slow
 def test_outliers_that_were_not_tested_on_all_axes_get_no_tick():
     rng = np.random.default_rng(1)
     fine, coarse = rng.normal(0.0, 1e-3, 20_000), np.round(rng.normal(0.0, 0.3, 20_000)) * 1e-3

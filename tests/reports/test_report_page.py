@@ -44,6 +44,7 @@ def page(calibration, tmp_path_factory):
     return path.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_it_says_all_of_it(page, calibration):
     text = " ".join(" ".join(Tags(page).text).split())
     data = gmwm.reports.report_data(calibration)
@@ -78,12 +79,14 @@ def test_it_stands_alone(page):
     assert "http" not in policy
 
 
+@pytest.mark.slow
 def test_the_same_calibration_gives_the_same_bytes(page, calibration, tmp_path):
     calibration.save(tmp_path / "calibration.json")
     again = gmwm.Calibration.load(tmp_path / "calibration.json").report(tmp_path / "again.html")
     assert again.read_text(encoding="utf-8") == page
 
 
+@pytest.mark.slow
 def test_hostile_names_are_text(hostile, page, tmp_path):
     written = hostile.report(tmp_path / "hostile.html").read_text(encoding="utf-8")
     found, clean = Tags(written), Tags(page)

@@ -46,6 +46,7 @@ def test_a_walk_is_no_drift(seed):
     assert all("DR" not in one.model.structure for one in gmwm.select("WN + RW + DR", wv).candidates)
 
 
+@pytest.mark.slow
 def test_a_drift_of_the_whole_recording_stays_a_candidate():
     wv = gmwm.wavelet_variance(recording(3e-4, 0.0, 1))
     general = gmwm.Model.parse("WN + RW + DR")

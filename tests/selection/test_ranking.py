@@ -251,6 +251,7 @@ def test_diagonal_weights(wv):
     assert ranking.recommended.structure == "GM + WN"
 
 
+@pytest.mark.slow
 def test_several_recordings_are_ranked_by_the_loss_on_the_others(several):
     scores = [candidate.out_of_sample for candidate in several]
     assert all(score is not None for score in scores)
@@ -310,6 +311,7 @@ def test_robust():
     assert ranking.recommended.fit.parameters["WN.sigma2"] == pytest.approx(4.0, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_higher_confidence_never_has_fewer_equivalents(wv):
     counts = []
     for confidence in (0.5, 0.95, 0.999):

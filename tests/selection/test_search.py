@@ -46,6 +46,7 @@ def names(found):
     return sorted(process.name for process in found.ranking.recommended.model.processes)
 
 
+@pytest.mark.slow
 def test_simple_noise_is_found_without_the_spectrum():
     rng, n = np.random.default_rng(1), 200_000
     x = rng.normal(size=n) + markov(rng, n, 1.0, 0.3) + walk(rng, n)
@@ -179,6 +180,7 @@ def test_required_terms_are_in_every_candidate(curve):
     assert len(without) == 2**3 - 1
 
 
+@pytest.mark.slow
 def test_a_line_whose_power_is_zero_is_left_out(curve):
     one, other = (SIN(frequency=gmwm.fixed(f)) for f in (11.1, 23.4567))
     zero = select_within("GM + WN + RW", curve, OPTIONS, required=[one]).recommended.fit

@@ -88,6 +88,7 @@ def test_slow_noise_that_is_known_badly_does_not_matter():
     assert found.misfit < 1.5
 
 
+@pytest.mark.slow
 def test_few_degrees_of_freedom_do_not_make_the_density_too_small():
     found = [fitted("white", seed, degrees=20).innovation for seed in range(10)]
     # The mean logarithm of an estimate is 1/η = 5 % too small; the mean of ten fits is known to 0.6 %.
@@ -111,6 +112,7 @@ def test_if_no_order_near_the_best_is_sure_a_smaller_one_is_used(monkeypatch):
     assert 1 <= found.phi.size + found.theta.size <= 2
 
 
+@pytest.mark.slow
 def test_white_noise_has_no_roots():
     found = [fitted("white", seed) for seed in range(10)]
     # log(250) = 5.5 for a coefficient; one or two more roots by chance are rare.

@@ -119,6 +119,7 @@ def test_robust_ones_too(tmp_path, client):
     same(once, source.wavelet_variance(robust=True, passes=1, exact=14, efficiency=0.9), apart=1e-9)
 
 
+@pytest.mark.slow
 def test_a_part_is_tried_again_after_trouble_that_is_not_its_own(tmp_path, client, monkeypatch):
     source, log = opened(recording(tmp_path / "a.npy")), tmp_path / "log"
     measure = cluster._measure
@@ -139,6 +140,7 @@ def test_a_part_is_tried_again_after_trouble_that_is_not_its_own(tmp_path, clien
         source.wavelet_variance(scheduler=client, parts=3)
 
 
+@pytest.mark.slow
 def test_lost_samples_are_those_of_one_pass(tmp_path, client):
     path = recording(tmp_path / "a.parquet")
     frame = pl.read_parquet(path)
@@ -192,6 +194,7 @@ def test_what_is_interrupted_leaves_nothing_behind(tmp_path, client):
     assert client.submit(sum, [1, 2], pure=False).result() == 3
 
 
+@pytest.mark.slow
 def test_only_some_parts_are_asked_for_at_once(tmp_path, client, monkeypatch):
     source, running, most = opened(recording(tmp_path / "a.npy")), set(), []
     ask, answer = cluster._Crew._ask, cluster._Crew._answer
@@ -267,6 +270,7 @@ def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
         pass
 
 
+@pytest.mark.slow
 def test_without_dask_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with raises(MissingDependencyError, advises=["pip install 'gmwm[dask]'"]), connected():

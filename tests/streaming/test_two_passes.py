@@ -61,6 +61,7 @@ def test_a_robust_curve_of_a_file_is_that_in_memory(spoilt, options):
     assert abs(curves["gyro_x"].slope) < 1e-8
 
 
+@pytest.mark.slow
 def test_both_curves_from_the_same_reading(spoilt):
     told = []
     pairs = pairs_of(stream(spoilt, chunk=4000), exact=10, done=told.append)
@@ -79,6 +80,7 @@ def test_both_curves_from_the_same_reading(spoilt):
     assert fitted.parameters["WN.sigma2"] == pytest.approx(1e-6, rel=0.05)
 
 
+@pytest.mark.slow
 def test_one_pass_is_enough_for_most(spoilt):
     told = []
     once = pairs_of(stream(spoilt), passes=1, exact=15, done=told.append)
@@ -93,6 +95,7 @@ def test_one_pass_is_enough_for_most(spoilt):
         assert safe.slope is None
 
 
+@pytest.mark.slow
 def test_what_comes_between_the_passes_belongs_to_neither(spoilt):
     expected = stream(spoilt).wavelet_variance(robust=True, exact=12)
     told = []
@@ -109,6 +112,7 @@ def test_what_comes_between_the_passes_belongs_to_neither(spoilt):
         same(curve, expected[axis])
 
 
+@pytest.mark.slow
 def test_a_recording_that_has_lost_samples_is_told(spoilt, monkeypatch):
     monkeypatch.setattr(batches, "BATCH", 7_000)  # a recording that is one batch is read once
 
@@ -121,6 +125,7 @@ def test_a_recording_that_has_lost_samples_is_told(spoilt, monkeypatch):
         stream(spoilt).wavelet_variance(robust=True, exact=12, done=shrink)
 
 
+@pytest.mark.slow
 def test_samples_that_fit_into_memory_are_read_once(spoilt):
     imu, told = gmwm.read(spoilt, units={"gyro": "rad/s"}), []
     found = stream(spoilt, chunk=4000).wavelet_variance(robust=True, done=told.append)
@@ -130,6 +135,7 @@ def test_samples_that_fit_into_memory_are_read_once(spoilt):
     assert stream(spoilt, chunk=999).wavelet_variance().to_dict() == gmwm.wavelet_variance(imu).to_dict()
 
 
+@pytest.mark.slow
 def test_options(spoilt):
     with raises(OptionError, argument="passes", got=3):
         stream(spoilt).wavelet_variance(robust=True, passes=3)

@@ -27,6 +27,7 @@ def test_they_do_not_use_the_package() -> None:
     assert not [name for name in modules if name and name.startswith(("gmwm", "validation"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", sorted(set(sensors.KINDS) - SLACK))
 def test_the_allan_deviation_is_that_of_the_truth(kind: str) -> None:
     # The standard error of a ratio at averaging times of 1 s is about √(1.5 s/T)/2: 1 % for half an hour. The limit of

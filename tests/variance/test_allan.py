@@ -125,6 +125,7 @@ def test_scale_and_offset(power, offset, seed):
         assert scaled.noise == plain.noise
 
 
+@pytest.mark.slow
 @laws
 @given(seed=st.integers(0, 2**32 - 1), rate=st.sampled_from([1e-3, 1.0, 200.0]), size=st.integers(8, 300))
 def test_a_rate_and_its_integral_give_the_same(seed, rate, size):

@@ -197,6 +197,7 @@ def test_read_only_input_is_read_and_left_alone():
     np.testing.assert_array_equal(x, kept)
 
 
+@pytest.mark.slow
 def test_results_own_their_memory():
     results = [_core.running_sum(white(1000, seed)) for seed in range(20)]
     expected = [r.copy() for r in results]

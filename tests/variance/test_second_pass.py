@@ -89,6 +89,7 @@ def test_it_is_that_in_memory(name, efficiency):
     assert max(found.diagnostics["robust"]["moved"]) < 1e-2
 
 
+@pytest.mark.slow
 def test_the_signals_come_to_all_outcomes():
     outcomes = {o for x in SIGNALS.values() for o in twice(x).result().diagnostics["robust"]["outcome"]}
     assert outcomes == {"root", "mad", "mean", "zero"}
@@ -241,6 +242,7 @@ def test_of_the_first_pass_nothing_changes():
 # --- cells ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_cells_are_the_same_in_any_grouping():
     sizes = np.abs(1.0 + 1e-3 * white(500_000))
     whole = MedianCells.of(sizes)
@@ -256,6 +258,7 @@ def test_cells_are_the_same_in_any_grouping():
         np.testing.assert_array_equal(parts[0].counts, whole.counts)
 
 
+@pytest.mark.slow
 def test_cells_know_ranks():
     sizes = np.sort(np.abs(1.0 + 1e-3 * white(500_000)))
     ranks = np.array([0, 1000, 250_000, 499_999])

@@ -73,6 +73,7 @@ def test_merging_leaves_both_as_they_were():
     np.testing.assert_array_equal(b.to_array(), before[1])
 
 
+@pytest.mark.slow
 @deterministic
 @given(seeds)
 def test_stored_and_restored(seed):

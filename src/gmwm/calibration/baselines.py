@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from gmwm._threads import in_threads
-from gmwm.batches import batches, cut
+from gmwm.batches import Batch, batches, cut, joined
 from gmwm.calibration.measurement import clean
 from gmwm.calibration.result import AxisCalibration
 from gmwm.errors import DataError, ModelError
@@ -15,8 +15,8 @@ from gmwm.monitor import Baseline
 from gmwm.readers.streams import Stream
 from gmwm.signals import Imu, Signal
 
-LONGEST = 1 << 21
-"""Largest number of samples for a baseline; the first samples are used: 5.8 h at 100 Hz. The scatter of every chart is
+LONGEST = 1 << 19
+"""Largest number of samples for a baseline; the first samples are used: 1.5 h at 100 Hz. The scatter of every chart is
 then known to some percent, and a file need not be read completely again."""
 
 
@@ -52,10 +52,13 @@ def with_baselines(
 
 
 def _first_samples(data: Any) -> Mapping[str, Signal]:
-    """Return the signals of a recording, or the first batch of a file."""
-    if isinstance(data, Stream):
-        return next(batches(data)).signals
-    if isinstance(data, Imu):
-        return data.signals
+    """The signals of a recording up to the batch with the last sample of a baseline."""
+    if isinstance(data, Imu | Stream):
+        parts: list[Batch] = []
+        for batch in batches(data):
+            parts.append(batch)
+            if batch.stop >= LONGEST:
+                break
+        return joined(parts).signals
     items = {data.axis or "signal": data} if isinstance(data, Signal) else data
     return {axis: item for axis, item in items.items() if isinstance(item, Signal)}

@@ -69,7 +69,7 @@ def cleaned(x: Signal) -> Cleaned:
     >>> x[5_000:5_100] *= 30.0
     >>> clean = cleaned(Signal(x, rate=100.0))
     >>> len(clean.knocks), f"{x.std():.1f}, {clean.signal.values.std():.1f}"
-    (1, '2.3, 1.0')
+    (1, '2.4, 1.0')
     """
     spikes = find_spikes(x)
     knocks = _knocks(repaired(x, spikes).values, x.rate)

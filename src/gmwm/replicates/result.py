@@ -195,7 +195,13 @@ class Replicates(Summarised):
         return (self.remark(self.pvalue),)
 
     def remark(self, pvalue: float) -> Remark:
-        """The remark for a p-value, which may be adjusted for the number of axes."""
+        """Return the remark for a p-value.
+
+        Parameters
+        ----------
+        pvalue : float
+            Of the test that the recordings are equal; it may be adjusted for the number of axes.
+        """
         few = "yes" if len(self.recordings) < FEW else "no"
         if pvalue > SIZE:
             return Remark.of(

@@ -187,7 +187,10 @@ class SpectrumAccumulator:
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
         """Return an accumulator of this recording and another, independent one; no block has samples of both.
 
-        Both need the same options. The rate is that of this recording.
+        Parameters
+        ----------
+        other : SpectrumAccumulator
+            With the same options. The rate of the result is the rate of this recording.
         """
         self.gap()
         other.gap()
