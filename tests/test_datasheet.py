@@ -25,7 +25,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 RATE = 100.0
 FULL = Model.parse(
-    "GM(beta=0.5, sigma2=1e-8) + GM(beta=20, sigma2=4e-8) + WN(sigma2=1e-6) + QN(q2=1e-6) + RW(gamma2=1e-13) + DR(-2e-9)"
+    "GM(0.5, 1e-8) + GM(beta=20, sigma2=4e-8) + WN(sigma2=1e-6) + QN(q2=1e-6) + RW(gamma2=1e-13) + DR(-2e-9)"
 )
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 
