@@ -95,7 +95,7 @@ def calibrate(
         unit. Several recordings get one model and one fit for each axis, to the mean of their curves; intervals include
         the spread between them. `calibration.axes[axis].replicates` compares them. The result is the same
         for a recording in memory and a Stream, which is read in bounded memory: twice if it has more than 2.1 million
-        samples, and once more for its temperature. The first 2.1 million samples are read again for the baseline of
+        samples, and once more for its temperature. The first 0.5 million samples are read again for the baseline of
         `Monitor`.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
