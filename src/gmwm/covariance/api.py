@@ -22,7 +22,7 @@ from gmwm.variance.transform import Transform, deepest_level
 
 
 def covariance(model: Model, design: Design) -> Matrix:
-    """V = Cov(ν̂², ν̂²) (J, J), in u⁴, of a model with all its values; see `wavelet_covariance`."""
+    """Compute V = Cov(ν̂², ν̂²) (J, J), in u⁴, of a model with all its values; see `wavelet_covariance`."""
     if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         return covariance(model, replace(design, excess=None, model_error=0.0)) + added * np.outer(curve, curve)
@@ -40,7 +40,7 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 
 def variances(model: Model, design: Design) -> Vector:
-    """The diagonal of `covariance` (J,), in u⁴, at about a tenth of the cost."""
+    """Compute the diagonal of `covariance` (J,), in u⁴, at about a tenth of the cost."""
     if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         bare = replace(design, excess=None, model_error=0.0)
@@ -59,7 +59,8 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Variance (J,) of log(ν̂_j²/ν̃_j²), classical over robust estimate, for a Gaussian signal without drift.
+    """Compute the variance (J,) of log(ν̂_j²/ν̃_j²), classical over robust estimate, for a Gaussian signal without
+    drift.
 
     The classical estimate is the first term of the Hermite expansion of the robust one, so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
     ν̂_k²). The variance of the ratio is the rest of the expansion: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².

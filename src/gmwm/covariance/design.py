@@ -14,7 +14,8 @@ from gmwm.variance.robust import FEW
 from gmwm.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
 
 MOST = 0.01
-"""Largest relative error of a level that an excess adds in weights (tests/covariance/test_excess.py)."""
+"""Largest relative error of a level that the excess covariance adds to the weights
+(tests/covariance/test_excess.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class Design:
 
     @classmethod
     def of(cls, wv: WaveletVariance) -> Design:
-        """The design of a wavelet variance."""
+        """Return the design of a wavelet variance."""
         return cls(
             levels=wv.levels,
             samples=wv.samples,
@@ -109,23 +110,24 @@ class Design:
 
     @property
     def loss_factor(self) -> float:
-        """Factor of the covariance due to filled samples."""
+        """Factor by which filled samples increase the covariance."""
         return loss_factor(self.filled, self.samples)
 
     @property
     def few(self) -> NDArray[np.bool_]:
-        """Which levels have too few coefficients for a robust estimate, all segments together (J,)."""
+        """Which levels have too few coefficients for a robust estimate, in all segments together (J,)."""
         return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
 
     def only(self, which: NDArray[np.bool_]) -> Design:
-        """The design with only some of the levels."""
+        """Return the design with only some of the levels."""
         strides = tuple(np.array(self.strides, dtype=np.int64)[which].tolist()) if self.strides else ()
         excess = None if self.excess is None else self.excess[np.ix_(which, which)]
         return replace(self, levels=self.levels[which], strides=strides, excess=excess)
 
     @property
     def added(self) -> Matrix | None:
-        """Relative covariance (J, J) beyond a Gaussian signal of the model, with the model error, or None."""
+        """Relative covariance (J, J) that is added to the covariance of a Gaussian signal, with the model error; None
+        if it is zero."""
         if not self.model_error:
             return self.excess
         own = self.model_error**2 * np.eye(self.levels.size)
@@ -133,7 +135,7 @@ class Design:
 
     @property
     def for_weights(self) -> Design:
-        """The design for weights: of the excess only the diagonal, up to a relative error of 1 %.
+        """The design for weights: only the diagonal of the excess is used, up to a relative error of 1 %.
 
         An error that all levels have in common must not enter weights. They would make a curve of zero a good fit,
         because it differs from the data by a common factor (Peelle's puzzle).
@@ -143,7 +145,8 @@ class Design:
         return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), MOST**2)))
 
     def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
-        """The design of one segment, with its own levels and the `counts` of all segments; None if it has no level."""
+        """Return the design of one segment, with its own levels and the `counts` of all segments; None if it has no
+        level."""
         own = coefficient_counts(length, self.levels, self.filter, self.transform)
         reach = int(np.count_nonzero(own > 0))
         if reach == 0:

@@ -1,4 +1,4 @@
-"""The covariance of the wavelet variance from the data alone, for Gaussian and other signals.
+"""Estimate the covariance of the wavelet variance from the data alone, for Gaussian and other signals.
 
 ν̂_j² is the mean of the squares S_j(t) = W_{j,t}², so Cov(ν̂_j², ν̂_k²) is the cross-spectrum of S_j and S_k at frequency
 0, divided by M. With K sine tapers v_q over the common coefficients of two levels, it is estimated by the mean over q
@@ -29,9 +29,10 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.transform import Transform, inner_coefficients
 
 PRIOR = 8.0
-"""Weight of the theory, as a number of tapers. Pinned by tests/covariance/test_empirical.py with the two below."""
+"""Weight of the theory, as a number of tapers. Pinned by tests/covariance/test_empirical.py, as are the next two
+constants."""
 BANDWIDTH = 0.125
-"""Bandwidth of the tapers, as a share of 2^−k."""
+"""Bandwidth of the tapers, relative to 2^−k."""
 MOST_TAPERS = 128
 _CELLS = 2048
 """Number of cells into which squares are summed: 16 for each of 128 tapers, which hardly change within a cell."""
@@ -128,7 +129,7 @@ def empirical_covariance(
 
 
 def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
-    """The correlations, averaged with the prior ones as far as needed to be positive definite."""
+    """Average the correlations with the prior ones, as far as needed for a positive definite matrix."""
     least = 0.1 * float(np.linalg.eigvalsh(prior)[0])
     for share in np.linspace(0.0, 1.0, 21):
         mixed = np.asarray((1.0 - share) * correlation + share * prior)
@@ -141,7 +142,7 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 
 
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
-    """Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers of each level (J,), possibly 0."""
+    """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers of each level (J,), possibly 0."""
     size, cell = design.levels.size, -(-design.samples // _CELLS)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
@@ -176,7 +177,7 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
 
 
 def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Times and squares of the coefficients inside the boundaries, level by level; times do not count gaps."""
+    """Yield times and squares of the coefficients inside the boundaries, level by level; times do not include gaps."""
     segments, first = [], 0
     for length in design.lengths:
         segment = design.segment(length, design.counts)
@@ -189,7 +190,7 @@ def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64]
 
 
 def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Times and squares of the coefficients of one segment."""
+    """Yield times and squares of the coefficients of one segment."""
     filter, wanted = design.filter, design.levels.tolist()
     if design.transform == "dwt":
         inner = inner_coefficients(values, filter, "dwt", wanted[-1])
@@ -205,6 +206,6 @@ def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int
 
 
 def _sine_tapers(size: int, count: int) -> Matrix:
-    """Orthonormal sine tapers v_q(t) = √(2/(n+1)) sin(π (q+1)(t+1)/(n+1)), q = 0 … count − 1: (count, n)."""
+    """Return orthonormal sine tapers v_q(t) = √(2/(n+1)) sin(π (q+1)(t+1)/(n+1)), q = 0 … count − 1: (count, n)."""
     angle = np.pi * np.outer(np.arange(1, count + 1), np.arange(1, size + 1)) / (size + 1)
     return np.asarray(np.sqrt(2.0 / (size + 1)) * np.sin(angle))

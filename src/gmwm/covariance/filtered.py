@@ -30,24 +30,27 @@ from gmwm.processes import filtered
 from gmwm.processes.model import Model
 
 LONGEST = 2**26
-"""Samples of the longest recording: half a gigabyte for each of a few arrays."""
+"""Number of samples of the longest recording: half a gigabyte for each of a few arrays."""
 # tests/covariance/test_filtered.py compares the sums with all lags, and pins the constants below.
 OVERSAMPLED = 4
-"""A pair of levels is summed over lags 2^(j − 4) apart, j the finer level, or less if V_jj changes by `_ALIKE`."""
+"""Exponent of the spacing of lags: a pair of levels is summed over lags 2^(j − 4) apart, j the finer level, or less if
+V_jj changes by more than `_ALIKE`."""
 FEWEST = 2**15
 """Smallest number of lags of one sign, if the recording has so many."""
 _ALIKE = 2e-5
 """Relative change of V_jj with twice as many lags that is accepted."""
 _TAPS = 256
-"""Length of filters up to which the cumulant of uniform errors counts; a sum over longer ones is nearly Gaussian."""
+"""Largest length of filters for which the cumulant of uniform errors is used; a sum over longer filters is nearly
+Gaussian."""
 _NOTHING = 1e-9
-"""Share of the largest covariance of a coefficient and the signal below which far lags are left out."""
+"""Covariance of a coefficient and the signal, relative to the largest one, below which far lags are left out."""
 _FELT = 1e-6
-"""Squared correlation up to which only the first term of the robust expansion counts; the next is its square."""
+"""Squared correlation up to which only the first term of the robust expansion is used; the next term is its square."""
 
 
 def covariance(model: Model, design: Design) -> Matrix:
-    """V (J, J), in u⁴, to 2e-5 of its diagonal or better; exact for N < 32768 and of the decimated transform."""
+    """Compute V (J, J), in u⁴, to 2e-5 of its diagonal or better; exact for N < 32768 and for the decimated
+    transform."""
     lags = Lags(model, design)
     v = np.zeros((design.levels.size, design.levels.size))
     for a in range(design.levels.size):
@@ -56,20 +59,22 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 
 def variances(model: Model, design: Design) -> Vector:
-    """The diagonal of V (J,), in u⁴."""
+    """Compute the diagonal of V (J,), in u⁴."""
     lags = Lags(model, design)
     return np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: the difference of the relative V_jj of the two estimates."""
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: the difference of the relative V_jj of the two
+    estimates."""
     lags = Lags(model, design, beyond=True)
     excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
     return np.asarray(excess / np.where(lags.own > 0, lags.own, 1.0) ** 2)
 
 
 class Lags:
-    """Sums over lags for a model and a design; with `beyond`, only terms of the robust estimate beyond the first."""
+    """Sums over lags for a model and a design; with `beyond`, only the terms of the robust estimate after the first
+    one."""
 
     def __init__(self, model: Model, design: Design, *, beyond: bool = False) -> None:
         self.design, self.beyond, self.few = design, beyond, design.few
@@ -85,7 +90,8 @@ class Lags:
         self.error_filters = filtered.error_filters(design.filter, deepest, _TAPS)
 
     def stage(self, a: int) -> int:
-        """The coarsest spacing of lags, 2^stage, that is accurate for the level at index a and coarser ones."""
+        """Return the exponent of the coarsest spacing of lags, 2^stage, that is accurate for the level at index a and
+        coarser ones."""
         level = int(self.design.levels[a])
         if self.design.transform == "dwt":
             return level - 1
@@ -99,7 +105,7 @@ class Lags:
         return stage
 
     def row(self, a: int, stage: int, end: int) -> Vector:
-        """V_jk of the level j at index a with the levels from there up to `end`, from lags 2^stage apart."""
+        """Compute V_jk of the level j at index a with the levels from index a to `end`, from lags 2^stage apart."""
         design = self.design
         sums = [
             weighed(self._terms(values, a, b), first, stage=stage, design=design, a=a, b=b)
@@ -109,7 +115,7 @@ class Lags:
         return np.asarray(total / design.counts[a] / design.counts[a:end])
 
     def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
-        """Cov(W_{j,t}, W_{k,t+u}) at lags 2^stage apart: index of k, first lag divided by 2^stage, and values."""
+        """Yield Cov(W_{j,t}, W_{k,t+u}) at lags 2^stage apart: index of k, first lag divided by 2^stage, and values."""
         while len(self.known) <= stage:
             self.known.append(_halved(self.known[-1], self.design.filter))
         below = (self.design.levels[a:end] - stage).tolist()
@@ -118,7 +124,7 @@ class Lags:
             yield b, first, values
 
     def _with_signal(self, stage: int, level: int) -> tuple[int, Vector]:
-        """Cov(W_{j,t}, X_{t+u}) with the signal of a stage, and the level relative to it: first lag and values.
+        """Compute Cov(W_{j,t}, X_{t+u}) with the signal of a stage, and the level relative to it: first lag and values.
 
         These are all lags at which the recording has a pair, without negligible ones at either end.
         """
@@ -133,7 +139,8 @@ class Lags:
         return self.cross[stage, level]
 
     def _terms(self, values: Vector, a: int, b: int) -> Vector:
-        """Covariance of the squares of two coefficients, or of their robust replacements."""
+        """Compute the covariance of the squares of two coefficients, or of the robust functions that replace the
+        squares."""
         terms = values * values
         if self.design.efficiency is None or self.few[a] or self.few[b]:
             terms *= 2.0
@@ -146,7 +153,8 @@ class Lags:
         return terms
 
     def _excess(self, a: int, end: int) -> Vector:
-        """κ₄ Σ_l Σ_m d_{j,l}² d_{k,m}² n(m − l) of errors e_t that are not Gaussian, W_{j,t} = Σ_l d_{j,l} e_{t−l}."""
+        """Compute κ₄ Σ_l Σ_m d_{j,l}² d_{k,m}² n(m − l) for errors e_t that are not Gaussian, W_{j,t} = Σ_l d_{j,l}
+        e_{t−l}."""
         total = np.zeros(end - a)
         fine, filters = int(self.design.levels[a]), self.error_filters
         for b in range(a, end):
@@ -160,7 +168,7 @@ class Lags:
 
 
 def _pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
-    """The number of pairs n(u) at any lags."""
+    """Return the number of pairs n(u) at any lags."""
     if design.transform == "dwt":
         apart = 1 << int(design.levels[a])
         return np.where(lags % apart == 0, _decimated_pairs(design, a, b, lags // apart), 0.0)
@@ -171,7 +179,7 @@ def _pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
 
 
 def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
-    """ν_j² ν_k² Σ_q c_q ρ^q from the squared covariances and ν_j² ν_k²."""
+    """Compute ν_j² ν_k² Σ_q c_q ρ^q from the squared covariances and ν_j² ν_k²."""
     weights = hermite_weights(efficiency)
     terms = np.asarray(weights[0] * squares)
     felt = np.flatnonzero(squares > _FELT * size)
@@ -184,7 +192,7 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
 
 
 def _signal_covariance(model: Model, design: Design) -> Vector:
-    """A(m) of the signal at all lags 0 … N − 1, up to a constant."""
+    """Compute A(m) of the signal at all lags 0 … N − 1, up to a constant."""
     if design.samples > LONGEST:
         present = [p for p in model.processes if p.scale > 0]
         # Under other filters than Haar's it is so for every process.
@@ -203,7 +211,7 @@ def _signal_covariance(model: Model, design: Design) -> Vector:
 
 
 def _halved(known: Vector, filter: WaveletFilter) -> Vector:
-    """A_i at all lags of the recording, from A_{i−1}."""
+    """Compute A_i at all lags of the recording, from A_{i−1}."""
     reach, g = filter.length - 1, filter.scaling / np.sqrt(2.0)
     both = np.concatenate([known[reach:0:-1], known])
     return np.convolve(both, np.correlate(g, g, "full"), "valid")[::2].copy()
@@ -212,7 +220,7 @@ def _halved(known: Vector, filter: WaveletFilter) -> Vector:
 def _against(
     cross: tuple[int, Vector], n: int, filter: WaveletFilter, levels: list[int]
 ) -> Iterator[tuple[int, Vector]]:
-    """Cov(W_{j,t}, W_{k,t+u}) of the first level with each of the levels: first lag and values.
+    """Yield Cov(W_{j,t}, W_{k,t+u}) of the first level with each of the levels: first lag and values.
 
     `cross` is the covariance of the first level with the signal; n is the number of lags of the signal's covariance.
     """
@@ -231,7 +239,7 @@ def _against(
 
 
 def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
-    """The values without negligible ones at either end, and the lag of the first one."""
+    """Remove negligible values at both ends; return the rest and the lag of its first value."""
     size = np.abs(values)
     there = np.flatnonzero(size > _NOTHING * size.max())
     begin, end = (there[0], there[-1] + 1) if there.size else (0, 1)
@@ -239,20 +247,20 @@ def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
 
 
 def _step(values: Vector, filter: WaveletFilter, level: int) -> tuple[Vector, Vector]:
-    """Scaling and wavelet coefficients of a level; the first ones are invalid, because the step is circular."""
+    """Compute scaling and wavelet coefficients of a level. The first ones are invalid, because the step is circular."""
     root = np.sqrt(2.0)
     return _core.pyramid_step(values, filter.scaling / root, filter.wavelet / root, 1 << (level - 1))
 
 
 def _own_variances(known: Vector, design: Design) -> Vector:
-    """Variances of the coefficients (J,), which only a robust estimate needs; else ones."""
+    """Return the variances of the coefficients (J,), which only a robust estimate needs; otherwise ones."""
     if design.efficiency is None:
         return np.ones(design.levels.size)
     return filtered.autocovariance_variance(known, design.filter, design.levels)
 
 
 def means(model: Model, design: Design) -> Vector:
-    """Means of the coefficients (J,), which come from a drift if the filter does not remove it."""
+    """Return the means of the coefficients (J,), which a drift causes if the filter does not remove it."""
     if design.filter.vanishing_moments > 1:
         return np.zeros(design.levels.size)
     slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
@@ -263,7 +271,8 @@ def means(model: Model, design: Design) -> Vector:
 
 
 def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: int) -> float:
-    """Σ_u n(u) f(u) from f at the lags 2^stage (first, first + 1, …), n(u) the number of pairs of coefficients."""
+    """Compute Σ_u n(u) f(u) from f at the lags 2^stage (first, first + 1, …), n(u) the number of pairs of
+    coefficients."""
     if design.transform == "dwt":
         ahead = first % 2
         terms = terms[ahead::2]
@@ -289,7 +298,8 @@ def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: in
 
 
 def _decimated_pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Vector:
-    """Number of pairs of inner decimated coefficients whose last samples lie 2^j lags apart, j the finer level.
+    """Return the number of pairs of inner decimated coefficients whose last samples are 2^j lags apart, j the finer
+    level.
 
     Coefficient n of level j ends at sample 2^j (n + 1) − 1. The coefficients of the coarser level with n + 1 from `low`
     to `high` have a partner in the finer level at this lag.

@@ -24,18 +24,18 @@ from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
 
 KEPT = 1024
-"""Memory (samples) up to which nodes are kept for the next call; they take at most 70 MB a time."""
+"""Largest number of samples of a recording whose nodes are kept for the next call; they take at most 70 MB."""
 SHARED = 2_000_000
-"""Number of nodes up to which covariances of fixed shapes are kept with them, at 8 bytes a node and shape."""
+"""Largest number of nodes for which covariances of fixed shapes are kept, at 8 bytes for each node and shape."""
 
 
 def knows(model: Model, design: Design) -> bool:
-    """Whether this module can compute the covariance: the Haar MODWT, and a closed form for every process."""
+    """Return whether this module can compute the covariance: the Haar MODWT, and a closed form for every process."""
     return design.running_sum and all(p.memory(design.rate) is not None for p in model.processes if p.scale > 0)
 
 
 def covariance(model: Model, design: Design) -> Matrix:
-    """V (J, J), in u⁴."""
+    """Compute V (J, J), in u⁴."""
     size = design.levels.size
     coarser, finer = np.tril_indices(size)
     v = np.empty((size, size))
@@ -44,12 +44,12 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 
 def variances(model: Model, design: Design) -> Vector:
-    """The diagonal of V (J,), in u⁴."""
+    """Compute the diagonal of V (J,), in u⁴."""
     return _entries(model, design, diagonal=True)
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²."""
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²."""
     assert design.efficiency is not None
     present = [process for process in model.processes if process.scale > 0]
     at, weight, starts = _lags(present, design, diagonal=True)
@@ -72,12 +72,12 @@ class _Pairs:
     counts: Vector
 
     def outer(self, values: Vector) -> Vector:
-        """x_j x_k of each pair."""
+        """Return x_j x_k of each pair."""
         return np.asarray(values[self.finer] * values[self.coarser])
 
 
 def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
-    """V_jk of all pairs, or of each level with itself."""
+    """Compute V_jk of all pairs, or of each level with itself."""
     size, half = design.levels.size, np.ldexp(1.0, design.levels - 1)
     coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
     pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
@@ -96,7 +96,7 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
 
 
 def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
-    """V_jk of a level of which only every s-th coefficient is used, with itself and all coarser levels.
+    """Compute V_jk of a level of which only every s-th coefficient is used, with itself and all coarser levels.
 
     In steps of s samples, this level and the coarser ones are levels of a recording of N/s samples. All lags between
     their coefficients are multiples of s, so the sums are the sums over all lags of that shorter recording. The
@@ -135,7 +135,8 @@ def _over_lags(
     starts: NDArray[np.int64],
     stride: int = 1,
 ) -> Vector:
-    """V_jk of pairs of levels from the covariances at the lags between coefficients, one every `stride` samples."""
+    """Compute V_jk of pairs of levels from the covariances at the lags between coefficients, one every `stride`
+    samples."""
     present = [process for process in model.processes if process.scale > 0]
     covariance = _coefficient_covariance(present, at, design.rate)
     first = np.add.reduceat(weight * covariance, starts) if _slope(model) else None
@@ -147,14 +148,14 @@ def _over_lags(
 
 
 def _slope(model: Model) -> float:
-    """Change of the mean of a model in one sample."""
+    """Return the change of the mean of a model in one sample."""
     return sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
 
 
 def _of_sums(
     model: Model, design: Design, pairs: _Pairs, *, first: Vector | None, second: Vector, stride: int = 1
 ) -> Vector:
-    """V_jk of pairs of levels from Σ n Cov and Σ n Cov² over the lags between coefficients."""
+    """Compute V_jk of pairs of levels from Σ n Cov and Σ n Cov² over the lags between coefficients."""
     scale = 4 * pairs.outer(pairs.half)
     total = 2 / scale**2 * second
     if first is not None:
@@ -167,7 +168,8 @@ def _of_sums(
 
 
 def _shared(present: list[Process], design: Design) -> Process | None:
-    """The process of a model whose sums over lags are kept: of fixed shape and short memory, the only one with it."""
+    """Return the process of a model whose sums over lags are kept: the only one of fixed shape and short memory;
+    otherwise None."""
     if design.efficiency is not None or any(stride > 1 for stride in design.strides):
         return None
     short = [process for process in present if process.memory(design.rate)]
@@ -175,7 +177,7 @@ def _shared(present: list[Process], design: Design) -> Process | None:
 
 
 def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs: _Pairs, *, diagonal: bool) -> Vector:
-    """V_jk of a model with a process whose sums over lags are kept."""
+    """Compute V_jk of a model with a process whose sums over lags are kept."""
     count = pairs.finer.size
     others = [process for process in model.processes if process.scale > 0 and process is not short]
     first, second = short.scale * sums.first[:count], short.scale**2 * sums.second[:count]
@@ -191,7 +193,8 @@ def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs
 def _lags(
     present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Nodes of all pairs, their weights, and the first node of each pair; with decays over `stride` samples."""
+    """Return the nodes of all pairs, their weights, and the first node of each pair; with decays over `stride`
+    samples."""
     rate = design.rate if decays_of is None else decays_of
     # Steps of several samples do not alternate: strides are even.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
@@ -227,7 +230,7 @@ def _alternates(present: list[Process], rate: float) -> bool:
 
 
 def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:
-    """2^(j+k) Cov(W_j, W_k) at the nodes."""
+    """Compute 2^(j+k) Cov(W_j, W_k) at the nodes."""
     total = np.zeros_like(at.lag)
     for process in present:
         if at.lag.size > SHARED or not has_fixed_shape(process):
@@ -242,7 +245,7 @@ def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) ->
 
 
 def _power_sum(covariance: Vector, weight: Vector, starts: NDArray[np.int64]) -> Vector:
-    """Σ_u n(u) Cov² of each pair."""
+    """Compute Σ_u n(u) Cov² of each pair."""
     terms = covariance * covariance
     terms *= weight
     return np.asarray(np.add.reduceat(terms, starts))
@@ -256,7 +259,8 @@ def _robust_sum(
     weight: Vector,
     starts: NDArray[np.int64],
 ) -> Vector:
-    """What replaces Σ n Cov² for a robust estimate: ½ Cov_jj Cov_kk Σ_q c_q Σ_u n(u) ρ^q of each pair, at lag 0."""
+    """Compute the sum that replaces Σ n Cov² for a robust estimate: ½ Cov_jj Cov_kk Σ_q c_q Σ_u n(u) ρ^q of each pair,
+    at lag 0."""
     assert design.efficiency is not None
     half = pairs.half
     own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
@@ -269,8 +273,8 @@ def _robust_sum(
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:
-    """Σ_a Σ_b c_a² c_b² n(b − a) with c = (1, −2, 1) at 0, h, 2h: the factor of κ₄ from coefficients with a common
-    error."""
+    """Compute Σ_a Σ_b c_a² c_b² n(b − a) with c = (1, −2, 1) at 0, h, 2h: the factor of κ₄ from coefficients with a
+    common error."""
     fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
     total = np.zeros(fine.size)
     for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):

@@ -33,8 +33,8 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 
 FEW_LAGS = 2**14
-"""Number of lags in the sum: all lags up to this many samples; wider spaced lags of longer recordings with a slow
-sinusoid. tests/covariance/test_lines.py pins this and the next."""
+"""Number of lags in the sum: all lags of recordings up to this length; fewer, wider spaced lags of longer recordings
+with a slow sinusoid. Pinned by tests/covariance/test_lines.py, as is the next constant."""
 _TURN = 32
 """Smallest number of lags in a period of a sinusoid."""
 
@@ -59,7 +59,7 @@ class Line:
 
     @property
     def amplitude(self) -> float:
-        """A, in u."""
+        """Amplitude A, in u."""
         return math.sqrt(2.0 * self.power)
 
 
@@ -86,7 +86,7 @@ def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]
 
 
 def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diagonal: bool) -> Matrix:
-    """The contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
+    """Compute the contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
     total = _of_phases(noise, lines, design)
     if noise is not None:
         many = [line for line in lines if np.any(_stages(line, design) < 0)]
@@ -97,7 +97,7 @@ def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diag
 
 
 def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
-    """H_j = Σ_l h_{j,l} e^(−iωl) (J,)."""
+    """Compute H_j = Σ_l h_{j,l} e^(−iωl) (J,)."""
     smooth, wavelet = design.filter.scaling / np.sqrt(2.0), design.filter.wavelet / np.sqrt(2.0)
     gain, found = 1.0 + 0.0j, np.empty(int(design.levels[-1]), dtype=np.complex128)
     for j in range(found.size):
@@ -111,7 +111,7 @@ def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
 
 
 def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> Matrix:
-    """½ Re Σ c_j c_k* (J, J), the covariance from random phases."""
+    """Compute ½ Re Σ c_j c_k* (J, J), the covariance from random phases."""
     mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
     turning = []
     for k, line in enumerate(lines):
@@ -127,7 +127,7 @@ def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> 
 
 
 def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
-    """Mean of e^(2πi t cycles) over the times t of the coefficients of each level (J,)."""
+    """Compute the mean of e^(2πi t cycles) over the times t of the coefficients of each level (J,)."""
     count = design.counts.astype(np.float64)
     if design.transform == "dwt":
         step = np.ldexp(1.0, design.levels)
@@ -146,7 +146,7 @@ def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
 
 
 def _with_noise(noise: Model, line: Line, design: Design, *, density: float, diagonal: bool) -> Matrix:
-    """4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), with the spectral density of the noise where it is used."""
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), with the spectral density of the noise where it is used."""
     size, counts = design.levels.size, design.counts.astype(np.float64)
     stages = _stages(line, design)
     total = np.zeros((size, size))
@@ -171,7 +171,8 @@ def _with_noise(noise: Model, line: Line, design: Design, *, density: float, dia
 
 
 def _stages(line: Line, design: Design) -> NDArray[np.int64]:
-    """Spacing 2^stage of the lags for each level with coarser ones (J,); −1 if the spectral density is used."""
+    """Return the exponents of the spacing 2^stage of the lags for each level with coarser ones (J,); −1 if the spectral
+    density is used."""
     if design.transform == "dwt":
         return design.levels - 1
     stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
@@ -182,7 +183,7 @@ def _stages(line: Line, design: Design) -> NDArray[np.int64]:
 
 
 def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
-    """Spectral density S (u² per cycle per sample) of the noise at frequencies that are not 0."""
+    """Compute the spectral density S (u² per cycle per sample) of the noise at frequencies that are not 0."""
     total = np.zeros(len(cycles))
     for process in noise.processes:
         if process.scale == 0:
@@ -201,7 +202,8 @@ def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
 def _summed_density(
     kind: type[Process], nonlinear: tuple[float, ...], cycles: float, *, samples: int, rate: float
 ) -> float:
-    """S at scale 1: Σ_m c(m) cos ωm / |1 − e^(iω)|², c(m) = 2A(m) − A(m − 1) − A(m + 1), covariance of differences."""
+    """Compute S at scale 1: Σ_m c(m) cos ωm / |1 − e^(iω)|², with c(m) = 2A(m) − A(m − 1) − A(m + 1) the covariance of
+    differences."""
     known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
     difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))

@@ -1,4 +1,4 @@
-"""The most likely mixture of all processes under a wavelet variance: a smooth curve for levels with large scatter.
+"""The most likely mixture of all processes for a wavelet variance: a smooth curve for levels with large scatter.
 
 A level with one degree of freedom can be a thousand times smaller than its mean, and its weight 1/ν̂⁴ would then decide
 a whole fit. The curve here is the mixture of all processes at many correlation times with the largest chi-square
@@ -20,17 +20,17 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 PRIOR = 30.0
-"""Degrees of freedom of the smooth curve when it is averaged with a level. Pinned by
-tests/estimation/test_weights.py: a level with one coefficient does not decide a fit."""
+"""Degrees of freedom of the smooth curve when it is averaged with a level. Pinned by tests/estimation/test_weights.py:
+a level with one coefficient does not determine a fit."""
 _PLACES = 48
 _ROUNDS = 30
 _SETTLED = 1e-3
-"""Bound on the iterations, and relative change that ends them. The curve only gives weights, which need two digits;
-tests/estimation/test_weights.py pins the fits that follow from it."""
+"""Largest number of iterations, and relative change that ends them. The curve is used only for weights, which need two
+digits; tests/estimation/test_weights.py pins the fits that follow from it."""
 
 
 def smoothed(wv: WaveletVariance) -> Vector:
-    """Average of data and smooth curve ν̃²: ν̄² = (η ν̂² + 30 ν̃²)/(η + 30), with η the degrees of freedom.
+    """Compute the average of data and smooth curve ν̃²: ν̄² = (η ν̂² + 30 ν̃²)/(η + 30), with η the degrees of freedom.
 
     A wavelet variance with a level of zero variance is not changed.
     """
@@ -45,14 +45,15 @@ def smoothed(wv: WaveletVariance) -> Vector:
 
 
 def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
-    """Average of each level with the curve, which has `PRIOR` degrees of freedom."""
+    """Average each level with the curve, which has `PRIOR` degrees of freedom."""
     return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
 
 
 def mixture(
     variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf, random: bool = False
 ) -> tuple[Vector, Model]:
-    """The smooth curve (J,) of positive variances (J,) with degrees of freedom (J,), and the mixture as a model.
+    """Compute the smooth curve (J,) of positive variances (J,) with degrees of freedom (J,), and the mixture as a
+    model.
 
     The mixture has only processes whose covariance is known. With `within`, it has no drift, and no process with a
     correlation time (s) above `within`, apart from random walks and flicker noise. If `random`, it has no drift and no
@@ -73,7 +74,7 @@ def mixture(
 def _known(
     levels: tuple[int, ...], samples: int, *, rate: float, filter: WaveletFilter, within: float
 ) -> tuple[int, ...]:
-    """Places of the candidates whose covariance is known, up to a correlation time."""
+    """Return the indices of the candidates whose covariance is known, up to a correlation time."""
     processes, _ = _candidates(levels, samples, rate, filter)
     return tuple(
         k for k, process in enumerate(processes)
@@ -82,19 +83,21 @@ def _known(
 
 
 def _is_random(process: Process) -> bool:
-    """Whether a process is neither a drift nor a sinusoid, and a sum of two such mixtures is one again."""
+    """Return whether a process is neither a drift nor a sinusoid. A sum of two mixtures of such processes is also a
+    mixture."""
     closed = process.repeatable or not process.nonlinear_parameters()
     return closed and process.line(1.0) is None and not np.any(process.mean(np.arange(2)))
 
 
 def _short(process: Process, rate: float, within: float) -> bool:
-    """Whether a process has mean zero, and a correlation time of at most `within` (s), an infinite one or none."""
+    """Return whether a process has mean zero, and a correlation time of at most `within` (s), an infinite one or
+    none."""
     time = process.correlation_time(rate)
     return not np.any(process.mean(np.arange(2))) and (time is None or time <= within or time == np.inf)
 
 
 def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vector, Vector]:
-    """The most likely curve (J,), and the weights of the shapes (n, J) whose sum it is."""
+    """Return the most likely curve (J,), and the weights of the shapes (n, J) whose sum it is."""
     # No wavelet variance falls much faster than quantization noise, by a factor of four from level to level.
     curve = observed.copy()
     for k in range(1, curve.size):
@@ -117,7 +120,7 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
 def _candidates(
     levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
 ) -> tuple[tuple[Process, ...], Matrix]:
-    """All processes at unit scale, searched ones at many correlation times, and their wavelet variances."""
+    """Return all processes at unit scale, searched ones at many correlation times, and their wavelet variances."""
     number = np.asarray(levels, dtype=np.int64)
     kinds: dict[str, type[Process]] = {}
     for kind in registry.values():

@@ -21,7 +21,8 @@ _MEDIAN_EFFICIENCY = 0.3675
 
 
 def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
-    """Standard errors of log(classical / robust) at the levels that are `tested`, in noise with the robust variance.
+    """Compute standard errors of log(classical / robust) at the levels that are `tested`, in noise with the robust
+    variance.
 
     Parameters
     ----------
@@ -59,7 +60,8 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
 
 
 def ratio_law(place: Vector, error: Vector, efficiency: float) -> tuple[Vector, Vector]:
-    """Gamma approximation of the distribution of the ratio, with its skewness: shape k and argument for `gammaincc`.
+    """Approximate the distribution of the ratio by a gamma distribution with its skewness: shape k and argument for
+    `gammaincc`.
 
     log(classical / robust) / error is distributed approximately as (G − k) / √k, with G gamma-distributed with shape k.
     `gammaincc` of the two results is the probability of a larger ratio. `place` is in standard errors from 0.

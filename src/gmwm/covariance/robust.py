@@ -13,11 +13,11 @@ from gmwm.variance.biweight import biweight
 HIGHEST = 16
 """Order of the last Hermite polynomial; tests/covariance/test_sums.py pins the weights."""
 _TAIL = 12.0
-"""Standard deviations beyond the cut-off at which a Gaussian density is negligible: e^(−72)."""
+"""Number of standard deviations beyond the cut-off at which a Gaussian density is negligible: e^(−72)."""
 
 
 def hermite_weights(efficiency: float) -> Vector:
-    """Weights c_2, c_4, …, c_16 of the Hermite expansion of the robust estimate.
+    """Return the weights c_2, c_4, …, c_16 of the Hermite expansion of the robust estimate.
 
         Cov(ν̂_j², ν̂_k²) = ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ_jk(u)^q / (M_j M_k)
 
@@ -50,7 +50,8 @@ def _weights(efficiency: float) -> Vector:
 
 @lru_cache(maxsize=64)
 def ratio_skewness(efficiency: float) -> float:
-    """Skewness of log(ν̂²/ν̃²), classical over robust, for uncorrelated Gaussian coefficients, per standard deviation.
+    """Compute the skewness of log(ν̂²/ν̃²), classical over robust, for uncorrelated Gaussian coefficients, per standard
+    deviation.
 
     To second order in means over the M coefficients r = W/ν, with b the coefficient b_2 of `hermite_weights`,
 

@@ -11,13 +11,14 @@ from gmwm._arrays import Matrix
 from gmwm.covariance.design import Design
 
 EXACT = 64
-"""Largest number of different lengths that are computed one by one; with more, lengths are interpolated."""
+"""Largest number of different lengths that are computed individually; with more lengths, results are interpolated."""
 _OCTAVE = 8
-"""Nodes of the interpolation in an octave of length: an error of at most 1 % (tests/covariance/test_segments.py)."""
+"""Number of nodes of the interpolation per octave of length: an error of at most 1 %
+(tests/covariance/test_segments.py)."""
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
-    """Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s (J, J) of single segments, or from its diagonal (J,).
+    """Compute Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s (J, J) of single segments, or from the diagonals (J,).
 
     Segments count as independent. Segments of the same length have the same V_s.
     """
@@ -40,7 +41,7 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 
 
 def _lengths(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
-    """Lengths, and the number of segments that each represents.
+    """Yield lengths, and the number of segments that each represents.
 
     M² V is a convex function of the length, and nearly linear beyond a few scales. A segment between two nodes
     therefore counts as a part of each.

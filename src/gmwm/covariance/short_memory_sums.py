@@ -1,4 +1,4 @@
-"""Sums over lags for a process of known shape and short memory beside others, from few nodes.
+"""Sums over lags for a process of known shape and short memory combined with other processes, from few nodes.
 
 Near a kink, the autocovariance of such a process is a table, and every lag within its memory is a term of the sum: a
 million of them for 19 levels and a memory of a thousand samples. The sum of squares of a model is
@@ -29,10 +29,10 @@ from gmwm.processes.base import Process
 from gmwm.processes.haar_covariance import LagGrid
 
 ORDER = 16
-"""Nodes of an interval [d, 2d]: the relative error of the interpolant of a function with a singularity at 0 is
-5.8⁻¹⁶ = 6e-13 (Trefethen 2013, Approximation Theory and Approximation Practice, chapter 8)."""
+"""Number of nodes of an interval [d, 2d]: the relative error of the interpolant of a function with a singularity at 0
+is 5.8⁻¹⁶ = 6e-13 (Trefethen 2013, Approximation Theory and Approximation Practice, chapter 8)."""
 EVERY_RATE = (2.0**-964, 2.0)
-"""Range of the decay rates of the other processes, per sample: any."""
+"""Range of the decay rates of the other processes, per sample, in which the sums are valid: all rates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class ShapeSums:
     known: dict[Any, Vector] = field(default_factory=dict)
 
     def mixed(self, others: Sequence[Process], rate: float) -> Vector:
-        """Σ n C D (pairs,) with D the covariance of other processes."""
+        """Compute Σ n C D (pairs,) with D the covariance of other processes."""
         total, moving = np.zeros(self.starts.size), np.zeros(self.weight.size)
         for process in others:
             if not has_fixed_shape(process):
@@ -81,12 +81,12 @@ class ShapeSums:
 
 
 def has_fixed_shape(process: Process) -> bool:
-    """Whether every parameter that changes the shape of the process is fixed."""
+    """Return whether every parameter that changes the shape of the process is fixed."""
     return all(process.is_fixed(p.name) for p in process.nonlinear_parameters())
 
 
 def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums | None:
-    """The sums of a process whose shape is fixed, for the levels of a design or more; None on the first call.
+    """Return the sums of a process whose shape is fixed, for the levels of a design or more; None on the first call.
 
     Models with the same process share them. They take longer than one covariance, so the second call computes them.
     """
@@ -107,7 +107,8 @@ def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums
 def _places(
     kind: type[Process], nonlinear: tuple[float, ...], samples: int, *, rate: float, diagonal: bool
 ) -> list[ShapeSums | None]:
-    """A place for the sums of a process: those of the first levels are the first of the sums of more levels."""
+    """Return the cache entry for the sums of a process. The sums of the first levels are part of the sums of more
+    levels."""
     return []
 
 
@@ -148,7 +149,7 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
 
 
 def _pieces(lag: Vector, fine: Vector, coarse: Vector, starts: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """First node and number of nodes of the intervals, in order; nodes that are no neighbours stay single."""
+    """Return first node and number of nodes of the intervals, in order; nodes without neighbours stay single."""
     ends = np.append(starts[1:], lag.size)
     kinks = []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
@@ -172,7 +173,7 @@ def _pieces(lag: Vector, fine: Vector, coarse: Vector, starts: NDArray[np.int64]
 
 
 def _doubled(begin: int, end: int, left: bool, right: bool) -> list[tuple[int, int]]:
-    """Intervals whose lengths double with the distance from the kinks at one or both ends."""
+    """Return intervals whose lengths double with the distance from the kinks at one or both ends."""
     if end - begin <= ORDER:
         return [(begin, end - begin)]
     if left and right:
@@ -190,7 +191,7 @@ def _doubled(begin: int, end: int, left: bool, right: bool) -> list[tuple[int, i
 
 @lru_cache(maxsize=4096)
 def _interpolation(length: int) -> tuple[Vector, Matrix]:
-    """Chebyshev nodes among 0 … length − 1, and the interpolation weights (length, ORDER) of each integer."""
+    """Return Chebyshev nodes among 0 … length − 1, and the interpolation weights (length, ORDER) of each integer."""
     angle = (np.arange(ORDER) + 0.5) * math.pi / ORDER
     x = np.cos(angle)
     sign = np.where(np.arange(ORDER) % 2, -1.0, 1.0) * np.sin(angle)

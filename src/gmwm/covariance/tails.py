@@ -1,4 +1,4 @@
-"""Covariance of the wavelet variance beyond that of a Gaussian signal: from heavy tails, and from a varying variance.
+"""Covariance of the wavelet variance in addition to a Gaussian signal: from heavy tails, and from a varying variance.
 
 Squared coefficients of all levels rise together where the tails of the noise are heavy, or where its variance is large.
 This adds a common factor to the estimates: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k² with E = c l lᵀ. For independent
@@ -26,27 +26,27 @@ from gmwm.variance.panels import LEAST, Panels
 from gmwm.variance.result import WaveletVariance
 
 BLOCK = 128
-"""Samples of the shortest blocks."""
+"""Number of samples of the shortest blocks."""
 FINE = 8
-"""Blocks are at least so many scales long: shorter ones cut the correlation of the coefficients."""
+"""Smallest length of a block, in scales. Shorter blocks cut the correlation of the coefficients."""
 MOST_LEVELS = 12
-"""Levels whose covariance is measured, at most."""
+"""Largest number of levels whose covariance is measured."""
 FEWEST = 24
-"""Fewest blocks from which a covariance is measured."""
+"""Smallest number of blocks from which a covariance is measured."""
 CHANCE = 3.5
-"""Standard errors by which λ exceeds 1. As the numbers above and below, pinned by tests/covariance/test_tails.py and
-docs/validation/tails.md."""
+"""Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
+docs/validation/tails.md, as are the other constants here."""
 ENDS = 0.05
-"""What the ends of blocks change in λ, at most."""
+"""Largest change of λ that the ends of blocks cause."""
 MATERIAL = 0.05
-"""Smallest share of the Gaussian variance of a level: a standard error changes by 2.5 %. Smaller ones come from levels
-of a low-pass filtered signal that are nearly equal."""
+"""Smallest additional variance of a level that matters, relative to the Gaussian one: a standard error changes by 2.5
+%. Smaller values come from levels of a low-pass filtered signal that are nearly equal."""
 AGREEMENT = 0.1
-"""Largest relative difference of the curve that follows from the spectral density and the measured one."""
+"""Largest relative difference between the curve computed from the spectral density and the measured one."""
 NEARLY = 0.98
-"""Share of the best fit from which on the smallest J is taken."""
+"""Quality of the fit, relative to the best one, at which the smallest J is used."""
 _SEGMENT = 8192
-"""Longest segment (samples) of the spectral density."""
+"""Longest segment (samples) for the spectral density."""
 
 
 class TailSums:
@@ -77,7 +77,8 @@ class TailSums:
             self._add(panel)
 
     def excess(self, wv: WaveletVariance) -> Matrix | None:
-        """The matrix E (J, J) for the levels of a classical wavelet variance of all samples; None if it is zero."""
+        """Return the matrix E (J, J) for the levels of a classical wavelet variance of all samples; None if it is
+        zero."""
         self.gap()
         if not self._power or not np.all(wv.variance > 0):
             return None
@@ -124,7 +125,7 @@ class TailSums:
         self._power[length] = number + more, power + part
 
     def _covariances(self) -> list[tuple[int, Vector, Matrix]]:
-        """Length, number and covariance of blocks, from short to long ones."""
+        """Return length, number and covariance of blocks, from short to long ones."""
         out = []
         number = np.maximum(self._number, 1.0)
         for size in range(self._sum.shape[0]):
@@ -141,7 +142,7 @@ class TailSums:
 
 
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
-    """Estimate the relative covariance E of a wavelet variance beyond that of a Gaussian signal.
+    """Estimate the relative covariance E of a wavelet variance that exceeds the covariance of a Gaussian signal.
 
     Parameters
     ----------
@@ -170,13 +171,13 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
 
 
 def _shapes(wv: WaveletVariance) -> Matrix:
-    """Possible loadings (J, J): 1 up to a level, then the share that white noise has in the curve."""
+    """Return possible loadings (J, J): 1 up to a level, then the share of white noise in the curve."""
     density = wv.variance * 2.0**wv.levels
     return np.where(wv.levels[:, None] >= wv.levels, 1.0, np.minimum(density[:, None] / density, 1.0))
 
 
 def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[Vector, float]:
-    """The common factor of all levels, √c l, and the ratio λ of both covariances along it.
+    """Return the common factor of all levels, √c l, and the ratio λ of both covariances along it.
 
     For relative = G + c l lᵀ, the mean with the weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights are l_j / G_jj,
     not G⁻¹ l, which has differences of nearly equal levels that depend on the ends of the blocks.
@@ -192,7 +193,7 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
 
 
 def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
-    """Mean squares of the coefficients that begin in each of the first blocks of a panel (count, levels)."""
+    """Compute mean squares of the coefficients that begin in each of the first blocks of a panel (count, levels)."""
     path = _core.running_sum(panel)
     y = np.empty((count, levels))
     for k in range(levels):
@@ -208,7 +209,8 @@ def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
 
 
 def _power(panel: Vector, length: int) -> tuple[float, Vector]:
-    """Number of segments, and sum of their spectral densities, with a Hann window and an overlap of one half."""
+    """Return the number of segments, and the sum of their spectral densities, with a Hann window and an overlap of one
+    half."""
     window = np.hanning(length + 1)[:-1]
     window /= np.sqrt(np.sum(window**2))
     windows = np.lib.stride_tricks.sliding_window_view(panel, length)[:: length // 2]
@@ -220,7 +222,8 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
 
 
 def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
-    """N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of a Gaussian signal with a spectral density, and ν_j², for resolved levels."""
+    """Compute N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of a Gaussian signal with a spectral density, and ν_j², for resolved
+    levels."""
     levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
     frequency = np.arange(1, power.size) / length
     half = np.ldexp(1.0, np.arange(levels))[:, None]
@@ -236,7 +239,7 @@ def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector
 
 
 def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, WaveletVariance]:
-    """The curves of recordings of the same noise, all with the covariance E if one shows it.
+    """Return the curves of recordings of the same noise, all with the covariance E if one of them shows it.
 
     A recording that is too short to show heavy tails gets E of the longest recording that shows them, scaled to its own
     length.

@@ -1,4 +1,5 @@
-"""Outliers in a recording: a test for them, and what tells knocks and wrong samples from noise with heavy tails."""
+"""Outliers in a recording: a test for them, and a search that separates knocks and wrong samples from heavy-tailed
+noise."""
 
 from gmwm.outliers.bursts import MATERIAL, Bursts, find_bursts
 from gmwm.outliers.cleaning import Cleaned, cleaned

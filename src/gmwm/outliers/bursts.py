@@ -25,27 +25,31 @@ from gmwm.signals import Signal
 from gmwm.variance.panels import Panels, panel_length
 
 LARGE = 5.0
-"""Local standard deviations of a large coefficient. As the next four, pinned by docs/validation/tails.md."""
+"""Size from which a coefficient is large, in local standard deviations. Pinned by docs/validation/tails.md, as are the
+next four constants."""
 FEWEST = 5
-"""Fewest large coefficients of a burst."""
+"""Smallest number of large coefficients in a burst."""
 HUGE, FEW = 20.0, 3
-"""Fewest large coefficients of a burst of which one is huge, and what huge is (local standard deviations)."""
+"""Size from which a coefficient is huge, in local standard deviations, and smallest number of large coefficients in a
+burst with a huge one."""
 APART = 8
 """Largest distance of two neighbouring large coefficients of a burst, in half scales."""
 MATERIAL = 0.01
-"""Share of the classical variance from which on bursts matter: a standard deviation changes by 0.5 %."""
+"""Share of the classical variance from which bursts matter: a standard deviation changes by 0.5 %."""
 RARE = 0.15
-"""Largest share of the time in bursts. What lasts longer is a state of the sensor, not a disturbance."""
+"""Largest share of the time in bursts. A longer change is a state of the sensor, not a disturbance."""
 LONGEST = 10.0
-"""Longest scale (s) at which bursts are looked for: longer, a warm-up looks the same."""
+"""Longest scale (s) at which bursts are searched: at longer scales, a warm-up looks the same."""
 NEIGHBOURHOOD = 60.0
 """Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
 _SMALL, _FALSE = 3.5, 1e-4
-"""Smallest large coefficient (local standard deviations), and false bursts in a panel, for small bursts."""
+"""For small bursts: size from which a coefficient is large (local standard deviations), and expected false bursts in a
+panel."""
 _ALONE, _BESIDE = 1.5, 32
-"""Largest spread of the noise beside a small burst, in local standard deviations, and fewest coefficients of it."""
+"""For small bursts: largest spread of the noise next to the burst, in local standard deviations, and smallest number of
+coefficients for it."""
 _PIECES = 64
-"""Fewest coefficients of a local standard deviation; its relative error is about 15 %."""
+"""Smallest number of coefficients for a local standard deviation; its relative error is about 15 %."""
 Indices = NDArray[np.int64]
 Ranges = NDArray[np.int64]
 _QUARTILE = 0.6744897501960817
@@ -80,22 +84,22 @@ class Bursts:
 
     @property
     def material(self) -> NDArray[np.bool_]:
-        """Levels whose variance rare bursts raise (L,)."""
+        """Levels whose variance is increased by rare bursts (L,)."""
         return np.asarray((self.energy >= MATERIAL) & (self.time <= RARE))
 
     @property
     def found(self) -> bool:
-        """Whether rare bursts raise the variance of a level."""
+        """Whether rare bursts increase the variance of a level."""
         return bool(np.any(self.material))
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields as plain numbers and lists, ready for JSON."""
+        """Return all fields as plain numbers and lists, ready for JSON."""
         arrays = {name: getattr(self, name).tolist() for name in ("tau", "energy", "time")}
         return {**arrays, "count": self.count}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Bursts:
-        """The result whose `to_dict` gave `values`."""
+        """Restore a result from `values`, the output of `to_dict`."""
         arrays = {name: np.array(values[name], dtype=np.float64) for name in ("tau", "energy", "time")}
         return cls(**arrays, count=int(values["count"]))
 
@@ -129,7 +133,7 @@ class BurstFinder:
             self._add(panel)
 
     def result(self) -> Bursts:
-        """The bursts of all samples."""
+        """Return the bursts of all samples."""
         self.gap()
         squares, within, count, occupied, bursts = self._sums
         reach = int(np.count_nonzero(count >= _PIECES / 2))
@@ -185,7 +189,7 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
 
 
 def burst_ranges(values: Vector, rate: float, step: float, *, small: bool = False) -> Ranges:
-    """Index ranges (k, 2) of the samples in bursts, in order and apart from each other; see `find_bursts`.
+    """Return index ranges (k, 2) of the samples in bursts, ordered and without overlap; see `find_bursts`.
 
     A burst at a level is left out if it overlaps one of a finer level, where its place is known better.
 
@@ -212,13 +216,14 @@ def burst_ranges(values: Vector, rate: float, step: float, *, small: bool = Fals
 
 
 def _levels(rate: float) -> int:
-    """Number of levels at which bursts are looked for."""
+    """Return the number of levels at which bursts are searched."""
     reach = int(np.floor(np.log2(max(LONGEST * rate, 2.0))))
     return min(reach, int(np.log2(panel_length(rate) // _PIECES)))
 
 
 class _Found(NamedTuple):
-    """Bursts of one level of a panel: the first and the last large coefficient of each, and their squares."""
+    """Bursts of one level of a panel: the first and the last large coefficient of each, and the squares of its
+    coefficients."""
 
     first: Indices
     last: Indices
@@ -231,7 +236,7 @@ _NO_BURSTS = _Found(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np
 def _of_levels(
     panel: Vector, levels: int, rate: float, step: float, *, small: bool = False
 ) -> Iterator[tuple[int, Vector, _Found]]:
-    """The coefficients of a panel at each level, half a scale apart, and their bursts."""
+    """Yield the coefficients of a panel at each level, half a scale apart, and their bursts."""
     path = _core.running_sum(panel)
     for k in range(levels):
         w = np.diff(np.diff(path))
@@ -244,7 +249,7 @@ def _of_levels(
 
 
 def _bursts(w: Vector, piece: int, least: float, small: bool) -> _Found:
-    """The bursts among the coefficients of one level of a panel."""
+    """Return the bursts among the coefficients of one level of a panel."""
     size = np.abs(w)
     spread = np.maximum(_local_spread(size, piece), least)
     if not spread.min() > 0:
@@ -271,7 +276,7 @@ def _bursts(w: Vector, piece: int, least: float, small: bool) -> _Found:
 
 
 def _is_alone(size: Vector, first: int, last: int, limit: Vector) -> bool:
-    """Whether the noise beside a burst is not larger than usual. Where the variance varies, it is."""
+    """Return whether the noise next to a burst is not larger than usual. If the variance varies, it is larger."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)
     beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
@@ -280,7 +285,7 @@ def _is_alone(size: Vector, first: int, last: int, limit: Vector) -> bool:
 
 
 def _local_spread(size: Vector, piece: int) -> Vector:
-    """Standard deviation of each piece, from the median of |w|; at least the median of all pieces."""
+    """Return the standard deviation of each piece, from the median of |w|; at least the median of all pieces."""
     whole = size.size // piece
     if whole < 2:
         return np.array([float(np.median(size)) / _QUARTILE])

@@ -1,4 +1,4 @@
-"""Replace what is certainly wrong in the samples of a sensor at rest: isolated samples and knocks."""
+"""Replace samples of a sensor at rest that are certainly wrong: isolated samples and knocks."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from gmwm.time_base import times_of
 from gmwm.variance.panels import panel_length
 
 MARGIN, LEAST = 1.0, 8
-"""Length of what is replaced before and after the samples in which a knock is seen, in their length and in samples at
-least: it is weak there. As all constants here, measured in tests/outliers/test_cleaning.py."""
+"""Margin that is replaced before and after a knock, where it is too weak to be detected: in lengths of the knock, and
+the smallest number of samples. All constants here are measured in tests/outliers/test_cleaning.py."""
 LONGEST = 30.0
-"""Longest time (s) that is replaced, with what is before and after the knock."""
+"""Longest time (s) that is replaced, including the margins of the knock."""
 MOST = 0.1
-"""Largest share of the samples that is replaced. What lasts longer is a state of the sensor, not a disturbance."""
+"""Largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance."""
 _PASSES = 6
-"""Searches, each after the knocks that the one before found are replaced: the weak end of a knock is found last."""
+"""Number of searches. Each follows the replacement of the knocks found before: the weak end of a knock is found
+last."""
 _BESIDE = 32
-"""Fewest samples beside a knock from which its place is filled during the search."""
+"""Smallest number of samples next to a knock from which its place is filled during the search."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +93,7 @@ def cleaned(x: Signal) -> Cleaned:
 
 
 def _knocks(values: Vector, rate: float) -> Ranges:
-    """Index ranges of the knocks."""
+    """Return the index ranges of the knocks."""
     step, length = lsb(values) or 0.0, panel_length(rate)
     found = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
     ranges = _joined(np.concatenate(found))
@@ -101,7 +102,7 @@ def _knocks(values: Vector, rate: float) -> Ranges:
 
 
 def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
-    """Index ranges of the knocks in consecutive samples, all of which are searched together."""
+    """Return the index ranges of the knocks in consecutive samples, all of which are searched together."""
     clean, ranges = values, np.empty((0, 2), dtype=np.int64)
     for small in [False, True]:
         for _ in range(_PASSES):
@@ -114,7 +115,7 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
 
 
 def _mirrored(values: Vector, ranges: Ranges) -> Vector:
-    """The values with the samples of each range replaced by the ones beside it, about a straight line.
+    """Replace the samples of each range by the samples next to it, mirrored about a straight line.
 
     This is enough to search for the weak part of a knock.
     """
@@ -133,7 +134,7 @@ def _mirrored(values: Vector, ranges: Ranges) -> Vector:
 
 
 def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
-    """Which of so many samples are outside of all ranges."""
+    """Return which of `size` samples are outside all ranges."""
     outside = np.ones(size, dtype=np.bool_)
     for first, last in ranges.tolist():
         outside[first:last] = False
@@ -141,14 +142,14 @@ def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
 
 
 def _widened(ranges: Ranges, size: int) -> Ranges:
-    """The ranges with the begin and the end of each knock, where it is weak."""
+    """Add the margins of each knock, where it is weak, to the ranges."""
     margin = np.maximum(LEAST, np.ceil(MARGIN * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
     first, last = ranges[:, 0] - margin, ranges[:, 1] + margin
     return np.stack([np.maximum(first, 0), np.minimum(last, size)], axis=1)
 
 
 def _joined(ranges: Ranges) -> Ranges:
-    """The union of the ranges, in order."""
+    """Return the union of the ranges, in order."""
     if not ranges.size:
         return ranges
     ranges = ranges[np.argsort(ranges[:, 0])]

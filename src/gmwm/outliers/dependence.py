@@ -1,4 +1,5 @@
-"""Whether a robust wavelet variance depends on its efficiency by more than chance: too many outliers for it."""
+"""Test whether a robust wavelet variance depends on its efficiency by more than chance. This shows too many outliers
+for it."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from gmwm.outliers.ratio_test import Verdict
 
 LOW, HIGH = 0.6, 0.9
-"""Efficiencies that are compared: the default, and one that tolerates more and larger outliers."""
+"""Efficiencies that are compared: the default, and one that tolerates fewer and smaller outliers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,17 +40,17 @@ class Dependence:
     other_value: float
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields as plain numbers, ready for JSON."""
+        """Return all fields as plain numbers, ready for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Dependence:
-        """The result whose `to_dict` gave `values`."""
+        """Restore a result from `values`, the output of `to_dict`."""
         return cls(**{name: float(value) for name, value in values.items()})
 
 
 def other_efficiency(efficiency: float) -> float:
-    """The efficiency with which a robust curve is compared.
+    """Return the efficiency of the robust curve for the comparison.
 
     >>> other_efficiency(0.6), other_efficiency(0.95)
     (0.9, 0.6)
@@ -58,7 +59,8 @@ def other_efficiency(efficiency: float) -> float:
 
 
 def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict) -> Dependence | None:
-    """The level at which two robust curves of a recording differ most, if chance does not explain it; else None.
+    """Return the level at which two robust curves of a recording differ most, if this is more than chance; otherwise
+    None.
 
     Both curves are expansions in the same Hermite polynomials, so that log(ν̃²/ν̃'²) has at most the variance of the
     ratio of the classical curve to the less efficient of the two. A difference of 1 % is tolerated.

@@ -27,10 +27,10 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 HUGE = 10.0
-"""Excess from which on text states it as a factor instead of a percentage."""
+"""Excess from which messages state it as a factor instead of a percentage."""
 LEAST_FREEDOM = 30.0
-"""Levels with at most this many degrees of freedom M_j / 2^j are not tested: the tail of the distribution of the ratio
-is not known well enough there (docs/validation/contamination-test.md)."""
+"""Degrees of freedom M_j / 2^j up to which a level is not tested: the tail of the distribution of the ratio is not
+known well enough (docs/validation/contamination-test.md)."""
 COARSE, COARSEST = 0.4, 0.54
 """Shares of zero coefficients above which a level, or every level, is not tested.
 
@@ -40,7 +40,7 @@ second share, this holds for every level, because the mean drifts from step to s
 are in docs/validation/contamination-test.md.
 """
 TOLERANCE = 0.02
-"""Default of the excess that is not an outlier."""
+"""Default of the relative excess that is not reported as outliers."""
 FELT = 4
 """Number of levels, from a coarse level on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
@@ -122,7 +122,8 @@ class Verdict(Summarised):
 
     @property
     def heavy_tailed(self) -> bool:
-        """Whether it exceeds the robust one although there are no outliers: the noise has heavy or varying tails."""
+        """Whether the classical curve exceeds the robust one although there are no outliers: the noise has heavy or
+        varying tails."""
         return self.exceeds and not self.contaminated
 
     @property
@@ -134,7 +135,8 @@ class Verdict(Summarised):
 
     @property
     def lighter(self) -> NDArray[np.bool_]:
-        """Levels whose robust variance exceeds the classical one by more than chance, from a drift or rounding (J,)."""
+        """Levels whose robust variance exceeds the classical one by more than chance, because of a drift or rounding
+        (J,)."""
         from scipy.special import gammainc
 
         place = np.log1p(np.nan_to_num(self.excess)) + np.log1p(self.tolerance)
@@ -144,7 +146,7 @@ class Verdict(Summarised):
 
     @property
     def _share(self) -> float:
-        """The size of the test of each level."""
+        """Level of significance of the test at each scale."""
         return self.size / (self.comparisons * max(int(np.count_nonzero(self.tested)), 1))
 
     @property
@@ -199,7 +201,7 @@ class Verdict(Summarised):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
-        """The verdict whose `to_dict` gave `values`."""
+        """Restore a verdict from `values`, the output of `to_dict`."""
         arrays: dict[str, Any] = {
             name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"
         }
@@ -358,7 +360,7 @@ def _is_pair(x: Any) -> bool:
 
 
 def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVariance, WaveletVariance]:
-    """The classical and the robust wavelet variance of the recording."""
+    """Return the classical and the robust wavelet variance of the recording."""
     pair = _is_pair(x)
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
@@ -390,7 +392,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
 
 
 def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
-    """Levels that are not tested, with the reason."""
+    """Return the levels that are not tested, with the reason."""
     freedom = Design.of(robust).degrees_of_freedom
     found = robust.diagnostics.get("robust", {})
     outcomes = found.get("outcome", ["root"] * len(robust))
@@ -409,7 +411,7 @@ def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
 
 
 def _ruled_by_steps(zeros: Vector) -> NDArray[np.bool_]:
-    """Levels whose ratio depends on the quantization steps, from the share of zeros at each level."""
+    """Return the levels whose ratio depends on the quantization steps, from the share of zeros at each level."""
     if np.max(zeros) > COARSEST:
         return np.ones(zeros.size, dtype=np.bool_)
     ruled = np.zeros(zeros.size, dtype=np.bool_)
@@ -419,7 +421,7 @@ def _ruled_by_steps(zeros: Vector) -> NDArray[np.bool_]:
 
 
 def excess_text(excess: float) -> str:
-    """By how much the classical variance exceeds the robust one: in per cent, or as a factor if it is large.
+    """Format the excess of the classical over the robust variance: in per cent, or as a factor if it is large.
 
     >>> excess_text(0.14), excess_text(20.0)
     ('by 14 %', 'by a factor of 21')

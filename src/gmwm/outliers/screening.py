@@ -1,4 +1,4 @@
-"""Screen the samples of one axis: bursts, isolated wrong samples, and covariance from heavy tails, in one pass."""
+"""Screen the samples of one axis in one pass: bursts, isolated wrong samples, and the covariance from heavy tails."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gmwm.signals import Signal
 
 @dataclass(frozen=True, kw_only=True)
 class Replaced:
-    """What was replaced in the samples of one axis before they were measured.
+    """Samples of one axis that were replaced before the measurement.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Replaced:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields as plain numbers and lists, ready for JSON."""
+        """Return all fields as plain numbers and lists, ready for JSON."""
         return {
             "spikes": self.spikes,
             "largest": self.largest,
@@ -54,7 +54,7 @@ class Replaced:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Replaced:
-        """What `to_dict` gave."""
+        """Restore the result from `values`, the output of `to_dict`."""
         knocks = tuple((float(start), float(stop)) for start, stop in values["knocks"])
         return cls(
             spikes=int(values["spikes"]), largest=values["largest"], knocks=knocks, in_knocks=int(values["in_knocks"])
@@ -66,7 +66,7 @@ NOTHING_REPLACED = Replaced()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screen:
-    """What the samples of one axis say beyond their wavelet variances.
+    """Statistics of the samples of one axis in addition to their wavelet variances.
 
     Attributes
     ----------
@@ -112,14 +112,14 @@ class Screening:
         self._tails.gap()
 
     def result(self, *, spikes: int = 0, largest: float = 0.0, replaced: Replaced = NOTHING_REPLACED) -> Screen:
-        """The screen of all samples, with the isolated wrong samples that were found beside it."""
+        """Return the screen of all samples, with the isolated wrong samples that were found separately."""
         self.gap()
         bursts = self._bursts.result()
         return Screen(bursts=bursts, spikes=spikes, largest=largest, replaced=replaced, tails=self._tails)
 
 
 def screened(x: Signal) -> Screen:
-    """Screen a signal as it is.
+    """Screen a signal without any replacement.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Find isolated wrong samples (spikes), and replace them by what the other samples predict.
+"""Find isolated wrong samples (spikes), and replace them by samples predicted from the others.
 
 The residual of a sample is its distance from the median of its six neighbours, in local standard deviations. Residuals
 beyond a threshold θ are spikes if three things hold. They are far more than the tails of the rest explain: of N samples
@@ -23,14 +23,15 @@ from gmwm.resolution import lsb
 from gmwm.signals import Signal
 
 APART = 1.5
-"""Ratio of the threshold and the residuals that the spikes are apart from. As all constants here, pinned by
+"""Ratio of the threshold θ to a lower one, between which residuals must be rare. All constants here are pinned by
 docs/validation/tails.md and tests/outliers/test_spikes.py."""
 MORE = 1.6
-"""Largest number of residuals beyond θ / 1.5, in those beyond θ. A tail with an infinite variance has 1.5² = 2.25."""
+"""Largest ratio of the number of residuals beyond θ / 1.5 to the number beyond θ. For a tail with an infinite variance,
+it is 1.5² = 2.25."""
 CERTAIN = 1e-6
-"""Largest probability of so many residuals beyond θ."""
+"""Largest probability, under the bulk, of the number of residuals beyond θ."""
 FALSE = 0.1
-"""Largest share of the rest among the residuals beyond θ. As many of them are kept at random."""
+"""Largest expected share of correct samples among the residuals beyond θ. As many of them are kept at random."""
 LEAST = 4.0
 """Smallest threshold, in local standard deviations."""
 MOST = 0.1
@@ -38,20 +39,20 @@ MOST = 0.1
 RUN = 3
 """Longest run of neighbouring samples that are spikes: an encoder error changes two rates."""
 CROWD, NEAR = 6, 10
-"""Most spikes among the samples up to `NEAR` away. With more, they belong to a knock."""
+"""Largest number of spikes within `NEAR` samples. If there are more, they belong to a knock."""
 CLEAR = 100
 """Distance (samples) from a crowd within which no sample is a spike."""
 _FEW = 12
-"""With fewer spikes, nothing may lie between θ / 2 and θ."""
+"""Number of spikes below which no residual may be between θ / 2 and θ."""
 _TAIL = APART**-3.0
-"""Share of residuals beyond θ / 1.5 that are beyond θ, in a tail with infinite skewness."""
+"""Share of the residuals beyond θ / 1.5 that are beyond θ, in a tail with infinite skewness."""
 _BULK = 50_000
-"""Residuals from which the spread and the tails of the bulk are estimated."""
+"""Number of residuals from which the spread and the tails of the bulk are estimated."""
 _PRECISE = 500_000
-"""Residuals for the same in a recording with spikes: a share of 0.3 % of its samples at 6 standard deviations adds 10 %
-to the variance, and the tails of the bulk must be known better than that."""
+"""The same number for a recording with spikes: a share of 0.3 % of its samples at 6 standard deviations adds 10 % to
+the variance, and the tails of the bulk must be known better than that."""
 _LOWEST = 3.0
-"""Residuals below this are never replaced."""
+"""Smallest residual that can be replaced."""
 _BIN, _NONE = 0.25, 0.005
 _SIDE = np.array([-3, -2, -1, 1, 2, 3])
 _QUARTILE = 0.6744897501960817
@@ -150,7 +151,7 @@ def find_spikes(x: Signal) -> Spikes:
 
 
 def repaired(x: Signal, spikes: Spikes) -> Signal:
-    """Replace spikes by samples that are drawn from their distribution given all others, with a fixed seed.
+    """Replace spikes by samples drawn from their conditional distribution given all other samples, with a fixed seed.
 
     Parameters
     ----------
@@ -190,7 +191,7 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
 
 
 def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
-    """Distance of samples from the median of their neighbours among `others`, three on each side."""
+    """Return the distance of samples from the median of their neighbours among `others`, three on each side."""
     # At an end, the neighbours are the next six.
     centre = np.clip(at, 3, values.size - 4)
     around = others[centre[:, None] + _SIDE]
@@ -202,7 +203,8 @@ def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
 
 
 def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[Vector, int, float, float]:
-    """Local standard deviation of residuals for each block, length of a block, and degrees of freedom of the tails.
+    """Return the local standard deviation of residuals for each block, the length of a block, and the degrees of
+    freedom of the tails.
 
     The first degrees of freedom are a lower limit, the second ones the estimate.
     """
@@ -222,13 +224,14 @@ def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[
 
 
 def _of_each_sample(scale: Vector, length: int, samples: int) -> Vector:
-    """The standard deviation of its block for each sample; the last block has the remaining samples too."""
+    """Return the standard deviation of its block for each sample; the last block also has the remaining samples."""
     begins = np.minimum(np.arange(scale.size) * length, samples)
     return np.repeat(scale, np.diff(np.append(begins, samples)))
 
 
 def _freedom(relative: Vector, errors: float) -> float:
-    """Degrees of freedom of the t distribution with the ratio of the 90 % quantile to the median, plus some errors."""
+    """Return the degrees of freedom of the t distribution with the ratio of the 90 % quantile to the median, plus
+    `errors` standard errors."""
     from scipy.special import stdtrit
 
     grid = np.geomspace(1.0, 1000.0, 200)
@@ -240,7 +243,8 @@ def _freedom(relative: Vector, errors: float) -> float:
 
 
 def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
-    """The smallest θ beyond which residuals are spikes, up to a share of false ones; infinite if there are none."""
+    """Return the smallest θ beyond which residuals are spikes, up to a share of false ones; infinite if there are
+    none."""
     # Not from scipy.stats, whose import takes as long as the spikes of six axes.
     from scipy.special import bdtrc, ndtr, pdtrc
 
@@ -260,14 +264,14 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
 
 
 def _beyond(deviation: Vector, freedom: float) -> Vector:
-    """Probability of a residual of the bulk beyond some deviations."""
+    """Return the probability of a residual of the bulk beyond some deviations."""
     from scipy.special import stdtr, stdtrit
 
     return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / _QUARTILE)))
 
 
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
-    """Residuals beyond the bulk: those that are left are as many as the bulk has.
+    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk.
 
     Near the threshold, spikes cannot be told from the tails of the bulk one by one. In each bin of deviations, a random
     part is chosen, as large as the surplus over the bulk; far beyond, it is all of them. Below the threshold, this goes
@@ -293,7 +297,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
 
 
 def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
-    """Which of the places, in order, are in a crowd or in a long run."""
+    """Return which of the positions, in order, are in a crowd or in a long run."""
     from scipy.special import bdtrc
 
     if not at.size:
@@ -309,13 +313,14 @@ def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
 
 
 def _clear(at: NDArray[np.int64], crowded: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which of the places are far from every crowd."""
+    """Return which of the positions are far from every crowd."""
     close = np.searchsorted(crowded, at + CLEAR, side="right") > np.searchsorted(crowded, at - CLEAR)
     return np.asarray(~close)
 
 
 def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vector) -> NDArray[np.bool_]:
-    """Whether the signal returns: a spike is far from the samples before it and from those after it, a step is not."""
+    """Return whether the signal returns: a spike is far from the samples before and after it, a step only from those
+    before."""
     last = values.size - 1
     steps = np.arange(1, 6)
     before = np.median(filled[np.maximum(at[:, None] - steps, 0)], axis=1)
@@ -325,7 +330,7 @@ def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vecto
 
 
 def _filled(values: Vector, at: NDArray[np.int64]) -> Vector:
-    """The values with those at some places interpolated from all others."""
+    """Interpolate the values at some positions from all others."""
     good = np.ones(values.size, dtype=np.bool_)
     good[at] = False
     filled = values.copy()

@@ -1,4 +1,4 @@
-"""What an axis is regressed on: the option `against`, as text or with arrays."""
+"""The option `against`: the conditions on which an axis is regressed, as text or as arrays."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gmwm.signals import Signal
 AUTO, NONE = "auto", "none"
 TIME, WARM_UP, TEMPERATURE = "time", "warmup", "temperature"
 MOST_DEGREES = 5
-"""Highest degree of a polynomial, as in the drivers that compensate temperature."""
+"""Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation."""
 MOST_KNOTS = 10
 _EXPECTED = "text such as 'temperature:2,lag', 'time:3' or 'warmup', an array, or a mapping of names to arrays"
 _UNITS = {TEMPERATURE: "°C", TIME: "h"}
 
 Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
-"""What `against` can be; see `gmwm.fit`."""
+"""Types that `against` accepts; see `gmwm.fit`."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Term:
 
     @property
     def measured(self) -> bool:
-        """Whether its values come with the recording, and not from the clock."""
+        """Whether the values are part of the recording, and not computed from the clock."""
         return self.name not in (TIME, WARM_UP)
 
     @classmethod
@@ -181,12 +181,12 @@ def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
 
 
 def is_given(asked: Asked) -> bool:
-    """Whether a regression was requested, or gmwm tests for one automatically."""
+    """Return whether a regression was requested, as opposed to a test that gmwm makes automatically."""
     return asked.automatic or bool(asked.terms)
 
 
 def finite_or_none(values: Vector | None) -> Vector | None:
-    """A covariate, or None if it has missing values or does not change."""
+    """Return a covariate, or None if it has missing values or does not change."""
     if values is None or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
         return None
     return values

@@ -21,11 +21,12 @@ from gmwm.variance.biweight import EFFICIENCY
 from gmwm.variance.result import WaveletVariance
 
 FOLLOWS = 0.05
-"""Level of the F test from which an axis follows the temperature."""
+"""Level of the F test below which an axis depends on the temperature."""
 FURTHER = 0.01
-"""Level of the t test from which a further column is used by the automatic choice."""
+"""Level of the t test at which the automatic choice adds a column."""
 _ROUNDS = 4
-"""Rounds of noise, weights and coefficients: the third changes a standard error by less than 1 % (tests/regression)."""
+"""Number of rounds of noise, weights and coefficients: the third changes a standard error by less than 1 %
+(tests/regression)."""
 POINTS = 256
 """Number of parts of the recording whose means are kept for a plot."""
 _TIMES = 24
@@ -72,7 +73,7 @@ def regress_axis(
 
 
 def _extended(found: Regression, means: Vector, covariates: Covariates) -> Regression:
-    """The regression with the further columns of the temperature that are significant."""
+    """Add the further columns of the temperature that are significant."""
     for change in ({"degree": 2}, {"lag": True}, {"degree": 3}):
         term = found.terms[0]
         if change.get("degree") == 3 and term.degree != 2:
@@ -124,7 +125,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Weights and noise that agree with each other."""
+    """Weights and noise after the iteration between them."""
 
     weighted: Weighted
     noise: Noise
@@ -133,7 +134,7 @@ class _Solved:
 
 
 def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
-    """Iterate noise, weights and coefficients, from the raw series."""
+    """Iterate noise, weights and coefficients, starting from the series with all effects."""
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
@@ -167,7 +168,8 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
 
 
 def _time_constant(means: Vector, covariates: Covariates, design: Levelwise, weights: Vector) -> float:
-    """The time constant (s) of the warm-up with the least weighted squares, from a grid and a finer one around it."""
+    """Return the time constant (s) of the warm-up with the smallest weighted sum of squares, from a grid and a finer
+    grid around it."""
     times = covariates.clock.times[design.present]
     span, step = float(times[-1] - times[0]), covariates.clock.length / covariates.clock.rate
     # The other columns and the decay alone; the derivative by the time constant is not part of the profile.
@@ -227,7 +229,8 @@ def restated(
     freedoms: tuple[float, ...],
     freedom: float,
 ) -> Regression:
-    """A regression with other estimates of its coefficients (p,), their covariance (p, p) and degrees of freedom."""
+    """Return a regression with other estimates of its coefficients (p,), their covariance (p, p) and degrees of
+    freedom."""
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
@@ -242,7 +245,7 @@ def restated(
 
 
 def _thinned(values: Vector) -> Vector:
-    """Means of up to `POINTS` consecutive parts of nearly equal length."""
+    """Return the means of up to `POINTS` consecutive parts of nearly equal length."""
     edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 
@@ -254,11 +257,12 @@ def _f_tail(statistic: float, size: int, freedom: float) -> float:
 
 
 def effect_of(found: Regression, covariates: Covariates, first: int, last: int) -> Vector:
-    """The effect of the covariates at the samples of a half-open range."""
+    """Return the effect of the covariates at the samples of a half-open range."""
     return covariates.having(found.terms).effect(np.array(found.estimates), found.tau, first, last)
 
 
 def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
-    """A part of the recording from sample `first` on without the effect of the covariates; its mean stays."""
+    """Remove the effect of the covariates from a part of the recording that begins with sample `first`; its mean
+    stays."""
     values = signal.values - effect_of(found, covariates, first, first + len(signal))
     return replace(signal, values=values)

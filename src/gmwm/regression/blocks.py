@@ -13,24 +13,24 @@ from gmwm.batches import BATCH
 from gmwm.time_base import begins_of
 
 BLOCKS = 4096
-"""Number of blocks that a recording has at least, if it has as many samples: standard errors then differ by less than
-0.1 % from those with all samples (docs/validation/regression.md)."""
+"""Smallest number of blocks of a recording with at least as many samples: standard errors then differ by less than 0.1
+% from standard errors with all samples (docs/validation/regression.md)."""
 MOST = 1 << 17
 """Largest number of blocks, gaps included, so that a recording with long gaps does not need more memory."""
 CLIPPED = 8.0
-"""Distance from the median of its block, in standard deviations, beyond which a sample is clipped: a knock or a wrong
-sample then moves a block mean by little. Gaussian noise reaches it once in 10¹⁵ samples."""
+"""Distance from the median of its block, in standard deviations, beyond which a sample is clipped, so that a knock or a
+wrong sample changes a block mean only slightly. Gaussian noise reaches this distance once in 10¹⁵ samples."""
 _SLAB = 1 << 20
 
 
 def usual_length(samples: int, end: int) -> int:
-    """Samples of a block in a recording that has some of the places up to `end`."""
+    """Return the number of samples of a block, for a recording on a clock with places up to `end`."""
     return 1 << max(int(max(samples // BLOCKS, end // MOST)).bit_length() - 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Equal blocks on the clock of a recording.
+    """The clock of a recording, divided into blocks of equal length.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Clock:
     def of(
         cls, rate: float, segments: tuple[tuple[int, int], ...], starts: tuple[float, ...], length: int | None = None
     ) -> Clock:
-        """The clock of a recording with at least `BLOCKS` blocks, or with blocks of a given length."""
+        """Make the clock of a recording with at least `BLOCKS` blocks, or with blocks of a given length."""
         begins = begins_of(rate, segments, starts)
         offsets, end = [], 0
         for begin, (first, last) in zip(begins, segments, strict=True):
@@ -70,11 +70,11 @@ class Clock:
 
     @property
     def times(self) -> Vector:
-        """Times of the centres of the blocks (s) after the first sample."""
+        """Times of the centres of the blocks (s), from the first sample."""
         return np.asarray(((np.arange(self.blocks) + 0.5) * self.length - 0.5) / self.rate, dtype=np.float64)
 
     def places(self) -> list[tuple[int, int, int]]:
-        """First sample, last sample and place on the clock of the pieces to read, each within one segment."""
+        """Return first sample, last sample and place on the clock of the pieces to read, each within one segment."""
         pieces = []
         for (first, last), offset in zip(self.segments, self.offsets, strict=True):
             begin = first
@@ -103,15 +103,15 @@ class Clock:
         return freeze(np.diff(before).astype(np.int64))
 
     def present(self) -> NDArray[np.bool_]:
-        """Blocks with at least half of their samples."""
+        """Which blocks have at least half of their samples."""
         return np.asarray(self.counts() * 2 >= self.length)
 
     def whole(self) -> NDArray[np.bool_]:
-        """Blocks whose samples are all there."""
+        """Which blocks have all of their samples."""
         return np.asarray(self.counts() == self.length)
 
     def part(self, first: int, last: int) -> Clock:
-        """The clock of a half-open range of samples, with the same blocks."""
+        """Return the clock of a half-open range of samples, with the same blocks."""
         kept = [
             (max(begin, first) - first, min(end, last) - first, offset + max(first - begin, 0))
             for (begin, end), offset in zip(self.segments, self.offsets, strict=True)
@@ -120,7 +120,7 @@ class Clock:
         return replace(self, segments=tuple((a, b) for a, b, _ in kept), offsets=tuple(offset for _, _, offset in kept))
 
     def means(self, values: Vector, *, clipped: bool = False) -> Vector:
-        """Means of the samples of each block; 0 for an empty block.
+        """Return the means of the samples of each block; 0 for an empty block.
 
         With `clipped`, samples far from the median of their block are clipped, see `CLIPPED`.
         """
@@ -132,12 +132,12 @@ class Clock:
         return self.mean_of(sums)
 
     def mean_of(self, sums: Vector) -> Vector:
-        """Means from the sums of all samples of each block; 0 for an empty block."""
+        """Return the means from the sums of all samples of each block; 0 for an empty block."""
         counts = self.counts()
         return np.divide(sums, counts, out=np.zeros(sums.size), where=counts > 0)
 
     def sums(self, values: Vector, *, clipped: bool = False) -> Vector:
-        """Sums of the samples of each block, which are those of a batch."""
+        """Return the sums of the samples of each block. The sums of several batches can be added."""
         spread = self._usual_spread(values) if clipped and self.length > 1 else 0.0
         sums = np.zeros(self.blocks)
         for first, last, place in self.places():
@@ -154,7 +154,7 @@ class Clock:
         return sums
 
     def clipped(self, values: Vector) -> Vector:
-        """The samples, clipped where they are far from the median of their block, see `CLIPPED`."""
+        """Clip the samples that are far from the median of their block, see `CLIPPED`."""
         spread, out = self._usual_spread(values), values.copy()
         for first, last, place in self.places():
             head = min((-place) % self.length, last - first)
@@ -177,7 +177,7 @@ class Clock:
         return float(np.median(every)) if every.size else 0.0
 
     def interpolated(self, means: Vector, first: int, last: int) -> Vector:
-        """Values at the samples of a half-open range, linear between the centres of blocks with samples."""
+        """Return values at the samples of a half-open range, linear between the centres of blocks with samples."""
         at, curve = self._lines(means)
         samples = np.arange(first, last)
         begins, _, offsets = self._ranges.T
@@ -185,7 +185,7 @@ class Clock:
         return np.asarray(np.interp(places, at, curve))
 
     def onto(self, means: Vector, finer: Clock) -> Vector:
-        """Means of the blocks of a clock with blocks of at most this length, from a curve with these means.
+        """Return the means of the blocks of a finer clock, from a piecewise linear curve with the means of this clock.
 
         The curve is the derivative of a cubic spline through the running sum. Lines between the centres would make a
         day cycle of 16 blocks smaller by 2 %.
@@ -203,7 +203,8 @@ class Clock:
         return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
-        """Places on the clock and values of a piecewise linear curve through the means of blocks with their samples."""
+        """Return places on the clock and values of a piecewise linear curve through the means of blocks with
+        samples."""
         known = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
         at = np.asarray((known + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[known]
@@ -216,7 +217,7 @@ class Clock:
 
 
 def _clipped(rows: Matrix, spread: float) -> Matrix:
-    """Blocks of samples, clipped around their medians where a sample is far from them."""
+    """Clip the samples that are far from the median of their block."""
     far = np.flatnonzero(np.ptp(rows, axis=1) > CLIPPED * spread)
     if not far.size:
         return rows

@@ -1,4 +1,4 @@
-"""The columns of a regression: powers, splines and rates of change of covariates, and courses in time."""
+"""The columns of a regression: powers, splines and rates of change of covariates, and functions of time."""
 
 from __future__ import annotations
 
@@ -56,11 +56,12 @@ class Basis:
         return tuple(column for term in self.terms for column in _columns(term))
 
     def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None) -> Matrix:
-        """The columns (n, p) at values of the measured covariates and times (s)."""
+        """Return the columns (n, p) at values of the measured covariates and times (s)."""
         return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
 
     def along(self, name: str, points: Vector) -> Matrix:
-        """The columns (m, p) at values of one covariate: the others have no effect, and nothing changes in time."""
+        """Return the columns (m, p) at values of one covariate. The other covariates have no effect, and nothing
+        changes in time."""
         found = []
         for term in self.terms:
             if term.name == name:
@@ -101,7 +102,7 @@ def _columns(term: Term) -> list[Column]:
 
 
 def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:
-    """The curved columns of a natural cubic spline: linear beyond the outer knots (Hastie et al. 2009, eq. 5.4).
+    """Return the curved columns of a natural cubic spline: linear beyond the outer knots (Hastie et al. 2009, eq. 5.4).
 
     They are divided by the range, so that they have the unit of the covariate.
     """

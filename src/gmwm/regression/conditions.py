@@ -104,7 +104,7 @@ class Conditions:
         cls, clock: Signal, asked: Asked, temperature: Vector | None, *, means: Callable[[Clock], Mapping[str, Vector]],
         units: Mapping[str, str], threads: int | None,
     ) -> Conditions:  # fmt: skip
-        """Regress the block means of axes, which `means` gives for the blocks of a clock."""
+        """Regress the block means of axes; `means` returns them for the blocks of a clock."""
         if asked.automatic and temperature is not None and np.ptp(temperature) == 0:
             return cls()  # a constant temperature has no effect
         arrays = dict(asked.arrays or {})
@@ -132,17 +132,17 @@ class Conditions:
         return cls(covariates, {axis: one for axis, one in found.items() if one is not None})
 
     def applied(self, axis: str) -> Regression | None:
-        """The regression of an axis whose effect is removed; None for none."""
+        """Return the regression of an axis whose effect is removed; None if no effect is removed."""
         found = self.found.get(axis)
         return found if found is not None and found.applied else None
 
     def without(self, axis: str, signal: Signal) -> Signal:
-        """The signal of an axis without the effect of the conditions."""
+        """Return the signal of an axis without the effect of the conditions."""
         found = self.applied(axis)
         return signal if found is None or self.covariates is None else without(signal, found, self.covariates)
 
     def batch(self, batch: Batch) -> Batch:
-        """The samples of a batch without the effect of the conditions."""
+        """Return the samples of a batch without the effect of the conditions."""
         if self.covariates is None or not any(found.applied for found in self.found.values()):
             return batch
         signals = {}
@@ -152,13 +152,13 @@ class Conditions:
         return replace(batch, signals=signals)
 
     def curve(self, axis: str, signal: Signal, robust: bool = False, efficiency: float = EFFICIENCY) -> WaveletVariance:
-        """The wavelet variance of an axis without the effect of the conditions."""
+        """Return the wavelet variance of an axis without the effect of the conditions."""
         found = self.applied(axis)
         wv = signal_wavelet_variance(self.without(axis, signal), robust=robust, efficiency=efficiency)
         return wv if found is None else found.corrected(wv)
 
     def effect(self, axis: str, indices: Sequence[int]) -> Vector:
-        """The effect of the conditions on an axis at some samples."""
+        """Return the effect of the conditions on an axis at some samples."""
         found = self.applied(axis)
         if found is None or self.covariates is None:
             return np.zeros(len(indices))
@@ -167,9 +167,9 @@ class Conditions:
 
 
 def _wanted(asked: Asked, temperature: bool) -> bool:
-    """Whether there is something to regress on."""
+    """Return whether there is a condition for a regression."""
     return bool(asked.terms) or (asked.automatic and temperature)
 
 
 NOTHING = Conditions()
-"""No conditions."""
+"""The conditions of a recording without a regression."""

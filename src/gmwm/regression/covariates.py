@@ -18,22 +18,23 @@ from gmwm.time_base import times_of
 from gmwm.variance.api import signal_wavelet_variance
 
 KNOWN = 10.0
-"""Ratio of the wavelet variance of a covariate and that of its reading error from which a scale is used: a coefficient
-is then too small by at most a tenth at this scale, and by less than 1 % together with the larger ones
-(docs/validation/regression.md)."""
+"""Smallest ratio of the wavelet variance of a covariate to the wavelet variance of its reading error at which a scale
+is used. A coefficient is then too small by at most a tenth at this scale, and by less than 1 % together with the larger
+scales (docs/validation/regression.md)."""
 STEPS = 1 / 12
-"""Error of steps q, in q², that is compared with the wavelet variance of the covariate."""
+"""Variance of the rounding error of steps q, in q², which is compared with the wavelet variance of the covariate."""
 LARGE_STEPS = 2.5
-"""Wavelet variance, in q², that a covariate in steps q must reach at some scale. The error of steps follows the
-covariate; with four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
+"""Smallest wavelet variance, in q², that a covariate in steps q must reach at some scale. The rounding error follows
+the covariate; with four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
 RETURNS = 0.3
-"""Largest share of changes back to the value before, up to which a series in steps is smoothed."""
+"""Largest share of changes back to the previous value at which a series in steps is smoothed."""
 WINDOWS = 256
-"""Number of windows of the recording in which a quantized covariate must move up and down to count as dithered."""
+"""Number of windows of the recording, in each of which a quantized covariate must move up and down to be treated as
+dithered."""
 FEWEST_BLOCKS = 32
-"""Fewest blocks of a regression: five scales."""
+"""Smallest number of blocks of a regression: five scales."""
 FEWEST_KNOWN = 8
-"""Fewest blocks of the length from which a covariate is known: two scales are then used."""
+"""Smallest number of blocks of the shortest length at which a covariate is known: two scales are then used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +156,7 @@ class Covariates:
         return max(self.lowest - self.clock.length.bit_length(), 0)
 
     def having(self, terms: tuple[Term, ...]) -> Covariates:
-        """The same covariates with other forms of their effects."""
+        """Return the same covariates with other forms of their effects."""
         knots = {
             term.name: tuple(np.linspace(*self.ranges[term.name], term.knots + 2).tolist())
             for term in terms
@@ -164,15 +165,15 @@ class Covariates:
         return replace(self, basis=Basis(terms, self.basis.references, knots))
 
     def matrix(self, tau: float | None = None) -> Matrix:
-        """The columns (n, p) at the blocks; a warm-up has the time constant `tau` (s)."""
+        """Return the columns (n, p) at the blocks; a warm-up has the time constant `tau` (s)."""
         return self.basis.matrix(self.means, self.clock.times, tau)
 
     def removed(self, tau: float | None = None) -> Matrix:
-        """The columns (n, p) at the blocks without quantization steps, as their effect is removed."""
+        """Return the columns (n, p) at the blocks without quantization steps, as they are used to remove the effect."""
         return self.basis.matrix(self.smooth, self.clock.times, tau)
 
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
-        """The effect X β at the samples of a half-open range."""
+        """Return the effect X β at the samples of a half-open range."""
         if not self.exact:
             return self.clock.interpolated(self.removed(tau) @ coefficients, first, last)
         clock = self.clock
@@ -215,7 +216,7 @@ def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector
 
 
 def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
-    """The lowest level at which a covariate is known, and its quantization step.
+    """Return the lowest level at which a covariate is known, and its quantization step.
 
     The step is 0 if noise moves a quantized reading up and down, so that its means are right.
 
@@ -239,7 +240,8 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
 
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
-    """The lowest level at which the wavelet variance of a covariate is 10 times that of its reading error.
+    """Return the lowest level at which the wavelet variance of a covariate is 10 times the wavelet variance of its
+    reading error.
 
     The error of a reading is white from the time on for which it is held: its wavelet variance falls with the scale
     until the covariate itself changes. The error of steps q without noise counts as q²/12 at every scale.
@@ -257,7 +259,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """A quantized series as a smooth curve: halfway between two values when it changes, and within half a step of it.
+    """Smooth a quantized series: halfway between two values when it changes, and within half a step of it everywhere.
 
     A series that moves up and down between two values is returned as it is.
     """
@@ -272,7 +274,8 @@ def without_steps(values: Vector, step: float) -> Vector:
 
 
 def _dithered(values: Vector) -> bool:
-    """Whether noise moves a quantized reading up and down nearly everywhere, so that its mean is not quantized."""
+    """Return whether noise moves a quantized reading up and down nearly everywhere, so that its mean is not
+    quantized."""
     changes = np.flatnonzero(values[1:] != values[:-1])
     rises = values[changes + 1] > values[changes]
     turns = changes[1:][rises[1:] != rises[:-1]]
@@ -281,10 +284,10 @@ def _dithered(values: Vector) -> bool:
 
 
 def _beside(signal: Signal, values: Vector) -> Signal:
-    """Another series on the clock of a signal."""
+    """Return another series as a signal on the clock of a signal."""
     return replace(signal, values=values, unit="", axis="")
 
 
 def _usual_run(values: Vector) -> float:
-    """Number of samples for which a reading is usually held: samples per change."""
+    """Return the mean number of samples for which a reading does not change."""
     return values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)

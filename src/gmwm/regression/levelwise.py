@@ -1,4 +1,5 @@
-"""Least squares with one weight for each wavelet level: estimate, exact covariance, and what it removes from the noise.
+"""Least squares with one weight for each wavelet level: estimate, exact covariance, and the part of the noise that it
+removes.
 
 For y = X β + ε, with W_j the Haar coefficients of level j, D_j = W_j X and w_j = 1/(2^j ν_j²),
 
@@ -19,8 +20,8 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector
 
 COLLINEAR = 1e6
-"""Condition of P, scaled to unit diagonal, above which columns count as collinear: a coefficient would then have 1000
-times the standard error that it has alone."""
+"""Condition number of P, scaled to unit diagonal, above which columns are collinear: the standard error of a
+coefficient is then 1000 times its standard error without the other columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class Levelwise:
 
     @cached_property
     def counted(self) -> list[np.ndarray]:
-        """For each level, which coefficients count in the wavelet variance of the residuals."""
+        """For each level, which coefficients are used for the wavelet variance of the residuals."""
         return [_complete(self.whole, 1 << j) for j in range(1, self.levels + 1)]
 
     @cached_property
@@ -64,7 +65,7 @@ class Levelwise:
 
     @cached_property
     def coefficients(self) -> list[Matrix]:
-        """D_j of each level, zero where a value is missing."""
+        """Coefficients D_j of the columns at each level, zero where a value is missing."""
         return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.used, 1)]
 
     @cached_property
@@ -73,18 +74,18 @@ class Levelwise:
         return np.array([d.T @ d for d in self.coefficients])
 
     def variances(self, values: Vector) -> Vector:
-        """Mean squares of the Haar coefficients of values (n,) at each level (J,)."""
+        """Compute the mean squares of the Haar coefficients of values (n,) at each level (J,)."""
         squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.used, 1)]
         return np.asarray(np.array(squares) / self.counts)
 
     def under(self, weights: Vector) -> Weighted:
-        """The regression with weights w_j (J,)."""
+        """Return the regression with weights w_j (J,)."""
         return Weighted(self, weights)
 
 
 @dataclass(frozen=True, eq=False)
 class Weighted:
-    """A level-wise regression with its weights w_j (J,)."""
+    """A level-wise regression with weights w_j (J,)."""
 
     design: Levelwise
     weights: Vector
@@ -96,7 +97,7 @@ class Weighted:
 
     @property
     def condition(self) -> float:
-        """Condition of P, scaled to unit diagonal; infinite if a column is constant."""
+        """Condition number of P, scaled to unit diagonal; infinite if a column is constant."""
         scale = np.sqrt(np.diag(self.information))
         if not np.all(scale > 0):
             return float("inf")
@@ -118,11 +119,12 @@ class Weighted:
         return np.asarray(total @ self.inverse)
 
     def estimate(self, values: Vector) -> Vector:
-        """β̂ (p,) from values (n,); values at missing times must be finite."""
+        """Estimate β̂ (p,) from values (n,); values at missing times must be finite."""
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
     def spread(self, lags: Vector) -> Matrix:
-        """Σ Bᵀ (n, p) for noise whose generalised covariance at the lags 0 … n − 1 is `lags`."""
+        """Compute Σ Bᵀ (n, p) for noise with covariance Σ, whose generalised covariance at the lags 0 … n − 1 is
+        `lags`."""
         from scipy import fft
 
         n = len(self.rows)
@@ -146,11 +148,12 @@ class Weighted:
         return np.asarray((found + found.transpose(0, 2, 1)) / 2)
 
     def covariances(self, lags: Matrix) -> Matrix:
-        """Cov β̂ (K, p, p) for K processes with the generalised covariances `lags` (K, n)."""
+        """Compute Cov β̂ (K, p, p) for K processes with the generalised covariances `lags` (K, n)."""
         return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
 
     def removed(self, spread: Matrix) -> Vector:
-        """What the regression removes from ν_j² (J,): ν_j² minus the expected mean square of the residuals.
+        """Compute the part of ν_j² (J,) that the regression removes: ν_j² minus the expected mean square of the
+        residuals.
 
         Counted over the coefficients that enter the wavelet variance, or all if a level has none of these.
         """
@@ -165,14 +168,14 @@ class Weighted:
 
 
 def haar(values: Matrix, level: int) -> Matrix:
-    """Haar MODWT coefficients W_{j,t} at all t with 2^j values, along the first axis."""
+    """Compute Haar MODWT coefficients W_{j,t} at all t with 2^j values, along the first axis."""
     half = 1 << (level - 1)
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     return np.asarray((sums[2 * half :] - 2 * sums[half:-half] + sums[: -2 * half]) / (2 * half))
 
 
 def haar_adjoint(coefficients: Matrix, n: int, level: int) -> Matrix:
-    """W_jᵀ d (n, p) of coefficients d (n − 2^j + 1, p)."""
+    """Compute W_jᵀ d (n, p) of coefficients d (n − 2^j + 1, p)."""
     half = 1 << (level - 1)
     padded = np.zeros((n + 2 * half, *coefficients.shape[1:]))
     padded[2 * half - 1 : 2 * half - 1 + len(coefficients)] = coefficients
@@ -182,12 +185,12 @@ def haar_adjoint(coefficients: Matrix, n: int, level: int) -> Matrix:
 
 
 def _complete(present: np.ndarray, width: int) -> np.ndarray:
-    """Which windows of `width` values have all of them."""
+    """Return which windows of `width` values have all of them."""
     sums = np.concatenate([[0], np.cumsum(present)])
     return np.asarray(sums[width:] - sums[:-width] == width)
 
 
 def _longest_run(present: np.ndarray) -> int:
-    """Length of the longest run of values."""
+    """Return the length of the longest run of values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], present.astype(np.int8), [0]])))
     return int(np.max(edges[1::2] - edges[::2], initial=0))

@@ -1,4 +1,5 @@
-"""The noise of a series from its wavelet variance, without a chosen model: for weights, standard errors and bias.
+"""Estimate the noise of a series from its wavelet variance, without a selected model: for weights, standard errors and
+bias.
 
 The slowest levels have few degrees of freedom, and cannot distinguish a random walk from a Gauss-Markov process with a
 correlation time near the length of the record. The noise is therefore an average over mixtures of processes with
@@ -18,11 +19,11 @@ from gmwm.covariance.mixture import mixture
 from gmwm.processes.base import Process
 
 LONGEST = (0.01, 0.03, 0.12, 0.5)
-"""Longest correlation times of the mixtures, as shares of the record; each mixture also has a random walk."""
+"""Longest correlation times of the mixtures, relative to the record; each mixture also has a random walk."""
 SLOWER = 2.0
-"""Penalty on −2 log L of the mixtures with longer correlation times than the first: what a further parameter gains by
-chance is one to two. Without it, standard errors under a random walk are too small by a quarter (docs/validation/
-regression.md)."""
+"""Penalty on −2 log L of the mixtures with longer correlation times than the first. An additional parameter gains one
+to two by chance. Without the penalty, standard errors under a random walk are too small by a quarter
+(docs/validation/regression.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """An average of mixtures of processes under a wavelet variance.
+    """An average of mixtures of processes that fit a wavelet variance.
 
     Attributes
     ----------
@@ -62,7 +63,8 @@ class Noise:
 
     @classmethod
     def of(cls, variance: Vector, freedom: Vector, samples: int) -> Noise:
-        """The noise of a series of `samples` values with a wavelet variance (J,) and degrees of freedom (J,)."""
+        """Estimate the noise of a series of `samples` values with a wavelet variance (J,) and degrees of freedom
+        (J,)."""
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
         found = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log of the gamma likelihood of the levels.
@@ -79,16 +81,16 @@ class Noise:
         return cls(mixtures, sum(w * curve for (curve, _), w in zip(found, weights, strict=True)), freedom)
 
     def covariances(self, lags: int) -> list[Matrix]:
-        """For each mixture, the generalised covariances of its processes (K, n) at the lags 0 … n − 1."""
+        """Return, for each mixture, the generalised covariances of its processes (K, n) at the lags 0 … n − 1."""
         at = np.arange(lags)
         return [np.array([p.generalised_covariance(at, 1.0) for p in one.processes]) for one in self.mixtures]
 
     def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
-        """The average over the mixtures of sums over the processes, the first dimension of each array."""
+        """Average over the mixtures; each array has one entry for each process, and the entries are summed."""
         return np.asarray(sum(m.weight * own.sum(axis=0) for m, own in zip(self.mixtures, of_mixtures, strict=True)))
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
-        """Degrees of freedom 2 C²/Var Ĉ of a variance C (Satterthwaite).
+        """Return the degrees of freedom 2 C²/Var Ĉ of a variance C (Satterthwaite).
 
         Parameters
         ----------

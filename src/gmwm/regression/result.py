@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem
 
 LEFT = 0.5
-"""Share of the noise at a level that the regression must leave; coarser levels are not fitted (docs/validation/
-regression.md)."""
+"""Smallest share of the noise at a level that the regression must leave; coarser levels are not fitted
+(docs/validation/regression.md)."""
 
 
 class Effect(NamedTuple):
@@ -90,7 +90,7 @@ class Coefficient:
     pvalue: float
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Confidence interval from Student's t distribution.
+        """Return the confidence interval from Student's t distribution.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
 
     @property
     def references(self) -> Mapping[str, float]:
-        """Values at which the effect of each covariate is zero; of time in hours."""
+        """Values at which the effect of each covariate is zero; for time in hours."""
         return self.basis.references
 
     @property
@@ -255,7 +255,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return Effect(points, value, value - width, value + width)
 
     def polynomial(self, reference: float | None = None) -> Vector:
-        """Coefficients of the bias as a polynomial in temperature − reference, from the constant upwards.
+        """Return the coefficients of the bias as a polynomial in temperature − reference, from the constant upwards.
 
         For drivers that subtract it: PX4 has the parameters TC_G0_X0_0 to TC_G0_X3_0 with the reference TC_G0_TREF, and
         ArduPilot INS_TCAL1_GYR1_X to GYR3_X, which are 10⁶ times the coefficients from degree 1 at 35 °C.
@@ -290,7 +290,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return found
 
     def corrected(self, wv: WaveletVariance) -> WaveletVariance:
-        """The wavelet variance of the noise from that of the residuals.
+        """Return the wavelet variance of the noise, computed from the wavelet variance of the residuals.
 
         A regression also removes a part of the noise, 1 − `kept`, mostly at the coarsest levels. The variance of a
         level is divided by the share that is left, and its relative covariance grows accordingly. Levels where less
@@ -347,7 +347,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return plot_regression(self, units=units, ax=ax, path=path)
 
     def summary(self) -> str:
-        """The coefficients with 95 % confidence intervals, and the joint test."""
+        """Write the coefficients with 95 % confidence intervals, and the joint test."""
         lines = [f"{self.axis or 'signal'} against {self.against}" + ("" if self.applied else " (not removed)")]
         for name, one in self.items():
             low, high = one.interval()
@@ -388,7 +388,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Regression:
-        """The regression whose `to_dict` gave `content`."""
+        """Restore a regression from `content`, the output of `to_dict`."""
         knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
         terms = tuple(map(Term.parse, content["against"].split("+")))
         own = list(content["coefficients"].values())
@@ -413,7 +413,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
 
 
 def per(unit: str, power: str) -> str:
-    """A unit of an axis per unit of a column: "(deg/s)/°C", or "" if one of them is unknown."""
+    """Return the unit of an axis per unit of a column: "(deg/s)/°C", or "" if one of them is unknown."""
     if not unit or not power:
         return unit
     return f"({unit})/({power})" if "/" in power else f"({unit})/{power}" if "/" in unit else f"{unit}/{power}"

@@ -1,4 +1,5 @@
-"""What a regression needs of a recording that is not in memory: its clock, its temperature and its block means."""
+"""The data that a regression needs of a recording that is not in memory: its clock, its temperature and its block
+means."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A recording that was read once.
+    """Clock, temperature and block means of a recording that was read once.
 
     Attributes
     ----------
@@ -75,6 +76,6 @@ class Seen:
         return cls(recording, like, temperature, length=length, sums=sums, curves=found)
 
     def means(self, clock: Clock) -> dict[str, Vector]:
-        """The block means of all axes; the recording is read again if its blocks have another length."""
+        """Return the block means of all axes; the recording is read again if its blocks have another length."""
         sums = self.sums if clock.length == self.length else Seen.of(self.recording, clock.length).sums
         return {axis: clock.mean_of(own) for axis, own in sums.items()}

@@ -40,8 +40,7 @@ SLOW = "4*GM + WN + QN + FN + RW + DR"
 BESIDE = "4*GM + FN + RW + DR"
 """Terms that are combined with the noise at high frequencies, which already contains white and quantization noise."""
 REJECTED = 0.002
-"""p-value of the goodness-of-fit test below which the search continues: it stops too late for two true models of a
-thousand."""
+"""p-value of the goodness-of-fit test below which the search continues. Two true models of a thousand have one."""
 FEWEST = 24
 """Smallest number of frequencies for a shape at high frequencies; with fewer, the spectrum is not used."""
 MIXED = 0.5

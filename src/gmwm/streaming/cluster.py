@@ -37,7 +37,7 @@ A_THREAD = 4
 """Default number of parts for each thread of the cluster. With several parts, a slow worker does not delay the others
 much."""
 PART_MEMORY = 64 << 20
-"""Largest size (bytes) of what a worker returns for a part by default: a choice. For six axes, 19 levels are exact."""
+"""Largest size (bytes) of the result of a worker for a part by default: a choice. For six axes, 19 levels are exact."""
 END_BYTES = 16
 """Bytes of a result for each of 2^exact samples: the samples at both ends of a part."""
 PART_BYTES = 4 << 30
@@ -51,7 +51,7 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 
 
 def part_levels(axes: int) -> int:
-    """Number of exact levels by default: what a worker returns for a part contains the samples at its ends."""
+    """Return the default number of exact levels: the result of a worker for a part contains the samples at its ends."""
     return exact_levels(axes, PART_MEMORY, END_BYTES)
 
 
@@ -116,13 +116,14 @@ def spread(
 
 @dataclass(frozen=True, eq=False)
 class _Measured(Generic[G]):
-    """The result of a worker for a part: an accumulator for each axis, and a summary of the rows."""
+    """Result of a worker for a part: an accumulator for each axis, and a summary of the rows."""
 
     axes: Mapping[str, G]
     summary: RowSummary
 
     def has_short_gaps(self, rate: float) -> bool:
-        """Whether it has gaps that may be filled, or one before it. Samples then have other numbers than rows."""
+        """Return whether there is a gap that may be filled in the part or before it. Sample numbers then differ from
+        row numbers."""
         lost = np.array([seconds * rate - 1 for _, seconds in self.summary.gaps])
         return bool(np.any(is_short(np.rint(lost))))
 
@@ -149,7 +150,7 @@ class _Begin(Generic[G]):
 
 
 def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
-    """An empty accumulator with the options of another one, for a part that begins with sample `start`."""
+    """Return an empty accumulator with the options of another one, for a part that begins with sample `start`."""
     return WaveletAccumulator(
         one.rate, levels=one.levels, exact=one.exact, start=start, unit=one.unit, axis=one.axis, robust=one.robust
     )
@@ -168,7 +169,7 @@ class _PartMeasurement:
     change: Change | None
 
     def clean(self, signal: Signal) -> Signal:
-        """The samples of a batch, changed."""
+        """Apply the change to the samples of a batch."""
         return signal if self.change is None else self.change(signal)
 
     def update(self, signal: Signal, continues: bool) -> None:
@@ -177,7 +178,8 @@ class _PartMeasurement:
 
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
-    """Measure a part in a worker. An error in the file is returned and not raised, because Dask would try again."""
+    """Measure a part in a worker. An error in the file is returned and not raised, because Dask would repeat the
+    work."""
     reader = PartReader(part)
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
@@ -272,7 +274,7 @@ class _Crew:
         return future
 
     def _answer(self, k: int, future: Any) -> Any:
-        """The result of a worker. An error is raised if the workers died or the scheduler is lost."""
+        """Return the result of a worker. Raise an error if the workers died or the scheduler is lost."""
         lost = (asyncio.CancelledError, concurrent.futures.CancelledError, self._distributed.comm.CommClosedError)
         try:
             answer = future.result()

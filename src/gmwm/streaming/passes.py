@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Change = Callable[[Signal], Signal]
-"""What is done to the samples of an axis before their gaps are filled."""
+"""Function that changes the samples of an axis before their gaps are filled."""
 
 
 LIVE_BLOCK = 1 << 13
-"""Samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. A choice."""
+"""Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. A choice."""
 
 
 class Measurement(Protocol):
-    """What is measured of one axis, batch by batch: see `measure`."""
+    """Protocol of a measurement of one axis, batch by batch: see `measure`."""
 
     def clean(self, signal: Signal, /) -> Signal:
-        """The samples of a batch as they are measured, before their gaps are filled."""
+        """Return the samples of a batch to be measured, before their gaps are filled."""
 
     def update(self, signal: Signal, continues: bool, /) -> None:
-        """Add samples, some of which may stand for lost ones, and which may continue the last segment so far."""
+        """Add samples. Some of them may be filled in for lost ones, and they may continue the last segment."""
 
 
 def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:
@@ -69,7 +69,7 @@ def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threa
 
 
 def shown(batches: Iterable[Batch], to: Callable[[Batch], None] | None) -> Iterator[Batch]:
-    """Pass each batch to a function before it is measured."""
+    """Yield each batch after passing it to a function."""
     for batch in batches:
         if to is not None:
             to(batch)
@@ -106,7 +106,7 @@ class AxisCurves:
     change: Change | None
 
     def clean(self, signal: Signal) -> Signal:
-        """The samples of a batch, changed."""
+        """Apply the change to the samples of a batch."""
         return signal if self.change is None else self.change(signal)
 
     def update(self, signal: Signal, continues: bool) -> None:
@@ -114,17 +114,17 @@ class AxisCurves:
         (self.first if self.second is None else self.second).feed(signal, continues)
 
     def begin_again(self) -> bool:
-        """After the first pass: whether a second one is needed. `update` then belongs to it."""
+        """Return, after the first pass, whether a second one is needed. `update` then belongs to the second pass."""
         if self.first.robust and self._passes == 2 and not self.first.holds_all:
             self.second = self.first.second_pass(self._efficiency)
         return self.second is not None
 
     def classical(self, confidence: float = 0.95) -> WaveletVariance:
-        """The classical wavelet variance."""
+        """Return the classical wavelet variance."""
         return self.first.result(confidence)
 
     def robust(self, confidence: float = 0.95) -> WaveletVariance:
-        """The robust wavelet variance."""
+        """Return the robust wavelet variance."""
         if self.second is None:
             return self.first.result(confidence, robust=True, efficiency=self._efficiency)
         try:
@@ -180,7 +180,7 @@ def measured_curves(
     parts: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> dict[str, AxisCurves]:
-    """Read a recording as often as its wavelet variances need: robust and classical ones, or classical ones.
+    """Read a recording as often as its wavelet variances need: robust and classical, or only classical ones.
 
     Parameters and errors are those of `Stream.wavelet_variance`.
     """
@@ -209,7 +209,7 @@ def curves_of(
     recording: Imu | Streamed, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
     robust: bool = True, efficiency: float = EFFICIENCY, passes: int = 2, change: Change | None = None,
 ) -> dict[str, AxisCurves]:  # fmt: skip
-    """Empty curves of some axes; by default with as many exact levels as memory allows."""
+    """Make empty accumulators for some axes; by default with as many exact levels as memory allows."""
     made = accumulators(recording, axes, levels=levels, exact=exact, robust=robust)
     return {
         axis: AxisCurves(one, recording.source, efficiency=efficiency, passes=passes, change=change)
@@ -221,7 +221,7 @@ def accumulators(
     recording: Imu | Streamed, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
     robust: bool = False,
 ) -> dict[str, WaveletAccumulator]:  # fmt: skip
-    """An empty accumulator for each axis."""
+    """Make an empty accumulator for each axis."""
     count, held = (exact_levels(len(axes)), held_samples(len(axes))) if exact is None else (exact, None)
     return {
         axis: WaveletAccumulator(
@@ -238,7 +238,7 @@ def accumulators(
 
 
 def unit_of(recording: Imu | Streamed, axis: str) -> str:
-    """The unit of an axis; chunks are in SI units."""
+    """Return the unit of an axis; chunks are in SI units."""
     return recording[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
 
 
@@ -286,7 +286,7 @@ class _Spectrum(NamedTuple):
     one: SpectrumAccumulator
 
     def clean(self, signal: Signal) -> Signal:
-        """The samples as they are."""
+        """Return the samples unchanged."""
         return signal
 
     def update(self, signal: Signal, continues: bool) -> None:

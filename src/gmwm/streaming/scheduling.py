@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PATIENCE = 10
-"""Time (s) within which a scheduler must answer: a choice, above the delay of any network."""
+"""Time (s) within which a scheduler must answer: a choice, longer than the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only their parent must
-end the workers."""
+"""Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent process may end the
+workers."""
 
 
 @contextmanager
@@ -110,7 +110,7 @@ def library() -> Any:
 
 
 def _processes(distributed: Any, workers: int, folder: str) -> Any:
-    """Start a scheduler in this process, with workers of one thread, also for Polars."""
+    """Start a scheduler in this process, and workers with one thread each, also for Polars."""
     try:
         return distributed.LocalCluster(
             n_workers=workers,
