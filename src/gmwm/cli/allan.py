@@ -36,7 +36,7 @@ EXAMPLES = (
 Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonoverlapping-hadamard", "total"]
 MEASURE = "Estimation"
 LONGEST_TABLE = 100
-"""Number of cluster sizes above which the table shows only octaves; only --clusters all has so many."""
+"""Number of cluster sizes above which the table shows only octaves. Only --clusters all gives more."""
 
 
 @command
@@ -105,7 +105,7 @@ def allan(
 
 
 def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
-    """The regressions for JSON, without their curves."""
+    """Return the regressions for JSON, without their curves."""
     found = {name: one.to_dict() for name, one in regressions.items()}
     return {"slopes": {n: {k: v for k, v in one.items() if k != "allan"} for n, one in found.items()}} if found else {}
 
@@ -231,7 +231,7 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
 
 
 def _csv_text(results: Mapping[str, ClusterVariance]) -> str:
-    """CSV with one line for each cluster size of each axis."""
+    """Format CSV with one line for each cluster size of each axis."""
     lines = ["axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"]
     for name, result in results.items():
         columns = zip(

@@ -149,7 +149,7 @@ def _outcome(
     view: Literal["wavelet", "allan"],
     datasheet: bool,
 ) -> Outcome:
-    """The outcome of a calibration, with its files."""
+    """Make the outcome of a calibration, with its files."""
     made = () if output is None else calibration_files(found, output, view, datasheet)
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
     written = file_names((*made, *kalibr.files))
@@ -190,7 +190,7 @@ def calibrated(
 def calibration_files(
     found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
 ) -> tuple[NewFile, ...]:
-    """The files of a calibration: document, report, summary and plots."""
+    """Return the files of a calibration: document, report, summary and plots."""
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return (
         NewFile(folder / "calibration.json", found.save),

@@ -83,7 +83,7 @@ def compare(
 
 
 def _names(files: Sequence[Path]) -> list[str]:
-    """Unique labels of files: none for one file, otherwise stems, names or paths."""
+    """Return unique labels of files: none for one file, otherwise stems, names or paths."""
     if len(files) == 1:
         return [""]
     for names in ([file.stem for file in files], [file.name for file in files], [str(file) for file in files]):

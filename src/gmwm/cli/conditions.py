@@ -73,7 +73,7 @@ class Table:
         return cls(head[2], {condition: sorted(own) for condition, own in sorted(parts.items())})
 
     def of(self, recording: Imu) -> dict[float, Imu]:
-        """The parts of a recording, with a gap between two parts at the same condition."""
+        """Return the parts of a recording, with a gap between two parts at the same condition."""
         found = {}
         for condition, own in self.parts.items():
             gaps = [(stop, start) for (_, stop), (start, _) in pairwise(own) if stop < start]

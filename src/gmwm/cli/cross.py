@@ -72,5 +72,5 @@ def _draw(found: CrossCovariance, path: Path) -> None:
 
 
 def _csv_text(found: CrossCovariance) -> str:
-    """CSV with one line for each pair and scale."""
+    """Format CSV with one line for each pair and scale."""
     return found.to_frame().write_csv()

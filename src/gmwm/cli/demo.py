@@ -32,7 +32,7 @@ EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 RATE = 100.0
 SAMPLES = 720_000
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
-"""Least significant bit of the demo's output (rad/s, m/s²): 1 % of the noise, so quantization does not matter."""
+"""Least significant bit of the output of the demo (rad/s, m/s²): 1 % of the noise, so quantization does not matter."""
 
 
 @command
@@ -96,11 +96,11 @@ def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
 
 
 def _silent(_: str) -> None:
-    """Replaces `print` if stdout is reserved for JSON."""
+    """Ignore a text: replaces `print` if stdout is reserved for JSON."""
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
-    """True value, estimate and interval of each parameter; None if the recommended model lacks the parameter."""
+    """Return true value, estimate and interval of each parameter; None if the recommended model lacks the parameter."""
     rows = []
     for axis, fit in found.items():
         units, intervals = truth[axis].units(fit.wavelet_variance.unit), found.axes[axis].intervals
@@ -157,7 +157,7 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
 
 
 def _allan(found: Calibration, folder: Path) -> NewFile:
-    """A plot of the Allan deviations of all axes, one panel for each sensor, in the units of datasheets."""
+    """Make a plot of the Allan deviations of all axes, one panel for each sensor, in the units of datasheets."""
     path = folder / "allan_deviations.png"
     return NewFile(
         path, lambda target: found.plot(split=False, view="allan", units="datasheet", path=target), "plotting"
@@ -165,14 +165,15 @@ def _allan(found: Calibration, folder: Path) -> NewFile:
 
 
 def _activation() -> str:
-    """The line that activates the virtual environment, if the shell does not find `gmwm`, as after `make demo`."""
+    """Return the line that activates the virtual environment, if the shell does not find `gmwm`, as after `make
+    demo`."""
     if shutil.which("gmwm") or sys.prefix == sys.base_prefix or os.name == "nt":
         return ""
     return f"  source {os.path.relpath(Path(sys.prefix, 'bin', 'activate'))}\n"
 
 
 def _what_next() -> str:
-    """The commands for the user's own recording."""
+    """Return the commands for the user's own recording."""
     return (
         "\nNext, calibrate your own recording of some hours at rest:\n"
         f"{_activation()}"

@@ -23,7 +23,8 @@ _EXPECTED = {
     "float": "a number, without a unit",
     "integer": "a whole number",
 }
-"""What an option takes, by the error type of Pydantic (new versions of Typer) or the type of Click (old versions)."""
+"""Expected value of an option, by the error type of Pydantic (new versions of Typer) or the type of Click (old
+versions)."""
 
 OK, USER_ERROR, INTERRUPTED = 0, 2, 130
 
@@ -94,13 +95,13 @@ def _print_error(message: str) -> int:
 
 
 def _usage_text(error: Any) -> str:
-    """The text of Typer's error about the arguments of a command, with the help to see."""
+    """Return the text of Typer's error about the arguments of a command, with the help to see."""
     text = _value_text(error) or error.format_message()
     return text if error.ctx is None else f"{text} (see {error.ctx.command_path} --help)"
 
 
 def _value_text(error: Any) -> str:
-    """The text for an option whose value has the wrong type; "" for any other error."""
+    """Return the text for an option whose value has the wrong type; "" for any other error."""
     parameter, cause = getattr(error, "param", None), error.__cause__
     if parameter is None:
         return ""

@@ -106,7 +106,7 @@ def export(
 
 
 class _Choice(TypedDict):
-    """The options of an export."""
+    """Options of an export."""
 
     axes: Literal["worst", "mean", "each"] | None
     inflation: float
@@ -144,14 +144,14 @@ def _all(found: Calibration, file: Path, folder: Path, choice: _Choice) -> Outco
 
 
 def _reasons(left: Mapping[str, str]) -> Iterator[Remark]:
-    """The reasons for the formats that are not written."""
+    """Yield the reasons for the formats that are not written."""
     for name, reason in left.items():
         yield Remark.of("format-not-written", name, reason=reason)
 
 
 @dataclass(frozen=True)
 class KalibrFile:
-    """imu.yaml of a calibration: the file if it can be written, an older one to remove, and remarks."""
+    """imu.yaml of a calibration: the file if it can be written, an older file to remove, and remarks."""
 
     files: tuple[NewFile, ...] = ()
     obsolete: tuple[Path, ...] = ()
@@ -159,7 +159,7 @@ class KalibrFile:
 
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
-    """Make imu.yaml, if both sensors are calibrated and the data bound its numbers."""
+    """Make imu.yaml if both sensors are calibrated and the data limit its numbers."""
     from gmwm.axis_names import sensor_of
     from gmwm.exporters import export as exported
 

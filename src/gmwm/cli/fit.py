@@ -237,7 +237,7 @@ def _tell_curves(fits: Mapping[str, Fit]) -> None:
 
 
 def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
-    """The remarks about the fits."""
+    """Yield the remarks about the fits."""
     for name, found in fits.items():
         yield from (remark.about(name) for remark in found.diagnostics.remarks)
     for name, one in carried.items():
@@ -245,7 +245,7 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator
 
 
 def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
-    """The fits with intervals and tests, as plain numbers, lists and texts."""
+    """Return the fits with intervals and tests, as plain numbers, lists and texts."""
     from gmwm.inference.summary import inference
 
     axes = {}
@@ -268,7 +268,7 @@ def _files(
     view: Literal["wavelet", "allan"],
     datasheet: bool,
 ) -> Iterator[NewFile]:
-    """fits.json and a plot of each fit for --output, and the plot for --plot."""
+    """Yield fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
         yield from (_picture({name: f}, folder / f"fit_{name}.png", view, datasheet) for name, f in fits.items())
@@ -277,7 +277,7 @@ def _files(
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
-    """The method of intervals and tests. Raises an OptionError if there are too few simulated records."""
+    """Return the method of intervals and tests. Raises an OptionError if there are too few simulated records."""
     from gmwm.inference.bootstrap import as_draws
     from gmwm.inference.summary import IntervalMethod
 
@@ -314,7 +314,7 @@ def fit_axes(
 
 
 def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> NewFile:
-    """A plot of one fit with its terms, or of several fits in a grid."""
+    """Make a plot of one fit with its terms, or of several fits in a grid."""
     from gmwm.plots.imu import plot_imu
 
     units: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
@@ -329,7 +329,7 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
 
 
 def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
-    """What several recordings say together, for each axis."""
+    """Describe the comparison of several recordings, for each axis."""
     for name, found in fits.items():
         if found.replicates is not None:
             summary = found.replicates.summary()

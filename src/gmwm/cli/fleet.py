@@ -156,7 +156,7 @@ def fleet(
 
 
 def _check(folder: Path, *, robust: str, efficiency: float | None, scheduler: str | None, workers: int | None) -> None:
-    """Raise `OptionError` for options that exclude each other, and for a file in place of a folder."""
+    """Raise `OptionError` for options that exclude each other, and for a file instead of a folder."""
     if efficiency is not None and robust == "no":
         raise OptionError(
             "--efficiency applies only to the robust wavelet variance",
@@ -181,7 +181,7 @@ def _check(folder: Path, *, robust: str, efficiency: float | None, scheduler: st
 
 
 def _document(found: Fleet) -> dict[str, object]:
-    """The result for --json, without the written files."""
+    """Return the result for --json, without the written files."""
     return {
         "output": str(found.folder), "units": list(found.units), "done": found.done, "kept": found.kept,
         "failed": found.failed, "left_out": list(found.left_out), "statistics": found.statistics.to_dict(),
@@ -189,7 +189,7 @@ def _document(found: Fleet) -> dict[str, object]:
 
 
 def _trouble(found: Fleet) -> Iterator[Remark]:
-    """Remarks about units that are not calibrated, and files that are left out."""
+    """Yield remarks about units that are not calibrated, and files that are left out."""
     for unit, reason in found.failed.items():
         yield Remark.of("not-calibrated", unit, reason=reason)
     if found.left_out:

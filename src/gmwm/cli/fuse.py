@@ -1,4 +1,4 @@
-"""gmwm fuse: the best virtual sensor of an array."""
+"""gmwm fuse: combine the sensors of an array into the best virtual sensor."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def fuse(
 
 
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
-    """The recordings of all units, with the chosen axes."""
+    """Read the recordings of all units, with the chosen axes."""
     from gmwm.readers.unit_array import read_units
     from gmwm.signals import Imu
 

@@ -1,4 +1,4 @@
-"""A text that is being written: a file or standard input, and Ctrl-C as its end."""
+"""Text that is still being written: a file or standard input, ended by Ctrl-C."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def info(
 
 
 def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
-    """The dependence of the noise of each axis on the temperature of a recording, or on time."""
+    """Return the dependence of the noise of each axis on the temperature of a recording, or on time."""
     from gmwm.inference import noise_against
 
     if condition == TIME:

@@ -1,4 +1,4 @@
-"""Fits by maximum likelihood in commands, as numbers and in tables."""
+"""Maximum-likelihood fits in the output of commands, as numbers and in tables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LIKELIHOOD = ("--likelihood", "--ml")
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A fit by maximum likelihood with its intervals, or a remark why there are none, and its residuals."""
+    """A fit by maximum likelihood with its residuals, and its intervals or a remark why there are none."""
 
     fit: LikelihoodFit
     level: float
@@ -97,7 +97,7 @@ def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]
 
 
 def as_dict(found: Judged) -> dict[str, Any]:
-    """A fit with its intervals and tests, as plain numbers, lists and texts."""
+    """Return a fit with its intervals and tests, as plain numbers, lists and texts."""
     from gmwm.likelihood.summary import inference
 
     return {

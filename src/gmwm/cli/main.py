@@ -49,7 +49,7 @@ app = typer.Typer(
 
 
 def _help(text: str | None) -> str:
-    """A docstring with each paragraph on one line, so that a terminal of any width can break the lines."""
+    """Return a docstring with each paragraph on one line, so that a terminal of any width can break the lines."""
     return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
 
 

@@ -98,7 +98,7 @@ def opened(
 
 
 def needs_memory(filter: str, transform: str) -> str:
-    """The option of the transform that needs the whole recording in memory; "" if there is none."""
+    """Return the option of the transform that needs the whole recording in memory; "" if there is none."""
     if filter != "haar":
         return f"--filter {filter}"
     return f"--transform {transform}" if transform != "modwt" else ""
@@ -131,7 +131,7 @@ def stream_curves(
 
 
 def memory_for(against: str, other: str = "") -> str:
-    """The option that needs the whole recording in memory; "" if there is none.
+    """Return the option that needs the whole recording in memory; "" if there is none.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def memory_for(against: str, other: str = "") -> str:
 def signals_or_curves(
     recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """The signals that --axis selects, or their curves if the recording is in chunks or --against is given.
+    """Return the signals that --axis selects, or their curves if the recording is in chunks or --against is given.
 
     The remarks of the inspection become warnings.
     """
@@ -175,7 +175,7 @@ def opened_together(
 
 
 def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
-    """The axes that --axis selects and that all recordings have.
+    """Return the axes that --axis selects and that all recordings have.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def measured_together(
     filter: str = "haar",
     transform: Literal["modwt", "dwt"] = "modwt",
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """The signals or curves of one recording, or the pooled curves of several, by axis.
+    """Return the signals or curves of one recording, or the pooled curves of several, by axis.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class AxisModel:
         return self.model if isinstance(self.model, Model) else self.model.model
 
     def to_dict(self) -> dict[str, Any]:
-        """The model and its values as plain texts and numbers."""
+        """Return the model and its values as plain texts and numbers."""
         return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.origin}
 
 
@@ -133,7 +133,7 @@ def model_source(
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
-    """The model of each axis with its values. The remarks of new fits become warnings."""
+    """Return the model of each axis with its values. The remarks of new fits become warnings."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
 
@@ -154,7 +154,7 @@ def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) 
 
 
 def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
-    """The signals to use: the axes for which the file of fits has models, or the axes that --axis selects."""
+    """Return the signals to use: the axes for which the file of fits has models, or the axes that --axis selects."""
     if source.model is not None or chosen:
         return signals
     there = {axis: signal for axis, signal in signals.items() if axis in source.fits}

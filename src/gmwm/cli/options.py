@@ -161,7 +161,8 @@ def parse_searched(text: str) -> Model | str:
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
-    """The efficiency of the robust wavelet variance; an error if --efficiency is given without --robust."""
+    """Return the efficiency of the robust wavelet variance. Raise an error if --efficiency is given without
+    --robust."""
     if efficiency is not None and not robust:
         raise OptionError(
             "--efficiency applies only to the robust wavelet variance",

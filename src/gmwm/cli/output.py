@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class NewFile:
-    """A file to write: its path, the function that writes it whole, and the label of the progress bar."""
+    """A file to write: its path, the function that writes it completely, and the label of the progress bar."""
 
     path: Path
     write: Callable[[Path], object]
@@ -138,7 +138,7 @@ def text_file(path: Path, text: str) -> NewFile:
 
 
 def file_names(files: Sequence[NewFile]) -> list[str]:
-    """The paths of files to write, for --json."""
+    """Return the paths of files to write, for --json."""
     return [str(file.path) for file in files]
 
 
@@ -337,7 +337,7 @@ def one_line(text: str) -> str:
 
 
 def calibration_file(path: Path) -> Path:
-    """The calibration.json at a path, or in the folder that `gmwm calibrate --output` wrote."""
+    """Return the path of a calibration.json, given directly or as the folder that `gmwm calibrate --output` wrote."""
     return path / "calibration.json" if path.is_dir() else path
 
 

@@ -114,7 +114,7 @@ def plan(
 
 
 def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> float:
-    """The rate of a pilot fit. Raises an OptionError if --rate differs."""
+    """Return the rate of a pilot fit. Raises an OptionError if --rate differs."""
     own = float(found["wavelet_variance"]["rate"])
     if rate is not None and abs(rate / own - 1) > 1e-3:
         raise OptionError(
@@ -145,7 +145,7 @@ def _planned(
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
-    """The name of an axis and its fit, from a fits.json or calibration.json."""
+    """Return the name of an axis and its fit, from a fits.json or calibration.json."""
     _, fits = fits_in(path)
     name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
     if name not in fits:
@@ -200,7 +200,7 @@ def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
 
 
 def _fits(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The fit of each axis in a fits.json or calibration.json."""
+    """Return the fit of each axis in a fits.json or calibration.json."""
     from gmwm.calibration.document import FORMAT
 
     if "format" in content and content["format"] == FORMAT:
@@ -209,7 +209,7 @@ def _fits(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
-    """The model to plan with, from a pilot fit, and remarks about the changes.
+    """Return the model to plan with, from a pilot fit, and remarks about the changes.
 
     Terms that were estimated as zero are left out. Terms that act as another process are replaced by this process.
     """
@@ -239,7 +239,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
 
 
 def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:
-    """Levels, rate, filter and weights of a fit, from its document."""
+    """Return levels, rate, filter and weights of a fit, from its document."""
     import numpy as np
 
     from gmwm.filters import find_filter
@@ -252,6 +252,6 @@ def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, Wavel
 
 
 def _added(process: Process, like: Process) -> Process:
-    """The sum of two processes of the same kind, as one process."""
+    """Return the sum of two processes of the same kind, as one process."""
     value = like.value_from(process.scale + like.scale)
     return like.with_values(**{like.scale_parameter().name: value})

@@ -107,7 +107,7 @@ def _draw(found: PowerSpectra, system: UnitSystem, path: Path) -> None:
 
 
 def _text(found: PowerSpectra) -> str:
-    """A table of the lines and one of the bumps of all axes."""
+    """Format a table of the lines and one of the bumps of all axes."""
     first = next(iter(found.values()))
     parts = [f"{first.extent}; resolution {first.resolution:.3g} Hz"]
     lines = [
@@ -132,7 +132,7 @@ def _text(found: PowerSpectra) -> str:
 
 
 def _csv_text(found: PowerSpectra) -> str:
-    """CSV with one line for each frequency of each axis."""
+    """Format CSV with one line for each frequency of each axis."""
     lines = ["axis,unit,frequency_hz,density,lower,upper,degrees_of_freedom"]
     for axis, spectrum in found.items():
         columns = zip(

@@ -290,12 +290,12 @@ def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] |
 
 
 def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:
-    """The signals that --axis selects. Default: all."""
+    """Return the signals that --axis selects. Default: all."""
     return {axis: imu[axis] for axis in chosen_names(imu.axes, wanted)}
 
 
 def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
-    """The known axes that --axis selects. Default: all.
+    """Return the known axes that --axis selects. Default: all.
 
     >>> chosen_names(["gyro_x", "gyro_y", "accel_x"], ["gyro"])
     ['gyro_x', 'gyro_y']
@@ -312,7 +312,7 @@ def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
-    """Unique names of files: their stems, the names of their folders, or their paths.
+    """Return unique names of files: their stems, the names of their folders, or their paths.
 
     Raises
     ------
@@ -329,12 +329,12 @@ def names_of(files: Sequence[Path]) -> list[str]:
 
 
 def document_of(files: Sequence[Path]) -> dict[str, object]:
-    """The key "file" of a document, or "files" if there are several."""
+    """Return the key "file" of a document, or "files" if there are several."""
     return {"file": str(files[0])} if len(files) == 1 else {"files": list(map(str, files))}
 
 
 def only_file(files: Sequence[Path], option: str) -> Path:
-    """The only file.
+    """Return the only file; raise an error if there are several.
 
     Raises
     ------

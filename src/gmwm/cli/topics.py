@@ -1,4 +1,4 @@
-"""Run a command for each recording of a file that holds several."""
+"""Run a command for each recording of a file that contains several."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gmwm.remarks import Remark
 def each_topic(
     one: Callable[[ReadOptions, Path | None], Outcome], file: Path, reading: ReadOptions, output: Path | None
 ) -> Outcome:
-    """The outcomes of a command for all inertial recordings of a file, as one outcome.
+    """Combine the outcomes of a command for all inertial recordings of a file into one outcome.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def each_topic(
 
 
 def folder_of(topic: str) -> str:
-    """Name of the directory for the results of a topic.
+    """Return the name of the directory for the results of a topic.
 
     >>> folder_of("/imu0/data"), folder_of("sensor_combined_0"), folder_of("../x")
     ('imu0_data', 'sensor_combined_0', 'x')

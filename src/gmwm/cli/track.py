@@ -192,7 +192,7 @@ def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
 
 
 def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
-    """Remarks about terms of the bias that are correlated only for a few samples."""
+    """Yield remarks about terms of the bias that are correlated only for a few samples."""
     from gmwm.likelihood.tracks import wanders
 
     for term, process in zip(found.model.terms, found.model.processes, strict=True):

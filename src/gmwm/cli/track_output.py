@@ -1,4 +1,4 @@
-"""Summaries of tracks, as numbers and as tables."""
+"""Summaries of tracks for the output of commands, as numbers and as tables."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from gmwm.likelihood import Tracks
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
-"""The numbers of each process, in the unit of the data. A reach is half the width of the confidence band."""
+"""Names of the numbers of each process, in the unit of the data. A reach is half the width of the confidence band."""
 
 
 def as_dict(model: AxisModel, found: Tracks, level: float) -> dict[str, Any]:
-    """A summary of tracks with their model, as plain numbers and texts. --output writes the complete tracks."""
+    """Return a summary of tracks with their model, as plain numbers and texts. --output writes the complete tracks."""
     return {
         **model.to_dict(), "kind": found.kind, "rate": found.rate, "unit": found.unit, "samples": len(found),
         "missing": _missing(found), "first_time": float(found.times[0]), "last_time": float(found.times[-1]),

@@ -1,4 +1,4 @@
-"""The status of a watched recording: curves, estimates, and whether the recording is long enough."""
+"""Status of a watched recording: curves, estimates, and whether the recording is long enough."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[
 
 
 def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
-    """The duration (s) that each parameter needs for an accuracy; None if it is unknown or infinite."""
+    """Return the duration (s) that each parameter needs for an accuracy; None if it is unknown or infinite."""
     from gmwm import Model, plan
 
     wv = fit.wavelet_variance
@@ -47,7 +47,7 @@ def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
 
 
 def _errors(fit: Fit) -> dict[str, float]:
-    """The relative standard errors of the estimates."""
+    """Return the relative standard errors of the estimates."""
     try:
         errors = fit.standard_errors
     except GmwmError:
@@ -59,7 +59,7 @@ def whole_text(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
     datasheet: bool, live: bool = False,
 ) -> str:  # fmt: skip
-    """Format the complete status: a table of deviations for each sensor, and one of estimates for each axis."""
+    """Format the complete status: a table of deviations for each sensor, and a table of estimates for each axis."""
     from gmwm._text import duration_text
     from gmwm.axis_names import by_sensor
     from gmwm.cli.output import table_text
@@ -84,7 +84,8 @@ def whole_text(
 
 
 def _relative(wv: WaveletVariance) -> Any:
-    """Relative standard error of each deviation, ½ √(2/η), from χ² with η degrees of freedom for its square."""
+    """Return the relative standard error of each deviation, ½ √(2/η): its square has a χ² distribution with η degrees
+    of freedom."""
     return 0.5 * (2.0 / wv.degrees_of_freedom) ** 0.5
 
 
@@ -116,7 +117,7 @@ def one_line_of(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
     datasheet: bool,
 ) -> str:  # fmt: skip
-    """Format the status in one line: duration, and for each axis the estimates or the least deviation."""
+    """Format the status in one line: duration, and for each axis the estimates or the smallest deviation."""
     from gmwm._text import duration_text
     from gmwm.inference.summary import IntervalMethod, short_values
     from gmwm.plots.view import view_of
@@ -148,7 +149,7 @@ def one_line_of(
 def as_dicts(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
 ) -> dict[str, dict[str, Any]]:
-    """The curves and fits, as plain numbers, lists and texts."""
+    """Return the curves and fits, as plain numbers, lists and texts."""
     from gmwm.inference.summary import IntervalMethod, inference
 
     out = {}

@@ -161,7 +161,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
 
 
 def _csv_text(results: Mapping[str, WaveletVariance]) -> str:
-    """CSV with one line for each level of each axis, including the Allan deviation and its averaging time."""
+    """Format CSV with one line for each level of each axis, including the Allan deviation and its averaging time."""
     from gmwm.plots.view import view_of
 
     lines = ["axis,unit,level,scale_samples,tau_s,variance,lower,upper,coefficients,averaging_time_s,allan_deviation"]

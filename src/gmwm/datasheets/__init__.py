@@ -43,7 +43,8 @@ _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit without terms that act as another process, the labels of its terms in the original fit, and intervals."""
+    """A fit without terms that act as another process, with the labels of its terms in the original fit, and its
+    intervals."""
 
     fit: Fit
     labels: tuple[str, ...]
@@ -51,7 +52,7 @@ class _Judged:
     z: float
 
     def weak(self, term: str, process: Process) -> bool:
-        """Whether a process without a free shape cannot be distinguished from zero."""
+        """Return whether a process without a free shape cannot be distinguished from zero."""
         scale = process.scale_parameter()
         if free_shape(process) or process.is_fixed(scale.name) or self.intervals is None:
             return False
@@ -149,17 +150,17 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
 
 
 def _is_density(entry: Entry) -> bool:
-    """Whether an entry is the white noise density of one term, as `_renamed` may have named it."""
+    """Return whether an entry is the white noise density of one term; `_renamed` may have changed its name."""
     return entry.symbol == _DENSITY or entry.symbol.startswith(f"{_DENSITY} of ")
 
 
 def _acts(fit: Fit, term: str) -> str | None:
-    """The process that a term acts as."""
+    """Return the process that a term acts as."""
     return fit.diagnostics.acts_as.get(term)
 
 
 def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[list[Entry], Remark | None]:
-    """The numbers of one term, or a remark that says why there are none."""
+    """Return the numbers of one term, or a remark with the reason why there are none."""
     wv = judged.fit.wavelet_variance
     if process.scale == 0 and free_shape(process):
         return [], Remark.of("no-numbers", wv.axis, term=label, because="zero", process="")
@@ -208,7 +209,8 @@ def _entry(judged: _Judged, term: str, label: str, process: Process, number: Phy
 
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
-    """Interval of ±z standard errors on the scale of the logarithm; for a number with a sign, on its own scale."""
+    """Return the interval of ±z standard errors on the scale of the logarithm; for a number with a sign, on its own
+    scale."""
     found = judged.fit.sandwich
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))
@@ -220,7 +222,8 @@ def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[
 
 
 def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> tuple[Entry | None, Remark]:
-    """N with the terms that are white noise at τ = 1 s, where N is defined, and a remark that names these terms."""
+    """Return N with all terms that are white noise at τ = 1 s, where N is defined, and a remark that names these
+    terms."""
     axis, rate = fit.wavelet_variance.axis, fit.wavelet_variance.rate
     names = tuple(f"{e.term} (T_c = {significant(e.value, 2)} s)" if e.unit == "s" else str(e.term) for e in fast)
     # Every term with a density at low frequencies counts, also one with a resonance that decays slowly.
@@ -239,7 +242,7 @@ def _has_density(process: Process, rate: float) -> bool:
 
 
 def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
-    """The bias instability, or a remark that says why there is none."""
+    """Return the bias instability, or a remark with the reason why there is none."""
     try:
         return bias_instability(judged.fit, None if judged.intervals is None else judged.z)
     except MissingTheoryError as error:
@@ -248,12 +251,12 @@ def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
 
 
 def _as_bias(entry: Entry) -> Entry:
-    """The coefficient of flicker noise as bias instability, as the standard defines it."""
+    """Return the coefficient of flicker noise as bias instability, as the standard defines it."""
     return replace(entry, symbol=SYMBOL, title=f"{LAWS[SYMBOL].name} of {entry.title}")
 
 
 def _renamed(entry: Entry, label: str) -> Entry:
-    """The entry with its term in the symbol, if another term has the same symbol."""
+    """Return the entry with its term in the symbol, if another term has the same symbol."""
     return Entry.from_dict({**entry.to_dict(), "symbol": f"{entry.symbol} of {label}"})
 
 

@@ -1,4 +1,4 @@
-"""Bias instability: the lowest point of the model's Allan deviation."""
+"""Bias instability: the minimum of the model's Allan deviation."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ from gmwm.variance.result import WaveletVariance
 from gmwm.variance.slope_line import LAWS
 
 _PER_OCTAVE = 24
-"""Points of an octave at which `lowest` evaluates a curve first; a sum of processes has few turns in an octave."""
+"""Number of points per octave at which `lowest` first evaluates a curve. A sum of processes has few extrema in an
+octave."""
 _ZOOM = 32
-"""Points of each refinement of `lowest`."""
+"""Number of points of each refinement of `lowest`."""
 _LEVEL = 1e-9
-"""Relative difference up to which a curve counts as flat, as the curve of flicker noise alone is; it has no end then.
-tests/test_bias_limits.py pins it."""
+"""Relative difference below which a curve is flat, as for flicker noise alone. Such a curve has no end of its minimum.
+Pinned by tests/test_bias_limits.py."""
 
 SYMBOL: Literal["B"] = "B"
 
 
 def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
-    """Bias instability: B = min over τ of the model's Allan deviation / √(2 ln 2/π), over all τ of the recording.
+    """Compute the bias instability B = min over τ of the model's Allan deviation / √(2 ln 2/π), over all τ of the
+    recording.
 
     At the minimum, a change of τ has a second-order effect only. With A = σ²(τ),
 
@@ -110,7 +112,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
 
 
 def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
-    """The smallest upper confidence limit of the measured Allan deviation without its sinusoids.
+    """Return the smallest upper confidence limit of the measured Allan deviation without its sinusoids.
 
     With the Haar filter the Allan variance is 2 ν². With another filter it is the Allan variance of the model times the
     ratio of data to model. None if the levels next to the model's minimum were not measured.
@@ -128,7 +130,8 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
 
 
 def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
-    """The number of samples from 1 to `last` at which a curve is lowest; exact if it has few extrema in an octave.
+    """Return the number of samples from 1 to `last` at which a curve is lowest; exact if it has few extrema in an
+    octave.
 
     >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
     1000
@@ -145,7 +148,7 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
 
 
 def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
-    """Why the minimum is only an upper limit: "falls", "rises" or "unsure"; None if the minimum is certain."""
+    """Return why the minimum is only an upper limit: "falls", "rises" or "unsure"; None if the minimum is certain."""
     ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
     # On a flat curve, rounding decides n.
     if ends.max() <= (1 + _LEVEL) * least:

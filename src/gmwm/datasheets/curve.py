@@ -18,7 +18,7 @@ from gmwm.processes.base import Process
 _STEP = 0.01
 """Relative step of the differences of order 6 for derivatives, whose error is about _STEP⁶ = 1e-12."""
 ENDLESS = 300.0
-"""Largest half width of an interval on the logarithm; e^300 is near the end of double precision."""
+"""Largest half width of an interval on the logarithm; e^300 is near the limit of double precision."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Curve:
 
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> Curve:
-        """The curve of a fit that has no terms that act as another process.
+        """Make the curve of a fit that has no terms that act as another process.
 
         With `sampling`, the covariance does not include the spread between recordings.
         """
@@ -67,21 +67,21 @@ class Curve:
         return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
 
     def without_lines(self) -> Curve:
-        """The curve of the noise alone, without sinusoids."""
+        """Return the curve of the noise alone, without sinusoids."""
         kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
         return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
 
     def slopes(self, n: int) -> Vector:
-        """Derivatives (p,) of σ²(n) at n samples."""
+        """Return derivatives (p,) of σ²(n) at n samples."""
         return np.array([slope(process, name, n, self.rate) for process, name in self.moving])
 
     def error(self, slopes: Vector) -> float:
-        """Standard error of a quantity with these derivatives (p,)."""
+        """Return the standard error of a quantity with these derivatives (p,)."""
         return math.sqrt(max(float(slopes @ self.scatter @ slopes), 0.0))
 
 
 def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """∂σ²(n)/∂ ln θ for one process: exact for the scale, by differences of order 6 for the shape."""
+    """Return ∂σ²(n)/∂ ln θ for one process: exact for the scale, by differences of order 6 for the shape."""
     if name is None:
         return float(process.allan_variance([n], rate)[0])
     parameter = next(p for p in process.parameters if p.name == name)

@@ -20,13 +20,14 @@ from gmwm.processes.physical import Physical
 from gmwm.units import noise_unit
 
 _FAR = 1e6
-"""Averaging time, in correlation times, at which a fast process is read: its Allan variance is N²/τ up to 1e-6."""
+"""Averaging time, in correlation times, at which N of a fast process is computed: its Allan variance equals N²/τ up to
+1e-6."""
 
 WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
 
 GONE = 1e-6
-"""Relative size below which a difference of Allan variances counts as rounding."""
+"""Relative size below which a difference of Allan variances is a rounding error."""
 
 _AT_ITS_TIME = 4 * math.exp(-1.0) - math.exp(-2.0) - 1
 """Allan variance of a Gauss-Markov process of variance 1 at its correlation time."""
@@ -34,7 +35,7 @@ _AT_ITS_TIME = 4 * math.exp(-1.0) - math.exp(-2.0) - 1
 
 @dataclass(frozen=True)
 class Use:
-    """How a filter or a simulator uses the two numbers.
+    """Use of the two numbers in a filter or a simulator.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
 
 
 def _at_most(fit: Fit, entry: Entry, level: float) -> Entry:
-    """The entry with its upper limit in place of a zero."""
+    """Replace the zero of an entry by its upper limit."""
     try:
         high = max(entry.high or 0.0, hidden(fit, entry, level))
     except DataError:
@@ -128,7 +129,7 @@ def checked_horizon(horizon: float) -> float:
 
 
 def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """`effective_noise` for one use, with zero if the model has no such noise.
+    """Compute `effective_noise` for one use, with zero if the model has no such noise.
 
     If the bias of the filter is a Gauss-Markov process, flicker noise and other terms that count by their Allan
     deviation count as a Gauss-Markov bias with the same Allan variance at its correlation time T:
@@ -175,7 +176,7 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 
 
 def counted(process: Process, use: Use, rate: float) -> tuple[float, ...]:
-    """The noise as which a term counts: `WHITE`, `WALK`, both or none."""
+    """Return the noise that describes a term: `WHITE`, `WALK`, both or none."""
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
     if process.line(rate) is not None or (powers and not powers & {WHITE, WALK, 0.0}):
         return ()
@@ -196,7 +197,7 @@ def counted(process: Process, use: Use, rate: float) -> tuple[float, ...]:
 
 
 def is_scale_free(process: Process, rate: float) -> bool:
-    """Whether a process has no correlation time and is not a random walk: flicker and power-law noise."""
+    """Return whether a process has no correlation time and is not a random walk: flicker and power-law noise."""
     if process.line(rate) is not None:
         return False
     time = process.correlation_time(rate)
@@ -204,14 +205,15 @@ def is_scale_free(process: Process, rate: float) -> bool:
 
 
 def is_flicker(process: Process, rate: float) -> bool:
-    """Whether the Allan deviation of a process is flat, by its physical numbers."""
+    """Return whether the Allan deviation of a process is flat, by its physical numbers."""
     return any(number.signal_power and number.time_power == 0 for number in process.physical(rate)) and (
         process.line(rate) is None
     )
 
 
 def by_deviation(process: Process, horizon: float, rate: float) -> bool:
-    """Whether a process counts by its Allan deviation: it has no correlation time, or is slow and has no q_c."""
+    """Return whether a process is described by its Allan deviation: it has no correlation time, or is slow and has no
+    q_c."""
     if process.line(rate) is not None:
         return False
     if is_scale_free(process, rate):
@@ -229,12 +231,12 @@ def _walk(process: Process, rate: float) -> Physical | None:
 
 
 def _steps(time: float, rate: float) -> int:
-    """A time as a number of samples, at least 1."""
+    """Convert a time to a number of samples, at least 1."""
     return max(1, round(time * rate))
 
 
 def _readings(process: Process, power: float, use: Use, rate: float) -> list[tuple[int, float]]:
-    """Numbers of samples n and factors with which Allan variances at n add up to N² or K²."""
+    """Return numbers of samples n and factors: the Allan variances at n times the factors add up to N² or K²."""
     n, powers = _steps(use.horizon, rate), counted(process, use, rate)
     if len(powers) == 2:
         # σ²(τ) = N²/τ + K²τ/3 at half the horizon and at all of it.
@@ -252,7 +254,8 @@ def _readings(process: Process, power: float, use: Use, rate: float) -> list[tup
 
 
 def _square(process: Process, name: str | None, power: float, use: Use, rate: float) -> tuple[float, float]:
-    """The part of a process in N² or K², and its derivative by ln θ, or by the scale if no parameter is named."""
+    """Return the part of a process in N² or K², and its derivative with respect to ln θ, or to the scale if no
+    parameter is named."""
     if process.scale == 0 or power not in counted(process, use, rate):
         return 0.0, 0.0
     if by_deviation(process, use.horizon, rate):

@@ -11,7 +11,7 @@ from gmwm.errors import OptionError
 from gmwm.units import datasheet_units, spelt
 
 _DIGITS = 2
-"""Significant digits of half an interval that are shown; the usual rounding of a standard error."""
+"""Number of significant digits of half an interval that are shown; the usual rounding of a standard error."""
 _MOST_DIGITS = 6
 
 
@@ -105,7 +105,7 @@ class Entry:
         )
 
     def text(self, units: str = "datasheet") -> str:
-        """The number as text in `units` (see `in_units`), for example "0.21 (0.20 … 0.22) deg/√h" or "≤ 0.03 deg/h"."""
+        """Format the number in `units` (see `in_units`), for example "0.21 (0.20 … 0.22) deg/√h" or "≤ 0.03 deg/h"."""
         value, low, high, unit = self.in_units(units)
         unit = "" if unit == "1" else f" {unit}"
         if self.held:
@@ -128,7 +128,7 @@ class Entry:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Entry:
-        """The number from the values of `to_dict`."""
+        """Restore the number from the values of `to_dict`."""
         given = dict(values)
         if given["low"] is not None and given["high"] is None:
             given["high"] = math.inf
@@ -139,7 +139,7 @@ class Entry:
 
 
 def significant(x: float, digits: int) -> str:
-    """A number with a given number of significant digits; with a power of ten only if it is very small or large.
+    """Format a number with a given number of significant digits; with a power of ten only if it is very small or large.
 
     >>> significant(0.012345, 3), significant(1.5e-7, 2), significant(1234.5, 2)
     ('0.0123', '1.5e-07', '1234')
@@ -152,7 +152,8 @@ def significant(x: float, digits: int) -> str:
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Value and limits with `_DIGITS` digits of half the interval; each with its own digits if they differ much."""
+    """Format value and limits with `_DIGITS` digits of half the interval; each with its own digits if they differ
+    much."""
     size, half = max(abs(low), abs(high)), (high - low) / 2
     if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
         return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)

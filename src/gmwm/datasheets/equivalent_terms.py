@@ -1,4 +1,4 @@
-"""Replace terms that act as another process by that process."""
+"""Replace each term that acts as another process by this process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gmwm.processes.parameter import Fixed
 
 
 def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
-    """The fit with each term that acts as another process added to that process, and the original label of each term.
+    """Add each term that acts as another process to that process; return the fit and the original label of each term.
 
     A Gauss-Markov term that acts as white noise becomes white noise, and its scale is added. The same holds for a
     random walk. Estimates and standard errors of the sum follow from the model with these terms.
@@ -47,7 +47,7 @@ def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
 
 
 def _sum(kind: type[Process], parts: Iterable[Process], written_as: Iterable[Process]) -> Process:
-    """One process of a `kind` with the sum of the scales of several; held if all of them were held."""
+    """Return one process of a `kind` with the sum of the scales of several; held if all of them were held."""
     value = kind.value_from(sum(part.scale for part in parts))
     held = all(process.is_fixed(process.scale_parameter().name) for process in written_as)
     return kind(**{kind.scale_parameter().name: Fixed(value) if held else value})

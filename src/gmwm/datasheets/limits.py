@@ -18,11 +18,11 @@ from gmwm.processes.walk import RW
 from gmwm.units import noise_unit
 
 _KINDS: Mapping[str, type[Process]] = {"N_eff": WN, "K_eff": RW}
-"""The process that is added to a model to compute the limit."""
+"""Process that is added to a model to compute the upper limit of each number."""
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
-    """Upper limit of white noise or random walk, from a fit of the model with this term added.
+    """Compute the upper limit of white noise or random walk, from a fit of the model with this term added.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
 
 
 def _widened(fit: Fit, kind: type[Process]) -> Fit:
-    """The fit of the model with one more term to the same data."""
+    """Fit the model with one more term to the same data."""
     weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
     with warnings.catch_warnings():
         # The remark that the data do not support the term is expected.

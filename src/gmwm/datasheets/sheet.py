@@ -87,7 +87,7 @@ class Datasheet(Mapping[str, Entry]):
         return float(self.averaging_time[-1])
 
     def table(self, units: str = "datasheet") -> list[dict[str, Any]]:
-        """The numbers as rows with symbol, title, value, low, high, unit, upper_only, term and text.
+        """Return the numbers as rows with symbol, title, value, low, high, unit, upper_only, term and text.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Datasheet(Mapping[str, Entry]):
         return rows
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
-        """The numbers as a Polars data frame: the rows of `table`.
+        """Return the numbers as a Polars data frame: the rows of `table`.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Datasheet(Mapping[str, Entry]):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:
-        """The datasheet from the values of `to_dict`."""
+        """Restore the datasheet from the values of `to_dict`."""
         given = dict(values)
         given["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
         given["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
@@ -178,7 +178,7 @@ def _title(entry: Entry) -> str:
 
 
 def _also(entry: Entry, units: str) -> str:
-    """The value or its upper limit, in the next unit."""
+    """Format the value or its upper limit in the next unit."""
     shown = entry.in_units(units)[3]
     other = next((name for name in entry.units if name != shown), None)
     if other is None or (entry.high is not None and not np.isfinite(entry.high)):

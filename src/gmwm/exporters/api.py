@@ -28,7 +28,7 @@ def export(
     horizon: float = HORIZON,
     rate: float | None = None,
 ) -> str:
-    """The noise of a unit in the format of another program: see `Calibration.export`."""
+    """Return the noise of a unit in the format of another program: see `Calibration.export`."""
     exporter = find_exporter(format)
     given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
     options = _options(exporter, given)

@@ -11,17 +11,17 @@ from gmwm.exporters.text import limit_mark, written
 
 
 class _Floor(TwoNumbers):
-    """Standard deviations for a filter step of Δt. The filter adds (Δt p)² to the variances, so p = N/√Δt or K/√Δt."""
+    """Lower bounds for a filter with the step Δt. The filter adds (Δt p)² to the variances, so p = N/√Δt or K/√Δt."""
 
     takes = frozenset({"axes", "inflation", "horizon"})
     step: ClassVar[float]
-    """Δt (s)."""
+    """Step of the filter Δt (s)."""
     keys: ClassVar[tuple[str, str, str, str]]
     """Keys of the noise of gyroscopes and accelerometers, and of their biases."""
     row: ClassVar[str]
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Four comment lines, so that loading the file changes nothing."""
+        """Return four comment lines, so that loading the file changes nothing."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         factor = 1 / math.sqrt(self.step)
         found = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
@@ -47,7 +47,7 @@ _ARDUPILOT = ("EK3_GYRO_P_NSE", "EK3_ACC_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ABIAS_P
 
 @register
 class Px4(_Floor):
-    """PX4.
+    """Lower bounds of the noise parameters of PX4.
 
     Source: `EKF/covariance.cpp` and the parameters of the module ekf2 of PX4; EKF2_PREDICT_US is 10 ms.
     """
@@ -64,7 +64,7 @@ class Px4(_Floor):
 
 @register
 class ArduPilot(_Floor):
-    """ArduPilot.
+    """Lower bounds of the noise parameters of ArduPilot.
 
     Source: `AP_NavEKF3_core.cpp` and `.h` of ArduPilot; EKF_TARGET_DT is 12 ms.
     """

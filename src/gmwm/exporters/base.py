@@ -1,4 +1,4 @@
-"""The contract of an exporter, the base of the exporters with two numbers for each sensor, and the registry.
+"""Base class of exporters, base of the exporters with two numbers for each sensor, and the registry of formats.
 
 Each format is one file of this folder: a subclass of `Exporter` under `@register`. The head of every file states what
 its numbers are: the unit, continuous or discrete, the axes, the inflation, the horizon, the models, the source, and
@@ -99,7 +99,7 @@ class Exporter(ABC):
         """
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """The remarks in the file: warnings of the calibration, and what this format leaves out."""
+        """Return the remarks in the file: warnings of the calibration, and what this format leaves out."""
         return tuple(cautions(calibration))
 
 
@@ -117,12 +117,12 @@ def register(exporter: E_) -> E_:
 
 
 def registered() -> tuple[Exporter, ...]:
-    """All formats, in alphabetical order."""
+    """Return all formats, in alphabetical order."""
     return tuple(_EXPORTERS[name] for name in sorted(_EXPORTERS))
 
 
 def find_exporter(format: str) -> Exporter:
-    """The format of a name.
+    """Return the format with a name.
 
     Raises
     ------
@@ -135,13 +135,13 @@ def find_exporter(format: str) -> Exporter:
 
 
 def title_line(exporter: Exporter) -> str:
-    """The first line of a head: what the file is for, and the version of gmwm."""
+    """Return the first line of a head: the program that reads the file, and the version of gmwm."""
     return f"Noise of an IMU for {exporter.title}. Written by gmwm {metadata.version('gmwm')}."
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The numbers of a unit under the options of one file, and the ROS topic of its recording, "" if unknown."""
+    """The numbers of a unit under the options of one file, and the ROS topic of its recording ("" if unknown)."""
 
     gyro: SensorNoise | None
     accel: SensorNoise | None
@@ -164,14 +164,14 @@ class Noise:
         return written_rate(self.rate)
 
     def of(self, quantity: Quantity) -> SensorNoise:
-        """A sensor that the format requires."""
+        """Return a sensor that the format requires."""
         found = self.gyro if quantity == "gyro" else self.accel
         assert found is not None
         return found
 
 
 class TwoNumbers(Exporter):
-    """A consumer with two parameters for each sensor: white noise N and a random walk K of the bias.
+    """Base of formats with two parameters for each sensor: white noise N and a random walk K of the bias.
 
     Attributes
     ----------
@@ -197,25 +197,27 @@ class TwoNumbers(Exporter):
 
     @abstractmethod
     def body(self, noise: Noise) -> Sequence[str]:
-        """The lines below the head, in ASCII."""
+        """Return the lines below the head, in ASCII."""
 
     def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float | None:
-        """Correlation time (s) of the bias, from the correlation times of all axes; None for a random walk."""
+        """Return the correlation time (s) of the bias, from the correlation times of all axes; None for a random
+        walk."""
         return None
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Head and body."""
+        """Return the head and the body."""
         noise = self._noise(calibration, options)
         head = [self.first] if self.first else []
         head += commented(self.head(calibration, noise), self.comment)
         return "\n".join([*head, "", *self.body(noise)]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Warnings of the calibration, and remarks on upper limits and on terms that two numbers do not describe."""
+        """Return warnings of the calibration, and remarks on upper limits and on terms that two numbers do not
+        describe."""
         return self._remarks(calibration, self._noise(calibration, options))
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """The paragraphs of the head."""
+        """Return the paragraphs of the head."""
         options = noise.options
         first, last = paragraphs(self._remarks(calibration, noise))
         head = [title_line(self), recording(calibration), *first, *self.meaning]
@@ -231,7 +233,7 @@ class TwoNumbers(Exporter):
         return [*head, *self.advice(noise)]
 
     def advice(self, noise: Noise) -> tuple[str, ...]:
-        """How to use the file."""
+        """Return sentences on how to use the file."""
         return self.usage
 
     def _remarks(self, calibration: Calibration, noise: Noise) -> tuple[Remark, ...]:
@@ -261,7 +263,7 @@ class TwoNumbers(Exporter):
 
 
 def topic_of(calibration: Calibration) -> str:
-    """The ROS topic that was calibrated; "" if the recording is of no topic, or its name is not one of ROS."""
+    """Return the ROS topic that was calibrated; "" if the recording has no topic, or the name is not a ROS name."""
     topics = {str(remark.facts["topic"]) for remark in calibration.recording_remarks if remark.code == "topic-read"}
     name = topics.pop() if len(topics) == 1 else ""
     return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
@@ -272,7 +274,7 @@ QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
 
 
 def _models(noise: Noise) -> list[str]:
-    """The model of each axis, and the number that each of its terms is part of."""
+    """Return the model of each axis, and the number that each of its terms is part of."""
     lines = []
     for sensor in noise.sensors:
         for one in sensor.axes:

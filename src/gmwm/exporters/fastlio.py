@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class FastLio(TwoNumbers):
-    """Discrete variances; a step adds Δt² times these variances to the covariance.
+    """FAST-LIO: discrete variances. A step adds Δt² times these variances to the covariance.
 
     Source: `config/velodyne.yaml` and `IMU_Processing.hpp` of FAST-LIO.
     """
@@ -28,7 +28,7 @@ class FastLio(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Four keys."""
+        """Return four keys."""
         lines = [f"# for an IMU at {noise.written_rate} Hz", "mapping:"]
         gyro, accel = noise.of("gyro"), noise.of("accel")
         for key, number, unit in (

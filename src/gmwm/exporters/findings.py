@@ -1,4 +1,4 @@
-"""What a file leaves out, which of its numbers are upper limits, and how its terms are counted, as remarks."""
+"""Remarks on a file: what it leaves out, which numbers are upper limits, and how terms are combined into N and K."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
 
 
 def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
-    """Everything to know about the two numbers of each sensor.
+    """Yield the remarks on the two numbers of each sensor.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
 
 
 def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
-    """The lines of an axis, which no number of the file contains."""
+    """Report the lines of an axis, which no number of the file contains."""
     unit = fit.wavelet_variance.unit or "u"
     for line in lines_of(fit):
         frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
@@ -59,7 +59,7 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
 
 
 def of_ramps(calibration: Calibration) -> Iterator[Remark]:
-    """Rate ramps, which the matrices contain as known without error."""
+    """Report rate ramps, which the matrices contain as known without error."""
     for axis, fit in calibration.items():
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
             if is_ramp(process, fit.wavelet_variance.rate):
@@ -67,7 +67,7 @@ def of_ramps(calibration: Calibration) -> Iterator[Remark]:
 
 
 def _replaced(axis: str, terms: tuple[str, ...], time: float | None, horizon: float) -> Remark:
-    """At which averaging time the replacement of some terms has their Allan deviation."""
+    """Report at which averaging time the replacement of some terms has the same Allan deviation as the terms."""
     at = Quantity(horizon, "s")
     if time is None:
         # The Allan deviation of a random walk grows as √t: a factor of 100 in time is one of 10.
@@ -77,7 +77,7 @@ def _replaced(axis: str, terms: tuple[str, ...], time: float | None, horizon: fl
 
 
 def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
-    """Which numbers of a file are upper limits instead of measured values."""
+    """Report which numbers of a file are upper limits instead of measured values."""
     rule, level = noise.options.axes, Quantity(50 + 50 * confidence, "%")
     for sensor in noise.sensors:
         for symbol, power in _TIME_POWER.items():
@@ -98,7 +98,7 @@ def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
 
 
 def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, rule: Rule, level: Quantity) -> Iterator[Remark]:
-    """One remark for each axis of a number that is made of measured values and upper limits."""
+    """Yield a remark for each axis of a number that is computed from measured values and upper limits."""
     for axis, number in axes.items():
         # An axis without the noise, for example without flicker noise, has the value zero.
         if number.value > 0:

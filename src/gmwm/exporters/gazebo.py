@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @register
 class Gazebo(TwoNumbers):
-    """σ = N√f of a sample, and a Gauss-Markov bias driven by K.
+    """Gazebo: standard deviation σ = N√f of a sample, and a Gauss-Markov bias driven by K.
 
     The bias of the simulator is b ← e^(−Δt/T) b + w, Var w = K² T (1 − e^(−2Δt/T))/2.
 
@@ -54,7 +54,7 @@ class Gazebo(TwoNumbers):
         return max(time for other, time in times.items() if sensor_of(other) == sensor_of(axis))
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """An element for each axis."""
+        """Return an element for each axis."""
         names = {"gyro": "angular_velocity", "accel": "linear_acceleration"}
         lines = [f"<!-- stddev for {noise.written_rate} Hz -->", "<imu>"]
         for sensor in noise.sensors:

@@ -17,7 +17,7 @@ _ADVICE = ("Keep your covariances of the integration and of the initial bias: th
 
 
 class _Gtsam(TwoNumbers):
-    """Four 3 × 3 covariances, continuous in time.
+    """GTSAM: four 3 × 3 covariances, continuous in time.
 
     Source: `PreintegrationParams.h`, `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM.
     """
@@ -44,7 +44,7 @@ class GtsamCpp(_Gtsam):
     comment = "//"
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """One assignment for each covariance."""
+        """Return one assignment for each covariance."""
         return [
             f"params->{key} = gtsam::Vector3({_squares(numbers)}).asDiagonal();{_mark(numbers, '//')}"
             for key, numbers in self._four(noise)
@@ -60,7 +60,7 @@ class GtsamPython(_Gtsam):
     extension = ".py"
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """A function with one call for each covariance."""
+        """Return a function with one call for each covariance."""
         calls = [
             f"    params.set{key[0].upper()}{key[1:]}(np.diag([{_squares(numbers)}])){_mark(numbers, '#')}"
             for key, numbers in self._four(noise)

@@ -11,11 +11,11 @@ CONTINUOUS = (
     "Units: continuous-time densities, one-sigma. Noise density N: gyroscope rad/s/√Hz, accelerometer m/s²/√Hz. "
     "Random walk K: gyroscope rad/s²/√Hz, accelerometer m/s³/√Hz.",
 )
-"""Units of Kalibr's four numbers, which other consumers have adopted."""
+"""Units of Kalibr's four numbers, which other programs have adopted."""
 
 
 def four_numbers(noise: Noise) -> list[str]:
-    """The four keys, each with its unit."""
+    """Return the four keys, each with its unit."""
     lines = []
     for quantity, key, unit in (("accel", "accelerometer", "m/s"), ("gyro", "gyroscope", "rad/s")):
         sensor = noise.accel if quantity == "accel" else noise.gyro
@@ -41,12 +41,12 @@ class Kalibr(TwoNumbers):
     meaning = CONTINUOUS
 
     def advice(self, noise: Noise) -> tuple[str, ...]:
-        """What to replace."""
+        """Return which values to replace."""
         if noise.topic:
             return ("rostopic is the topic that was calibrated.",)
         return ("Replace rostopic, which is a placeholder, by the topic of your recordings.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Kalibr's keys."""
+        """Return Kalibr's keys."""
         topic = noise.topic or "/imu0"
         return [*four_numbers(noise), "", f"rostopic: {topic}", f"update_rate: {noise.written_rate}  # Hz"]

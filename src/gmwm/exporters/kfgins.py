@@ -15,7 +15,7 @@ _MILLIGAL = 1e-5
 
 @register
 class KfGins(TwoNumbers):
-    """N, and a Gauss-Markov bias with σ and one correlation time T for all axes.
+    """KF-GINS: N, and a Gauss-Markov bias with σ and one correlation time T for all axes.
 
     The filter drives the bias with 2σ²/T, so σ = K√(T/2) has the random walk K. For a single slow Gauss-Markov term and
     its correlation time, it is the σ of the term.
@@ -38,11 +38,11 @@ class KfGins(TwoNumbers):
     usage = ("Keep gsstd and asstd of your file: a recording at rest does not show scale factors.",)
 
     def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float:
-        """The longest correlation time, for all axes."""
+        """Return the longest correlation time, for all axes."""
         return max(times.values())
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Five keys, three numbers each."""
+        """Return five keys with three numbers each."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         time = max(one.time for sensor in noise.sensors for one in sensor.axes)
         deviation = math.sqrt(time / 2)

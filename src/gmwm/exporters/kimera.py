@@ -26,5 +26,5 @@ class Kimera(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Kimera's keys."""
+        """Return Kimera's keys."""
         return [f"rate_hz: {noise.written_rate}  # Hz", *four_numbers(noise)]

@@ -25,7 +25,7 @@ class LioSam(TwoNumbers):
     usage = ("Replace these keys in your params.yaml. For ROS 2, they are under /**: ros__parameters:.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Four keys."""
+        """Return four keys."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         return [
             "lio_sam:",

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 _FLICKER = "BiasInstability"
 _LASTING = 100.0
-"""Time lag (s) up to which the filter produces flicker noise: the default of this format, stated in its head."""
+"""Time lag (s) up to which the filter of imuSensor produces flicker noise: its default, which the head states."""
 
 
 @register
 class Matlab(TwoNumbers):
-    """N and K of each axis for the simulator imuSensor.
+    """MATLAB: N and K of each axis for the simulator imuSensor.
 
     With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a step of the random walk
     RandomWalk/√f, as N and K are defined. With the default "double-sided", f/2 replaces f.
@@ -48,7 +48,7 @@ class Matlab(TwoNumbers):
     )
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """The head, with the meaning of BiasInstability."""
+        """Return the head, with the meaning of BiasInstability."""
         head = super().head(calibration, noise)
         if not _has_flicker(noise):
             return [
@@ -65,7 +65,7 @@ class Matlab(TwoNumbers):
         ]
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """One call for each sensor."""
+        """Return one call for each sensor."""
         lines = [f"poles = {math.ceil(_LASTING * noise.rate)};"] if _has_flicker(noise) else []
         for sensor, maker in ((noise.gyro, "gyro"), (noise.accel, "accel")):
             if sensor is not None:

@@ -10,7 +10,7 @@ from gmwm.processes.model import Model
 
 
 def has_matrices(model: Model) -> bool:
-    """Whether every term has a state-space form."""
+    """Return whether every term has a state-space form."""
     return model.has("state_space")
 
 
@@ -22,5 +22,5 @@ def require_matrices(axis: str, model: Model) -> None:
 
 
 def rows(matrix: Iterable[Iterable[float]]) -> list[list[float]]:
-    """A matrix as lists, with all digits."""
+    """Return a matrix as lists, with all digits."""
     return np.asarray(matrix, dtype=np.float64).tolist()  # type: ignore[no-any-return]

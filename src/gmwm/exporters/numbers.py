@@ -24,7 +24,7 @@ VERSION = 1
 
 @register
 class JsonNumbers(Exporter):
-    """The numbers of a calibration for programs; calibration.json has the complete calibration."""
+    """JSON with the numbers of a calibration for programs. The complete calibration is in calibration.json."""
 
     name = "json"
     title = "other programs (JSON)"
@@ -32,7 +32,7 @@ class JsonNumbers(Exporter):
     takes = frozenset({"horizon"})
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """A JSON document."""
+        """Return a JSON document."""
         content = {
             "format": FORMAT,
             "version": VERSION,
@@ -70,7 +70,7 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
 
 
 def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any] | None:
-    """N and K with their units, or the reason why there are none."""
+    """Return N and K with their units, or the reason why there are none."""
     fit = calibration[axis]
     unit = find_unit(fit.wavelet_variance.unit)
     if unit is None:

@@ -30,7 +30,7 @@ class OpenVins(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """One IMU."""
+        """Return the entry of one IMU."""
         lines = ["imu0:", *_matrix("T_i_b", _POSE), *(f"  {line}" for line in four_numbers(noise))]
         lines += [
             f"  rostopic: {noise.topic or '/imu0'}",

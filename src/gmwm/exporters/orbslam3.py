@@ -26,7 +26,7 @@ class OrbSlam3(TwoNumbers):
     usage = ("Replace these keys in your settings file.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Five keys."""
+        """Return five keys."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         return [
             f"IMU.NoiseGyro: {written(gyro.N[0])}  # rad/s/sqrt(Hz){limit_mark(gyro.N[0])}",

@@ -1,4 +1,4 @@
-"""Reduce the models of a unit to the white noise N and the random walk K that most filters know."""
+"""Reduce the models of a unit to the white noise N and the random walk K that most filters use."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RULES: Mapping[Rule, str] = {
     "mean": "the root mean square of",
     "each": "one for each of",
 }
-"""How the axes of a sensor are combined into the numbers of a file."""
+"""Words for the rules that combine the axes of a sensor into the numbers of a file."""
 
 NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Names of the sensors in text."""
@@ -41,7 +41,7 @@ class Number:
     upper: bool
 
     def scaled(self, factor: float) -> Number:
-        """The number times a positive factor."""
+        """Return the number times a positive factor."""
         return Number(factor * self.value, self.upper)
 
 
@@ -58,7 +58,7 @@ class AxisNoise:
 
     @property
     def time(self) -> float:
-        """Correlation time (s) of the Gauss-Markov bias, for consumers that replace the random walk by one."""
+        """Correlation time (s) of the Gauss-Markov bias, for programs that use one instead of the random walk."""
         return walk_time(self.fit, self.use.horizon) if self.use.time is None else self.use.time
 
 
@@ -90,7 +90,7 @@ class SensorNoise:
 def sensor_noise(
     calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, uses: Mapping[str, Use]
 ) -> SensorNoise | None:
-    """N, K and B of a sensor; None if it was not calibrated.
+    """Return N, K and B of a sensor; None if it was not calibrated.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def sensor_noise(
 
 
 def axes_of(calibration: Calibration, quantity: Quantity) -> list[str]:
-    """The calibrated axes of a sensor, in alphabetical order."""
+    """Return the calibrated axes of a sensor, in alphabetical order."""
     return sorted(axis for axis in calibration if sensor_of(axis) == quantity)
 
 
@@ -128,7 +128,7 @@ def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
 
 
 def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, level: float) -> AxisNoise:
-    """N and K of one axis for a use: from the model, or upper limits if the model has no such noise."""
+    """Return N and K of one axis for a use: from the model, or upper limits if the model has no such noise."""
     fit = found.fit
     require_unit(axis, fit, quantity)
     # Many files are written from one calibration, and an upper limit needs another fit.
@@ -148,7 +148,7 @@ def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, 
 
 
 def _flicker(found: AxisCalibration) -> Number:
-    """B of the flicker term from the datasheet; zero if the model has no flicker term."""
+    """Return B of the flicker term from the datasheet; zero if the model has no flicker term."""
     entry = found.datasheet.get(SYMBOL)
     if entry is None or entry.term is None:
         return Number(0.0, False)
@@ -177,7 +177,7 @@ def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> 
 
 
 def _number(axis: str, fit: Fit, entry: Entry, level: float) -> Number:
-    """The value of an entry, or its upper limit if the data do not distinguish it from zero."""
+    """Return the value of an entry, or its upper limit if the data do not distinguish it from zero."""
     if entry.value > 0 and not entry.upper_only:
         return Number(entry.value, False)
     try:
@@ -197,7 +197,7 @@ def _unbounded(axis: str, entry: Entry, cause: BaseException | None = None) -> D
 
 
 def slow_terms(fit: Fit, horizon: float) -> dict[str, float]:
-    """Finite correlation times (s), by label, of the terms that act as a random walk over the horizon."""
+    """Return the finite correlation times (s), by label, of the terms that act as a random walk over the horizon."""
     written, labels = translated(fit)
     found = {}
     for label, process in zip(labels, written.model.processes, strict=True):
@@ -208,7 +208,7 @@ def slow_terms(fit: Fit, horizon: float) -> dict[str, float]:
 
 
 def walk_time(fit: Fit, horizon: float) -> float:
-    """Correlation time (s) of the walk: of the slowest term, or the length of the recording for a random walk."""
+    """Return the correlation time (s) of the slowest term, or the length of the recording for a random walk."""
     written, _ = translated(fit)
     wv = fit.wavelet_variance
     times = slow_terms(fit, horizon).values()
@@ -222,7 +222,8 @@ def walk_time(fit: Fit, horizon: float) -> float:
 
 
 def counted_as(fit: Fit, use: Use) -> dict[str, list[str]]:
-    """The terms of a model that are part of "N", of "K", of the parameter for flicker noise, and of none ("")."""
+    """Return the terms of a model that are part of "N", of "K", of the parameter for flicker noise, and of none of them
+    ("")."""
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
     found: dict[str, list[str]] = {"N": [], "K": [], "": []}
@@ -245,7 +246,7 @@ def counted_as(fit: Fit, use: Use) -> dict[str, list[str]]:
 
 
 def replaced_terms(fit: Fit, use: Use) -> tuple[str, ...]:
-    """The terms that are replaced by the noise with the same Allan deviation at one averaging time."""
+    """Return the terms that are replaced by noise with the same Allan deviation at one averaging time."""
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
     return tuple(
@@ -268,7 +269,7 @@ class Line:
 
 
 def lines_of(fit: Fit) -> list[Line]:
-    """The sinusoids of a fit. A filter with N and K only cannot represent them."""
+    """Return the sinusoids of a fit. A filter with N and K only cannot represent them."""
     rate = fit.wavelet_variance.rate
     found = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):

@@ -23,7 +23,8 @@ _KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "l
 
 @register
 class Ros(Exporter):
-    """The variance of a sample on the diagonal: all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without lines.
+    """ROS: variance of a sample on the diagonal, from all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without
+    lines.
 
     Source: `sensor_msgs/msg/Imu.msg`.
     """
@@ -36,7 +37,7 @@ class Ros(Exporter):
     per_axis = True
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """A list of nine numbers for each calibrated sensor."""
+        """Return a list of nine numbers for each calibrated sensor."""
         first, last = paragraphs(self.remarks(calibration, options))
         head = [
             title_line(self), recording(calibration), *first,
@@ -69,7 +70,7 @@ class Ros(Exporter):
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Warnings of the calibration, and remarks on terms without a variance and on sinusoids."""
+        """Return warnings of the calibration, and remarks on terms without a variance and on sinusoids."""
         found = cautions(calibration)
         for axis, fit in calibration.items():
             if terms := terms_without_variance(fit):
@@ -79,7 +80,7 @@ class Ros(Exporter):
 
 
 def terms_without_variance(fit: Fit) -> tuple[str, ...]:
-    """The terms whose variance grows with time."""
+    """Return the terms whose variance grows with time."""
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
     return tuple(
@@ -92,7 +93,8 @@ def terms_without_variance(fit: Fit) -> tuple[str, ...]:
 
 
 def sample_variance(fit: Fit) -> float:
-    """Variance (SI) of one sample of the stationary noise of a model, without lines and terms that act as a walk."""
+    """Return the variance (SI) of one sample of the stationary noise of a model, without lines and terms that act as a
+    walk."""
     model, wv = translated(fit)[0].model, fit.wavelet_variance
     stationary = [p for p in model.processes if p.stationary and p.scale > 0 and p.line(wv.rate) is None]
     lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]

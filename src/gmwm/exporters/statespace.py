@@ -79,14 +79,15 @@ if __name__ == "__main__":
 
 @register
 class StateSpaceFile(Exporter):
-    """F, Q, H, R, m0, P0 and A, Qc, H_c, Rc of each axis, and code that joins and simulates them."""
+    """Python file with F, Q, H, R, m0, P0 and A, Qc, H_c, Rc of each axis, and code that combines and simulates
+    them."""
 
     name = "state-space"
     title = "NumPy (state-space matrices of the full model, as a Python file)"
     extension = ".py"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """A Python file."""
+        """Return the text of a Python file."""
         first, last = paragraphs(self.remarks(calibration, options))
         head = commented([title_line(self), recording(calibration), *first, *_MEANING, *last], "#")
         axes = {plain(axis): axis_matrices(axis, calibration) for axis in calibration}
@@ -94,12 +95,12 @@ class StateSpaceFile(Exporter):
         return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Warnings of the calibration, and remarks on its rate ramps."""
+        """Return warnings of the calibration, and remarks on its rate ramps."""
         return (*cautions(calibration), *of_ramps(calibration))
 
 
 def axis_matrices(axis: str, calibration: Calibration) -> dict[str, Any]:
-    """The matrices of one axis as lists, with all digits."""
+    """Return the matrices of one axis as lists, with all digits."""
     fit = calibration[axis]
     require_matrices(axis, fit.model)
     rate = fit.wavelet_variance.rate

@@ -22,14 +22,14 @@ _ABOUT = "Continuous-time numbers of each axis, from the whole model, without in
 
 @register
 class CsvTable(Exporter):
-    """One row for each number of each axis, in SI units and in datasheet units."""
+    """CSV with one row for each number of each axis, in SI units and in datasheet units."""
 
     name = "csv"
     title = "spreadsheets (CSV)"
     extension = ".csv"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Comment lines, a header and the rows."""
+        """Return comment lines, a header and the rows."""
         level = calibration.settings.confidence
         first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
@@ -60,14 +60,14 @@ class CsvTable(Exporter):
 
 @register
 class LatexTable(Exporter):
-    """A tabular for each sensor, with a column for each axis and a row for each number."""
+    """LaTeX with a tabular for each sensor: a column for each axis and a row for each number."""
 
     name = "latex"
     title = "papers (LaTeX)"
     extension = ".tex"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """LaTeX that needs no package."""
+        """Return LaTeX that needs no package."""
         level = calibration.settings.confidence
         first, last = paragraphs(self.remarks(calibration, options))
         head = commented(

@@ -1,4 +1,4 @@
-"""Text and numbers that every format can hold: ASCII, and no line that could end a comment."""
+"""Text and numbers that every format can contain: ASCII, and no line that could end a comment."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ _ASCII = {
 
 
 def recording(calibration: Calibration) -> str:
-    """Source, length, rate and digest of the recording, and what was removed from it, for the head of a file."""
+    """Return source, length, rate and digest of the recording, and the effects that were removed from it, for the head
+    of a file."""
     source = f"{calibration.source}, " if calibration.source else ""
     one = calibration.recording
     digests = [found.sha256 for found in ([one] if one else calibration.recordings.values()) if found.sha256]
@@ -33,7 +34,7 @@ def recording(calibration: Calibration) -> str:
 
 
 def _conditions(calibration: Calibration) -> str:
-    """A sentence on the effects that were removed from the axes; "" if nothing was removed."""
+    """Return a sentence on the effects that were removed from the axes; "" if nothing was removed."""
     parts = [
         f"{covariates_text(one)} from {axis}{f' in {name}' if name else ''}, {effect_text(one)}"
         for axis, found in calibration.axes.items() for name, one in found.regressions.items()
@@ -42,14 +43,14 @@ def _conditions(calibration: Calibration) -> str:
 
 
 def cautions(calibration: Calibration) -> list[Remark]:
-    """The remarks that every file carries: numbers that may be wrong by a factor, and doubtful units."""
+    """Return the remarks that every file contains: numbers that may be wrong by a factor, and doubtful units."""
     return [
         remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
     ]
 
 
 def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:
-    """Remarks as paragraphs of a head: those that affect the numbers, marked as cautions, and the others.
+    """Return remarks as paragraphs of a head: those that affect the numbers, marked as cautions, and the others.
 
     Returns
     -------
@@ -67,7 +68,7 @@ def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:
 
 
 def plain(text: str) -> str:
-    """Text as a single line of ASCII that cannot end a comment; needed for names and files from elsewhere.
+    """Return text as a single line of ASCII that cannot end a comment; needed for names and files from other sources.
 
     >>> plain("a√Hz * / -- b\\nc")
     'asqrt(Hz) * / -- b c'
@@ -81,7 +82,7 @@ def plain(text: str) -> str:
 
 
 def unended(line: str) -> str:
-    """A line of plain text that cannot end an XML comment.
+    """Return a line of plain text that cannot end an XML comment.
 
     >>> unended("a --> b")
     'a - -> b'
@@ -92,7 +93,7 @@ def unended(line: str) -> str:
 
 
 def commented(texts: Sequence[str], mark: str) -> list[str]:
-    """Paragraphs as comment lines."""
+    """Return paragraphs as comment lines."""
     return [
         line
         for text in texts
@@ -103,7 +104,7 @@ def commented(texts: Sequence[str], mark: str) -> list[str]:
 
 
 def written(number: Number | float) -> str:
-    """A number with seven digits, in a form that all consumers read.
+    """Format a number with seven digits, in a form that all programs read.
 
     >>> written(1.0), written(1.25e-7)
     ('1.000000e+00', '1.250000e-07')
@@ -112,7 +113,7 @@ def written(number: Number | float) -> str:
 
 
 def written_rate(rate: float) -> str:
-    """A rate (Hz) with six digits; a rate measured from time stamps is not more precise.
+    """Format a rate (Hz) with six digits; a rate measured from time stamps is not more precise.
 
     >>> written_rate(200.0), written_rate(200.00116000672804)
     ('200.0', '200.001')
@@ -121,5 +122,5 @@ def written_rate(rate: float) -> str:
 
 
 def limit_mark(number: Number) -> str:
-    """The mark behind a number that is an upper limit."""
+    """Return the mark after a number that is an upper limit."""
     return "  upper limit" if number.upper else ""

@@ -11,7 +11,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class Vins(TwoNumbers):
-    """Discrete standard deviations N√f and K√f.
+    """VINS: discrete standard deviations N√f and K√f.
 
     A step adds (Δt σ)² to the variances of angle, velocity and biases, so N²Δt = Δt²·acc_n², and likewise for K.
 
@@ -33,7 +33,7 @@ class Vins(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Four keys."""
+        """Return four keys."""
         root = math.sqrt(noise.rate)
         lines = [f"# for an IMU at {noise.written_rate} Hz"]
         for symbol, tail in (("N", "n"), ("K", "w")):

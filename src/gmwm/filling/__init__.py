@@ -1,4 +1,4 @@
-"""Fill the gaps of a recording: draw lost samples from their distribution given the samples around them."""
+"""Fill the gaps of a recording: draw lost samples from their conditional distribution given the samples around them."""
 
 from gmwm.filling.blocks import fill_gaps, filled
 from gmwm.filling.drawing import drawn

@@ -68,7 +68,7 @@ class _Window:
         self.stop += len(batch)
 
     def ends_in_short_gaps(self, batch: Batch) -> bool:
-        """Whether the last batch has gaps that may be filled, or one before it."""
+        """Return whether the last batch has gaps that may be filled, or a gap before it."""
         one = next(iter(batch.signals.values()))
         if not one.gaps_known:
             return False
@@ -80,7 +80,7 @@ class _Window:
         return gaps.has_short_gaps(one.rate, segments, starts)
 
     def filled(self, first: int, last: int, threads: int | None) -> Batch:
-        """Samples number `first` … `last` − 1 of a block with their gaps, and the one before them, filled."""
+        """Return samples number `first` … `last` − 1 of a block with their gaps, and the gap before them, filled."""
         number = first // self._block
         begin = max(number * self._block - self._context, self._first)
         end = (number + 1) * self._block + self._context
@@ -111,7 +111,7 @@ class _Window:
 
 
 class Filling:
-    """How the gaps of a block are filled, for all axes.
+    """Plan for filling the gaps of a block, for all axes.
 
     A gap belongs to the block of the sample after it.
 
@@ -164,7 +164,7 @@ class Filling:
         self.starts = tuple(times.tolist())
 
     def of(self, values: Vector) -> Vector:
-        """The samples of the block with its gaps filled, from those of the block with its context."""
+        """Return the samples of the block with its gaps filled, from the samples of the block and its context."""
         if not self.filled:
             return values[self._first : self._last]
         present = np.zeros(self._size, dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Draw lost samples from their distribution given the others, without a model of the noise.
+"""Draw lost samples from their conditional distribution given the others, without a model of the noise.
 
 A lost sample is the sum of three parts: a level, the mean of w samples on each side; a linear prediction of its
 deviation from the level from those of 32 neighbours on each side; and a residual. The width w is the one that predicts
@@ -33,26 +33,27 @@ Places = NDArray[np.int64]
 Range = tuple[int, int]
 
 NEIGHBOURS = 32
-"""Neighbours on each side that predict a lost sample. As all constants here, measured in tests/filling."""
+"""Number of neighbours on each side that predict a lost sample. All constants here are measured in tests/filling."""
 SHORT = 64
 """Longest gap (samples) that is predicted from neighbours."""
 WIDEST = 1 << 16
-"""Largest width w of the means beside a gap (samples)."""
+"""Largest width w of the means on both sides of a gap (samples)."""
 _RIDGE = 1e-3
-"""White noise that is added to the autocovariance, in variances. It bounds the weights of neighbours, which may be lost
-themselves, where a signal is smooth."""
+"""White noise that is added to the autocovariance, relative to the variance. It limits the weights of neighbours, which
+may be lost themselves, where a signal is smooth."""
 _TRAINING, _WINDOWS = 1 << 14, 1 << 12
-"""Places from which the width is estimated, and the autocovariance."""
+"""Number of places from which the width and the autocovariance are estimated."""
 _CLEAN = 8
-"""Samples on each side of the place of a residual that must be known as well."""
+"""Number of samples on each side of the place of a residual that must also be known."""
 _TRIALS = 64
-"""Trials to find the place of a residual."""
+"""Largest number of trials to find the place of a residual."""
 _SWEEPS, _GROUPS = 3, 4
-"""Draws of each sample, because lost neighbours depend on each other, and groups of gaps that are drawn in turn."""
+"""Number of draws of each sample, because lost neighbours depend on each other, and number of groups of gaps that are
+drawn in turn."""
 
 
 def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Sequence[int] = ()) -> Vector:
-    """Replace the samples that are not present by draws from their distribution given the others.
+    """Replace the samples that are not present by draws from their conditional distribution given the others.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Se
 
 
 def _drawn(known: _Known, prediction: _Prediction, rng: np.random.Generator) -> Vector:
-    """The samples of a range without cuts, with draws of those that are lost."""
+    """Return the samples of a range without cuts, with draws for lost samples."""
     lost = np.flatnonzero(np.diff(np.concatenate([[True], known.present, [True]]).astype(np.int8))).reshape(-1, 2)
     gaps = _Gaps(lost[:, 0], lost[:, 1] - lost[:, 0])
     x, prediction = known.values.copy(), prediction.within(known)
@@ -146,7 +147,8 @@ class _Known:
         return self.path.size - 1
 
     def sides(self, first: Places, last: Places, width: int) -> tuple[Vector, Vector]:
-        """Means of the next `width` known samples before `first` and from `last` on; at an end, of one side."""
+        """Return the means of the next `width` known samples before `first` and from `last` on; at an end, of one side
+        only."""
         i = self.before[np.clip(first, 0, self.values.size)]
         k = self.before[np.clip(last, 0, self.values.size)]
         left, right = np.minimum(width, i), np.minimum(width, len(self) - k)
@@ -155,14 +157,14 @@ class _Known:
         return np.where(left > 0, a, b), np.where(right > 0, b, a)
 
     def level(self, first: Places, last: Places, width: int) -> Vector:
-        """Mean of both sides."""
+        """Return the mean of both sides."""
         a, b = self.sides(first, last, width)
         return np.asarray(0.5 * (a + b))
 
     def best_width(
         self, length: int, widths: Sequence[int], rng: np.random.Generator, ranges: Sequence[Range] = ()
     ) -> int:
-        """The width whose level is nearest to the mean of `length` samples in between."""
+        """Return the width whose level is nearest to the mean of `length` samples in between."""
         places = _inside(rng.integers(0, self.values.size - length, _TRAINING), length, ranges)
         last = places + length
         count = self.before[last] - self.before[places]
@@ -175,7 +177,7 @@ class _Known:
 
 
 def _inside(places: Places, length: int, ranges: Sequence[Range]) -> Places:
-    """The different places from which on `length` samples are within one of the ranges."""
+    """Return the distinct places from which `length` samples are within one of the ranges."""
     places = np.unique(places)
     if len(ranges) < 2:
         return places
@@ -184,7 +186,7 @@ def _inside(places: Places, length: int, ranges: Sequence[Range]) -> Places:
 
 
 def _widths(least: int, most: int, ratio: int) -> list[int]:
-    """Widths from `least` to `most`, and at least one."""
+    """Return widths from `least` to `most`, at least one."""
     out = [least]
     while out[-1] * ratio <= min(WIDEST, most):
         out.append(out[-1] * ratio)
@@ -194,7 +196,7 @@ def _widths(least: int, most: int, ratio: int) -> list[int]:
 def _autocovariance(
     known: _Known, width: int, size: int, *, ranges: Sequence[Range], rng: np.random.Generator
 ) -> Matrix:
-    """Covariance (size, size) of consecutive samples about the level that both sides of them give.
+    """Return the covariance (size, size) of consecutive samples about the level computed from both sides.
 
     It is the variance less half of the mean square of differences at each lag. In a wandering signal these are far
     smaller than the variance, and averages of products over different pairs would not be accurate enough.
@@ -234,19 +236,19 @@ class _Prediction:
 
     @classmethod
     def of(cls, known: _Known, ranges: Sequence[Range], rng: np.random.Generator) -> _Prediction:
-        """The prediction for some ranges of a signal."""
+        """Compute the prediction for some ranges of a signal."""
         longest = max(int(known.before[last] - known.before[first]) for first, last in ranges)
         near = _neighbours(longest)
         width = known.best_width(4 * near, _widths(4 * near, longest // 8, 2), rng, ranges)
         return cls(near, width, _autocovariance(known, width, 4 * near, ranges=ranges, rng=rng))
 
     def within(self, known: _Known) -> _Prediction:
-        """The prediction for a range with fewer samples."""
+        """Return the prediction for a range with fewer samples."""
         near = min(self.near, _neighbours(len(known)))
         return replace(self, near=near, width=max(min(self.width, len(known) // 8), 1))
 
     def weights(self, length: int) -> Matrix:
-        """Weights (2 near, length) of the neighbours for each sample of a gap."""
+        """Return weights (2 near, length) of the neighbours for each sample of a gap."""
         near, covariance = self.near, self.covariance
         if not covariance[0, 0] > 0:
             return np.zeros((2 * near, length))
@@ -256,12 +258,12 @@ class _Prediction:
 
 
 def _neighbours(known: int) -> int:
-    """Number of neighbours on each side, for a number of known samples."""
+    """Return the number of neighbours on each side, for a number of known samples."""
     return max(1, min(NEIGHBOURS, known // 16))
 
 
 class _Draw(NamedTuple):
-    """Gaps of the same length that are drawn together, from residuals at as many other places."""
+    """Gaps of the same length that are drawn together, and as many other places whose residuals are used."""
 
     first: Places
     donor: Places
@@ -270,7 +272,7 @@ class _Draw(NamedTuple):
     sign: Matrix
 
     def group(self, k: int) -> _Draw:
-        """Every fourth gap, from gap number k on."""
+        """Return every fourth gap, from gap number k on."""
         part = slice(k, None, _GROUPS)
         return _Draw(
             first=self.first[part],
@@ -320,14 +322,14 @@ def _draw_short(
 
 
 def _around(x: Vector, places: Places, offsets: Places, level: Matrix) -> Matrix:
-    """Deviations of the neighbours from the level; 0 beyond the ends."""
+    """Return deviations of the neighbours from the level; 0 beyond the ends."""
     index = places[:, None] + offsets
     inside = (index >= 0) & (index < x.size)
     return np.where(inside, x[np.clip(index, 0, x.size - 1)] - level, 0.0)
 
 
 def _donors(known: _Known, length: int, count: int, rng: np.random.Generator) -> Places:
-    """Random places where `length` samples are known, and if possible those beside them."""
+    """Return random places where `length` samples are known, and if possible also the samples next to them."""
     most = known.values.size - length
     places = rng.integers(0, most + 1, count)
     best = np.full(count, np.iinfo(np.int64).max)

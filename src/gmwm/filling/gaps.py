@@ -1,4 +1,4 @@
-"""Which gaps of a recording are filled."""
+"""Rules for the gaps of a recording that are filled."""
 
 from __future__ import annotations
 
@@ -12,44 +12,45 @@ from gmwm._arrays import Vector
 from gmwm.filling.drawing import SHORT
 
 AROUND, LEAST_AROUND = 32, 1024
-"""A gap of g samples is filled if enough of the max(32 g, 1024) samples on each side are known, as far as the
-recording goes, and as far as `CONTEXT`. As the constants below, measured in tests/filling."""
+"""Neighbourhood of a gap of g samples: the max(32 g, 1024) samples on each side, as far as the recording goes and at
+most `CONTEXT`. All constants here are measured in tests/filling."""
 SHARE = 0.75
-"""Share of them that must be known."""
+"""Share of the neighbourhood that must be known for a gap to be filled."""
 BESIDE, BESIDE_LONG = 2, 16
-"""Known samples on each side, in lengths of the gap, even at the ends of the recording: for gaps that are predicted
-from neighbours, and for longer ones, after which a sensor may have another offset."""
+"""Smallest number of known samples on each side, in lengths of the gap, also at the ends of the recording: for gaps
+that are predicted from neighbours, and for longer gaps, after which a sensor may have another offset."""
 LONGEST = 1 << 13
 """Longest gap that is filled (samples)."""
 CONTEXT = BESIDE_LONG * LONGEST
-"""Samples on each side of a block that decide about its gaps, and from which they are filled."""
+"""Number of samples on each side of a block that determine which gaps are filled, and from which they are filled."""
 BLOCK = 1 << 20
-"""Samples whose gaps are filled together, so that the prediction follows a sensor that changes, in bounded memory."""
+"""Number of samples whose gaps are filled together, so that the prediction follows a sensor that changes, in bounded
+memory."""
 
 Ranges = NDArray[np.int64]
 
 
 def lost_samples(rate: float, segments: Ranges, starts: Sequence[float] | Vector) -> NDArray[np.int64]:
-    """Number of samples that are missing between one segment and the next; 0 or less if the clock was set back."""
+    """Return the number of samples missing between one segment and the next; 0 or less if the clock was set back."""
     times = np.asarray(starts, dtype=np.float64)
     ends = times + (segments[:, 1] - segments[:, 0]) / rate
     return np.rint((times[1:] - ends[:-1]) * rate).astype(np.int64)
 
 
 def is_short(lost: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether gaps of these numbers of samples may be filled, if enough samples around them are known."""
+    """Return whether gaps of these numbers of samples may be filled, if enough samples around them are known."""
     return np.asarray((lost > 0) & (lost <= LONGEST))
 
 
 def has_short_gaps(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> bool:
-    """Whether any gap between some segments may be filled."""
+    """Return whether any gap between segments may be filled."""
     return len(segments) > 1 and bool(np.any(is_short(lost_samples(rate, np.array(segments), starts))))
 
 
 def joined_ranges(
     rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]
 ) -> tuple[tuple[int, int], ...]:
-    """Index ranges (first, last) of the known samples between the gaps that are not filled."""
+    """Return index ranges (first, last) of the known samples between the gaps that are not filled."""
     if not has_short_gaps(rate, segments, starts):
         return tuple(segments)
     ranges = np.array(segments, dtype=np.int64)
@@ -70,7 +71,7 @@ def joined_ranges(
 
 
 def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which gaps between segments of some lengths are filled, given the samples that are lost in each.
+    """Return which gaps between segments of some lengths are filled, given the number of samples lost in each.
 
     Long gaps are decided first, and their samples count as known for shorter ones beside them.
     """

@@ -13,7 +13,7 @@ from gmwm.fleets.statistics_result import SIGNED, AxisDifference
 from gmwm.multiple_tests import holm
 
 LEAST = 6
-"""Number of units with a number on all axes that the test needs, so that three axes leave 4 degrees of freedom."""
+"""Smallest number of units with a number on all axes for the test. Three axes then leave 4 degrees of freedom."""
 
 
 def differences(
@@ -70,7 +70,7 @@ def differences(
 
 
 def hotelling(d: Matrix) -> float | None:
-    """p-value of the test that d (p, n) has the mean zero; None if its covariance is singular."""
+    """Return the p-value of the test that d (p, n) has the mean zero; None if its covariance is singular."""
     from scipy.stats import f
 
     p, n = d.shape

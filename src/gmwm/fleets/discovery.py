@@ -75,7 +75,8 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
 
 
 def _walk(folder: Path, output: Path) -> Iterator[Path]:
-    """All files below a folder, and folders that are one recording, without hidden files and outputs of fleets."""
+    """Yield all files below a folder, and folders that are one recording, without hidden files and outputs of
+    fleets."""
     signs = {reader.folder_sign for reader in registered()} - {""}
     for name, folders, files in os.walk(folder):
         here = Path(name)
@@ -90,7 +91,7 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
 
 
 def _is_recording(path: Path) -> bool:
-    """Whether the name or the content of a file is that of a recording; a text file needs a known extension."""
+    """Return whether a file is a recording, by its name or content; a text file needs a known extension."""
     for reader in registered():
         # The file that marks a folder as a recording is not one itself, and .yaml may be anything.
         if path.suffix.lower() in set(reader.extensions) - {Path(reader.folder_sign).suffix}:
@@ -105,7 +106,7 @@ def _is_recording(path: Path) -> bool:
 
 
 def _named(paths: Sequence[Path]) -> dict[str, Path]:
-    """Recordings by their paths below the folder that they have in common."""
+    """Name recordings by their paths below the folder that they have in common."""
     if not paths:
         return {}
     try:
@@ -122,7 +123,7 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
 
 
 def _check_names(units: Mapping[str, Path]) -> None:
-    """Check that each name of a unit is a path inside the output folder, and that no two units need the same path."""
+    """Check that each name of a unit is a path inside the output folder, and that no two units have the same path."""
     for unit in units:
         parts = PurePosixPath(unit)
         if not unit or "\0" in unit or parts.is_absolute() or ".." in parts.parts or parts.as_posix() != unit:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Progress = Callable[[int, int, str], None]
-"""A function that is called with the number of units done, the number of all units, and the last unit."""
+"""Progress callback: called with the number of units done, the number of all units, and the last unit."""
 
 
 def fleet(
@@ -146,7 +146,7 @@ def calibrate_fleet(
     retries: int = 2,
     progress: Progress | None = None,
 ) -> Fleet:
-    """The calibrations of a fleet, as `fleet` gives them, by options that are checked."""
+    """Calibrate a fleet by options that are already checked; see `fleet`."""
     _check_axes(options.wanted)
     if reading.format is not None:
         find_reader(Path(), reading.format)
@@ -191,7 +191,7 @@ class _Run:
         self.kept = self.done = 0
 
     def jobs(self, options: UnitOptions) -> list[Job]:
-        """The jobs of units that are not finished."""
+        """Return the jobs of units that are not finished."""
         jobs = []
         for unit, path in self.paths.items():
             rows = finished_rows(self.folder, unit, path, options)
@@ -216,7 +216,7 @@ class _Run:
         self._tell(unit if outcome.document is not None else f"{unit}: failed")
 
     def table(self) -> Any:
-        """The table of all units in their order, with those that the run did not reach."""
+        """Return the table of all units in their order, including units that this run did not reach."""
         missing = f"the run ended before this unit. {RUN_AGAIN}"
         return as_table(
             row
@@ -241,7 +241,7 @@ class _Run:
 def _outcomes(
     jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int
 ) -> Iterator[Iterable[Outcome]]:
-    """The outcomes of the jobs, from this process or a cluster."""
+    """Yield the outcomes of the jobs, from this process or a cluster."""
     alone = (
         scheduler is None and workers is None and (len(jobs) < 2 or processors() == 1 or not find_spec("distributed"))
     )
@@ -262,7 +262,7 @@ def _outcomes(
 
 
 def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:
-    """The options of `read` in a mapping; None means the default."""
+    """Convert a mapping to the options of `read`; None means the default."""
     if isinstance(reading, ReadOptions):
         return reading
     if reading is not None and not isinstance(reading, Mapping):

@@ -1,4 +1,4 @@
-"""Make the remarks on a fleet and its statistics."""
+"""Remarks on a fleet and its statistics."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
 
 LEAST = 3
-"""Smallest number of units for a spread and the range of a further unit. With two units, the 95 % confidence interval
-of the spread is 0.45 to 32 times its estimate."""
+"""Smallest number of units for a spread and the prediction range of another unit. With two units, the 95 % confidence
+interval of the spread is 0.45 to 32 times its estimate."""
 MUCH = 0.5
 """Share of estimation error in the variance above which it dominates: more than one half."""
 REJECTED = 0.05
@@ -24,12 +24,12 @@ REJECTED = 0.05
 
 
 def remarks_of(found: FleetStatistics) -> list[Remark]:
-    """All remarks on the statistics of a fleet, the most severe first."""
+    """Make all remarks on the statistics of a fleet, the most severe first."""
     return sorted_remarks(_remarks(found))
 
 
 def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
-    """Failed units, rejected models and outliers in the samples, from the table of a fleet."""
+    """Report failed units, rejected models and outliers in the samples, from the table of a fleet."""
     if failed:
         yield Remark.of("units-failed", failed=failed, units=units)
     if "p_value" in table.columns:
@@ -88,7 +88,7 @@ def _of_limits(rows: Sequence[FleetNumber]) -> Iterator[Remark]:
 
 
 def _each(code: str, rows: Iterable[FleetNumber], every: Iterable[FleetNumber], **facts: str | int) -> Iterator[Remark]:
-    """One remark for each group of numbers with the same axes."""
+    """Yield one remark for each group of numbers with the same axes."""
     for subject in _groups(rows, every):
         yield Remark.of(code, subject, **facts)
 
@@ -109,7 +109,8 @@ def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:
 
 
 def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[str]:
-    """Names of numbers, such as "Q, N of gyro" and "K of gyro_y"; a sensor means all its axes that have the number."""
+    """Return names of numbers, such as "Q, N of gyro" and "K of gyro_y"; a sensor means all its axes that have the
+    number."""
     axes: dict[str, list[str]] = {}
     complete: dict[str, list[str]] = {}
     for found, given in ((axes, rows), (complete, every)):

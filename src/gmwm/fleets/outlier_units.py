@@ -11,9 +11,10 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.random_effects import effects
 
 FEWEST = 8
-"""Number of units that the search for outliers needs (tests/fleets/test_statistics.py holds its size there)."""
+"""Smallest number of units for the search for outliers (tests/fleets/test_statistics.py checks its size at this
+number)."""
 SHARE, MOST = 0.1, 100
-"""Largest share and largest number of units that are tested as outliers; more are units of another type."""
+"""Largest share and largest number of units that are tested as outliers. More units are another type."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Deviants:
 
 
 def looked_for(count: Vector) -> NDArray[np.int64]:
-    """The number of outliers that are tested for among a number of units: a tenth, at least one, and none among few.
+    """Return the number of outliers that are tested for among `count` units: a tenth, at least one, and none among few.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
     [0, 1, 2, 100]

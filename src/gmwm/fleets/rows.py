@@ -16,7 +16,7 @@ _INFINITE = "Infinity"
 
 
 def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
-    """A row for each axis, with those that could not be calibrated.
+    """Return a row for each axis, including axes that could not be calibrated.
 
     A number has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high`, `<symbol>_unit`, in SI units. A number with
     only an upper limit has no value, and the limit in `<symbol>_high`.
@@ -33,12 +33,12 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
 
 
 def failed_row(unit: str, path: str, reason: str) -> Row:
-    """The row of a unit that could not be calibrated."""
+    """Return the row of a unit that could not be calibrated."""
     return {"unit": unit, "file": path, "status": "failed", "reason": reason}
 
 
 def plain(row: Row) -> Row:
-    """A row for JSON: an infinite limit becomes a string.
+    """Return a row for JSON: an infinite limit becomes a string.
 
     >>> from_plain(plain({"N": 1.0, "N_high": math.inf}))
     {'N': 1.0, 'N_high': inf}
@@ -47,7 +47,7 @@ def plain(row: Row) -> Row:
 
 
 def from_plain(row: Mapping[str, Any]) -> Row:
-    """The row of `plain`."""
+    """Restore a row from the output of `plain`."""
     return {name: math.inf if value == _INFINITE else value for name, value in row.items()}
 
 

@@ -24,7 +24,7 @@ _NEEDED = ("unit", "axis", "status", "model")
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One number of one axis over all units: logarithms `x` (R itself), NaN for units that are not compared."""
+    """One number of one axis over all units: logarithms `x` (values for R), NaN for units that are not compared."""
 
     axis: str
     symbol: str
@@ -39,12 +39,12 @@ class Sample:
     left_out: int
 
     def back(self, x: float) -> float | None:
-        """The number for a logarithm; None for NaN."""
+        """Return the number for a logarithm; None for NaN."""
         return (x if self.symbol == SIGNED else float(np.exp(x))) if np.isfinite(x) else None
 
 
 class Reading:
-    """The table with its units and axes as indices of arrays (axes, units)."""
+    """The table of a fleet, with units and axes as indices of arrays (axes, units)."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
         import polars
@@ -82,7 +82,7 @@ class Reading:
         return found
 
     def samples(self) -> list[Sample]:
-        """Every number of every axis that some unit has."""
+        """Return every number of every axis that some unit has."""
         by_axis: dict[str, list[Sample]] = {axis: [] for axis in self.axes}
         for symbol in self.symbols:
             value, low, high = (self._numbers(symbol + end) for end in ("", "_low", "_high"))
@@ -139,5 +139,5 @@ class Reading:
 
 
 def _commonest(names: NDArray[Any]) -> str:
-    """The most frequent name, the first of several."""
+    """Return the most frequent name; the first of several."""
     return str(Counter(names.tolist()).most_common(1)[0][0])

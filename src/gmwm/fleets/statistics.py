@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     import polars
 
 _FEW = 3
-"""Ratio of units with only an upper limit to units with a value from which on the latter are named (a convention)."""
+"""Ratio of units with only an upper limit to units with a value from which the units with a value are named (a
+convention)."""
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
@@ -127,7 +128,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
 def _outliers(
     read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
 ) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
-    """The outliers, which become NaN in `kept`, and the samples that were searched."""
+    """Return the outliers, which become NaN in `kept`, and the samples that were searched."""
     searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
     if not np.any(searched):
         return (), searched
@@ -172,7 +173,7 @@ def _outliers(
 def _rows(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
 ) -> list[FleetNumber]:
-    """A row for each number of each axis."""
+    """Return a row for each number of each axis."""
     rows = _described(read, samples, x=x, kept=kept, s2=s2)
     made = []
     for k, (sample, row) in enumerate(zip(samples, rows, strict=True)):
@@ -188,7 +189,7 @@ def _rows(
 
 
 def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
-    """A row for each number of each sensor that several axes have, within the same model."""
+    """Return a row for each number of each sensor that several axes have, within the same model."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, sample in enumerate(samples):
         if sensor := sensor_of(sample.axis):
@@ -211,7 +212,7 @@ def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix,
 def _described(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
-    """Location, spread and prediction of samples (m, n); the axes of a unit are dependent."""
+    """Compute location, spread and prediction of samples (m, n); the axes of a unit are dependent."""
     from scipy.stats import t
 
     at = effects(kept, s2)
@@ -262,7 +263,8 @@ def _described(
 
 
 def _clustered(x: Matrix, s2: Matrix, axes: int) -> Vector:
-    """Standard error of μ̂ for dependent axes of a unit: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w."""
+    """Compute the standard error of μ̂ for dependent axes of a unit: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ
+    w."""
     at = effects(x, s2)
     w = np.where(np.isfinite(x), 1 / (at.spread2[:, None] + s2), 0.0)
     pulls = (w * np.where(np.isfinite(x), x - at.mean[:, None], 0.0)).reshape(x.shape[0], axes, -1).sum(axis=1)

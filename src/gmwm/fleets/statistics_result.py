@@ -95,7 +95,7 @@ class FleetNumber:
 
 @dataclass(frozen=True, kw_only=True)
 class OutlierUnit:
-    """A number of a unit that differs from those of the others by more than chance.
+    """A number of a unit that differs from the numbers of the other units by more than chance.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class OutlierUnit:
 
 @dataclass(frozen=True, kw_only=True)
 class AxisDifference:
-    """Whether the axes of a sensor differ in one number, unit by unit.
+    """Test whether the axes of a sensor differ in one number, with differences within each unit.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ class FleetStatistics(Summarised):
         self._places.update({(row.axis, row.symbol): k for k, row in enumerate(self.rows)})
 
     def __getitem__(self, name: str) -> FleetNumber:
-        """The number "gyro_x.N", or "gyro.N" for all axes."""
+        """Return the number "gyro_x.N", or "gyro.N" for all axes."""
         axis, _, symbol = name.rpartition(".")
         if (axis, symbol) not in self._places:
             raise KeyError(f"{name}; there are {', '.join(f'{axis}.{symbol}' for axis, symbol in self._places)}")
@@ -199,14 +199,14 @@ class FleetStatistics(Summarised):
 
     @property
     def table(self) -> polars.DataFrame:
-        """The rows as a table in SI units."""
+        """Return the rows as a table in SI units."""
         import polars
 
         rows = [asdict(row) | {name: list(getattr(row, name)) for name in ("below", "shown_by")} for row in self.rows]
         return polars.DataFrame(rows, infer_schema_length=None)
 
     def summary(self) -> str:
-        """Tables, outliers and remarks in datasheet units, at most 80 columns wide."""
+        """Write tables, outliers and remarks in datasheet units, at most 80 columns wide."""
         return statistics_text(self)
 
     def to_dict(self) -> dict[str, Any]:

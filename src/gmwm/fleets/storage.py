@@ -1,4 +1,4 @@
-"""The files in the folder of a fleet, and which units are finished."""
+"""The files in the folder of a fleet, and the list of finished units."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UNITS = "units"
 
 
 def unit_file(folder: Path, unit: str) -> Path:
-    """The file of the calibration of a unit."""
+    """Return the file of the calibration of a unit."""
     return folder / UNITS / f"{unit}.json"
 
 
@@ -38,19 +38,19 @@ def write_unit(folder: Path, unit: str, document: str) -> None:
 
 
 def remove_unit(folder: Path, unit: str) -> None:
-    """Remove the calibration of an earlier run if the unit fails now, because it is that of another recording."""
+    """Remove the calibration of an earlier run if the unit fails now, because it belongs to another recording."""
     unit_file(folder, unit).unlink(missing_ok=True)
 
 
 def foreign_units(folder: Path, units: Mapping[str, Path]) -> list[str]:
-    """Units with a result in the folder that are not in this fleet."""
+    """Return the units with a result in the folder that are not in this fleet."""
     inside = folder / UNITS
     found = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
     return sorted(unit for unit in found if unit not in units)
 
 
 def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> list[Row] | None:
-    """The rows of a finished unit; None if the unit must be calibrated.
+    """Return the rows of a finished unit; None if the unit must be calibrated.
 
     A unit is finished if it was calibrated with the same options from the same recording.
     """
@@ -69,7 +69,7 @@ def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> 
 
 
 def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) -> bool:
-    """Whether a recording is unchanged: by size and time, or by its content if only the time differs."""
+    """Return whether a recording is unchanged: by size and time, or by its content if only the time differs."""
     stamp = stamp_of(path)
     if stamp["size"] != made["size"]:
         return False

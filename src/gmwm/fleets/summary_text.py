@@ -26,7 +26,7 @@ LISTED = 10
 
 
 class FleetLike(Protocol):
-    """What the summary needs of a fleet."""
+    """Protocol for the data of a fleet that the summary uses."""
 
     @property
     def units(self) -> Sequence[str]:
@@ -60,7 +60,7 @@ class FleetLike(Protocol):
 
 
 def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
-    """Counts, failures, tables, outliers and remarks, at most 80 columns wide."""
+    """Write counts, failures, tables, outliers and remarks, at most 80 columns wide."""
     parts = [wrapped(_head(fleet))]
     if fleet.failed:
         parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *_failures(fleet.failed)])
@@ -69,7 +69,7 @@ def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -> str:
-    """Tables, outliers and remarks, at most 80 columns wide."""
+    """Write tables, outliers and remarks, at most 80 columns wide."""
     head = wrapped(f"Fleet of {counted(found.units, 'calibrated unit')}")
     parts = [head, *_parts(found, found.remarks, dialect)]
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
@@ -149,7 +149,7 @@ def _value(value: float | None, factor: float) -> str:
 
 
 def _spread(row: FleetNumber, factor: float) -> str:
-    """The spread between units, or its upper limit if it is not distinguished from zero."""
+    """Format the spread between units, or its upper limit if it is not distinguished from zero."""
     if row.spread is None or row.spread_low is None or row.spread_high is None:
         return _NONE
     measured = row.spread_low > 0
@@ -163,7 +163,7 @@ def _spread(row: FleetNumber, factor: float) -> str:
 
 
 def _span(low: float | None, high: float | None, factor: float) -> str:
-    """Both ends of a range, with enough digits to show its width."""
+    """Format both ends of a range, with enough digits to show its width."""
     if low is None or high is None:
         return _NONE
     low, high = factor * low, factor * high
@@ -175,7 +175,7 @@ def _span(low: float | None, high: float | None, factor: float) -> str:
 
 
 def shown_unit(si: str) -> tuple[str, float]:
-    """The usual datasheet unit of a number and the factor from SI to it; the SI unit if there is none.
+    """Return the usual datasheet unit of a number and the factor from SI to it; the SI unit if there is none.
 
     >>> shown_unit("rad/s/√Hz")[0], shown_unit("s")
     ('deg/√h', ('s', 1.0))

@@ -23,7 +23,7 @@ RUN_AGAIN = "Run the fleet again: finished units are not repeated."
 
 
 def as_table(rows: Iterable[Row]) -> DataFrame:
-    """The table of some rows: fixed columns, and four columns for each number of any unit."""
+    """Make the table of some rows: fixed columns, and four columns for each number of any unit."""
     import polars as pl
 
     given = list(rows)
@@ -39,7 +39,7 @@ def as_table(rows: Iterable[Row]) -> DataFrame:
 
 
 def symbols_of(rows: Iterable[Row]) -> list[str]:
-    """The symbols of all numbers in some rows, in datasheet order."""
+    """Return the symbols of all numbers in some rows, in datasheet order."""
     each = [[name.removesuffix("_unit") for name in row if name.endswith("_unit")] for row in rows]
     # Many rows have the same model, so each order of symbols is used once.
     return in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))])
@@ -52,7 +52,7 @@ def write_table(table: DataFrame, path: Path) -> None:
 
 
 def read_table(path: Path) -> DataFrame:
-    """The table in a file that `write_table` wrote.
+    """Read the table from a file that `write_table` wrote.
 
     Raises
     ------

@@ -38,7 +38,7 @@ class UnitOptions:
     reading: ReadOptions
 
     def to_dict(self) -> dict[str, Any]:
-        """The options as numbers, lists and strings, after a round trip through JSON."""
+        """Return the options as numbers, lists and strings, after a round trip through JSON."""
         axes = None if self.calibration.wanted is None else list(self.calibration.wanted)
         return {"settings": self.calibration.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
 
@@ -83,7 +83,7 @@ def calibrate_unit(job: Job) -> Outcome:
 
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
-    """The calibration, and the recording and the options that it was made from."""
+    """Return the calibration, and the recording and the options that it was made from."""
     path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # before reading, so that the next run sees a later change
     recording, warned = _read(path, options.reading)
@@ -94,7 +94,7 @@ def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]:
-    """The recording, as a stream if it is large, and the remarks from reading it."""
+    """Return the recording, as a stream if it is large, and the remarks from reading it."""
     chunked = is_large(path) and options.gaps == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
@@ -104,7 +104,7 @@ def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]
 
 
 def stamp_of(path: Path) -> dict[str, int]:
-    """Size and time of the last change of a recording, or of all files of a folder."""
+    """Return size and time of the last change of a recording, or of all files of a folder."""
     files = [path] if not path.is_dir() else [file for file in path.rglob("*") if file.is_file()]
     found = [file.stat() for file in files]
     return {
@@ -114,7 +114,7 @@ def stamp_of(path: Path) -> dict[str, int]:
 
 
 def _is_passing(error: BaseException | None) -> bool:
-    """Whether the error came from the operating system, such as a network file system, and may pass."""
+    """Return whether the operating system, such as a network file system, caused the error, so that it may pass."""
     while error is not None:
         if isinstance(error, OSError) and not isinstance(error, gzip.BadGzipFile) and error.errno is not None:
             return error.errno not in _FINAL

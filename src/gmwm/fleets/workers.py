@@ -104,7 +104,7 @@ def _through(
 
 
 def _outcome(future: Future[Any], job: Job, on_lost: Callable[[Job, Exception], Outcome | None]) -> Outcome | None:
-    """The outcome of a future; an error of the cluster itself ends the fleet."""
+    """Return the outcome of a future; an error of the cluster itself ends the fleet."""
     from distributed import KilledWorker
 
     if future.status == "cancelled":

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SLOPES = (("+1", 1.0), ("+½", 0.5), ("0", 0.0), ("−½", -0.5), ("−1", -1.0))
 """The slopes that the terms of an Allan deviation have."""
 SYMBOLS: dict[Term, Symbol] = {"Q": "square", "N": "circle", "B": "triangle", "K": "star", "R": "diamond"}
-"""Symbols for the points where coefficients are read, as is usual: circle at 1 s, triangle at the minimum, star at 3
+"""Symbols at the points where coefficients are read, as is usual: circle at 1 s, triangle at the minimum, star at 3
 s."""
 # The slope guides in a corner: width, largest height, and distance from the border, as fractions of the panel.
 FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
@@ -64,7 +64,7 @@ class ClusterView(View):
 
 
 def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
-    """The view of a result in SI or datasheet units."""
+    """Return the view of a result in SI or datasheet units."""
     shown = view_of(curve.unit, "allan", units)
     return ClusterView(shown.name, shown.unit, shown.factor, curve.title)
 
@@ -101,7 +101,8 @@ def allan_panel(
 
 
 def _stroke(name: str, index: int) -> Stroke:
-    """The stroke of a curve: by its letter if the name is an axis such as "gyro_x" or "x", else by its position."""
+    """Return the stroke of a curve: by its letter if the name is an axis such as "gyro_x" or "x", otherwise by its
+    position."""
     letter = sensor_and_letter(name)[1] or name.lower()
     return letter_stroke(letter) or curve_stroke(index)
 
@@ -119,7 +120,7 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
 
 
 def with_guides(panel: Panel) -> Panel:
-    """The panel with guides for the slopes −1 to +1 in the emptiest corner."""
+    """Add guides for the slopes −1 to +1 in the emptiest corner of the panel."""
     if not panel.y.ticks:
         return panel
     wide = math.log10(panel.x.limits[1] / panel.x.limits[0])
@@ -140,7 +141,8 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Start of the slope guides, in fractions of the panel: the corner with the fewest points of curves and bands."""
+    """Return the start of the slope guides, in fractions of the panel: the corner with the fewest points of curves and
+    bands."""
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
         for y in (mark.y,) if isinstance(mark, Line) else (mark.lower, mark.upper) if isinstance(mark, Band) else ():
@@ -157,7 +159,7 @@ def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, 
 
 
 def _share(values: Vector, limits: tuple[float, float]) -> Vector:
-    """Positions as fractions of a logarithmic axis; NaN for values that are not positive."""
+    """Return positions as fractions of a logarithmic axis; NaN for values that are not positive."""
     return np.asarray(np.log10(drawable(values) / limits[0]) / math.log10(limits[1] / limits[0]))
 
 
@@ -191,7 +193,8 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
 
 
 def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
-    """The vertical axis of a panel, extended to include further heights up to a factor of `MOST_ADDED` outside."""
+    """Return the vertical axis of a panel, extended to include further heights up to a factor of `MOST_ADDED`
+    outside."""
     low, high = panel.y.limits
     wanted = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
     if all(low < height < high for height in wanted):

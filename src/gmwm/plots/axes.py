@@ -19,17 +19,17 @@ _DURATIONS = (
 )  # fmt: skip
 
 MANY_DECADES = 2.5
-"""From this number of decades on, only powers of ten are labelled. On shorter axes, 2 and 5 are labelled too. Pinned by
+"""Number of decades from which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled too. Pinned by
 tests/plots/test_plot_axes.py."""
 MANY_SIDED = 5.0
-"""The same for an axis that is linear about zero. Its linear part counts as one decade on each side. Pinned by
+"""The same number for an axis that is linear about zero. Its linear part counts as one decade on each side. Pinned by
 tests/plots/test_plot_ranking.py."""
 EMPTY = (1.0, 10.0)
 """Limits of an axis without data. It has no ticks."""
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """A number with `digits` significant digits, and with a power of ten outside 0.001 … 10 000.
+    """Format a number with `digits` significant digits, and with a power of ten outside 0.001 … 10 000.
 
     >>> number_text(0.0123456), number_text(7.1123e-7), number_text(0.0), number_text(2.0e6)
     ('0.0123', '7.11×10⁻⁷', '0', '2×10⁶')
@@ -44,7 +44,8 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
-    """Limits around the positive finite values, wider by the fraction `margin` of the decades; at least one decade."""
+    """Return limits around the positive finite values, wider by the fraction `margin` of the decades; at least one
+    decade."""
     shown = drawable(values)
     if not np.any(np.isfinite(shown)):
         return EMPTY
@@ -54,7 +55,7 @@ def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
 
 
 def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tuple[float, float]:
-    """Limits around the values `core`, extended by at most a factor `reach` to include the values `around`.
+    """Return limits around the values `core`, extended by at most a factor `reach` to include the values `around`.
 
     Without the factor, the confidence limit of the longest scale or a very small term could determine the scale of the
     whole plot.
@@ -69,7 +70,7 @@ def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tupl
 
 
 def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple[Tick, ...], tuple[float, ...]]:
-    """Labelled and unlabelled ticks of a logarithmic axis: at powers of ten, or at 1, 2 and 5 on a short axis.
+    """Return labelled and unlabelled ticks of a logarithmic axis: at powers of ten, or at 1, 2 and 5 on a short axis.
 
     A long axis has at most `at_most` labels.
 
@@ -96,21 +97,21 @@ def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple
 
 
 def _tick_texts(values: Sequence[float]) -> list[str]:
-    """Labels of ticks: plain numbers if all are between 0.001 and 10 000, else all as powers of ten."""
+    """Return labels of ticks: plain numbers if all are between 0.001 and 10 000, otherwise all as powers of ten."""
     if all(0.999e-3 <= value <= 1.001e4 for value in values):
         return [f"{value:.6g}" for value in values]
     return [power_text(value) for value in values]
 
 
 def power_text(value: float) -> str:
-    """A number with one digit and a power of ten, for example 10⁻³ or 2×10⁶."""
+    """Format a number with one digit and a power of ten, for example 10⁻³ or 2×10⁶."""
     mantissa, _, exponent = f"{value:.0e}".partition("e")
     power = "10" + str(int(exponent)).translate(_SUPERSCRIPT)
     return power if mantissa == "1" else f"{mantissa}×{power}"
 
 
 def time_axis(times: Vector, label: str) -> Axis:
-    """The horizontal axis in seconds: a grid line at each dyadic scale, minutes and hours on the opposite side.
+    """Make the horizontal axis in seconds: a grid line at each dyadic scale, minutes and hours on the opposite side.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def time_axis(times: Vector, label: str) -> Axis:
 
 
 def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
-    """The ticks that are at least the fraction `share` of the axis away from the previous tick."""
+    """Return the ticks that are at least the fraction `share` of the axis away from the previous tick."""
     kept: list[Tick] = []
     least = (limits[1] / limits[0]) ** share
     for tick in ticks:
@@ -140,18 +141,18 @@ def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> 
 
 
 def quiet(axis: Axis) -> Axis:
-    """The axis without label and tick labels, for a panel next to one with the same axis."""
+    """Return the axis without label and tick labels, for a panel next to one with the same axis."""
     return replace(axis, label="", ticks=tuple(Tick(tick.value, "") for tick in axis.ticks))
 
 
 def value_axis(limits: tuple[float, float], label: str) -> Axis:
-    """The vertical logarithmic axis, with grid lines at the labelled ticks."""
+    """Make the vertical logarithmic axis, with grid lines at the labelled ticks."""
     ticks, minor = ((), ()) if limits == EMPTY else power_ticks(limits)
     return Axis(label, limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
 
 
 def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
-    """An axis for positive and negative values of different size: linear about zero, logarithmic beyond.
+    """Make an axis for positive and negative values of different size: linear about zero, logarithmic beyond.
 
     Parameters
     ----------
@@ -195,5 +196,5 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
 
 
 def _beyond(end: float, side: int, decades: float, linear: float) -> float:
-    """The end of a signed axis, extended by `decades` decades."""
+    """Return the end of a signed axis, extended by `decades` decades."""
     return end * 10**decades if abs(end) > linear else end + side * decades * linear

@@ -117,13 +117,13 @@ def automatic_labels(items: Sequence[Item]) -> list[str]:
 
 
 def _model(item: Item) -> str:
-    """The structure of a fitted model, for example "2*GM + WN"; "" for a measured curve."""
+    """Return the structure of a fitted model, for example "2*GM + WN"; "" for a measured curve."""
     model = getattr(item, "model", None)
     return "" if model is None else str(model.structure)
 
 
 def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
-    """Classical or robust, with the efficiency if the robust curves have different ones."""
+    """Return "classical" or "robust" for each result, with the efficiency if the robust curves have different ones."""
     several = len({wv.efficiency for wv in results if wv.robust}) > 1
     return [
         (f"robust, efficiency {wv.efficiency:g}" if several else "robust") if wv.robust else "classical"

@@ -1,4 +1,4 @@
-"""Correlation of several axes by scale, as a triangle of panels."""
+"""Plot of the correlation of several axes by scale, as a triangle of panels."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ if TYPE_CHECKING:
 ZERO = Stroke(GREY, 0.8, SOLID)
 """The line at correlation zero."""
 SEEN = Stroke(BLUE, 0.7, SOLID, "circle", filled=False)
-"""Correlations that may be zero."""
+"""Stroke of correlations that may be zero."""
 SURE = Stroke(BLUE, 0.0, SOLID, "circle")
-"""Correlations that the test finds."""
+"""Stroke of correlations that the test finds."""
 LINEAR = 0.03
-"""Correlation up to which the vertical axis is linear: gyroscopes of one unit have some 0.01 (tests/plots)."""
+"""Correlation up to which the vertical axis is linear. Gyroscopes of one unit have a correlation of some 0.01
+(tests/plots)."""
 
 
 def cross_figure(found: CrossCovariance, *, confidence: bool = True) -> Figure:

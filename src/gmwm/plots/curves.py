@@ -25,7 +25,7 @@ them remains visible), data."""
 
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
-    """The view of one result.
+    """Return the view of one result.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def observed_marks(
     label: str = "",
     used: NDArray[np.bool_] | None = None,
 ) -> tuple[Mark, ...]:
-    """The estimate, its confidence band, and the levels that a fit left out as open symbols.
+    """Return the estimate, its confidence band, and the levels that a fit left out as open symbols.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
 
 
 def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:
-    """Lower and upper limits as heights; NaN where the estimate itself cannot be drawn."""
+    """Return lower and upper limits as heights; NaN where the estimate itself cannot be drawn."""
     lower, upper = view.height(wv.lower), view.height(wv.upper)
     there = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
     return np.where(there, lower, np.nan), np.where(there, upper, np.nan)
@@ -114,7 +114,7 @@ def closed_panel(
     names: Sequence[str] = ("",),
     title: str = "",
 ) -> Panel:
-    """A panel with axes that fit the measured curves, and with symbols at its lower border for variances of zero.
+    """Make a panel with axes that fit the measured curves, and with symbols at its lower border for variances of zero.
 
     Parameters
     ----------

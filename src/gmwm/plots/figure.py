@@ -200,7 +200,7 @@ class Panel:
         return tuple(dict.fromkeys(mark.label for mark in self.marks if mark.label))
 
     def __getitem__(self, label: str) -> Mark:
-        """The first mark with this entry in the legend."""
+        """Return the first mark with this entry in the legend."""
         for mark in self.marks:
             if mark.label == label:
                 return mark
@@ -245,12 +245,12 @@ class Figure:
 
 
 def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Figure:
-    """A figure of one panel `height` mm high, with room below for a legend of at least `legend_rows` rows."""
+    """Make a figure of one panel `height` mm high, with room below for a legend of at least `legend_rows` rows."""
     rows = max((len(panel.labels) + 1) // 2, legend_rows)
     return Figure(((panel,),), height=height + 4.0 * rows)
 
 
 def drawable(values: Vector) -> Vector:
-    """`values` with NaN where a logarithmic axis cannot show them: zero, negative, not finite."""
+    """Return `values` with NaN where a logarithmic axis cannot show them: zero, negative, not finite."""
     kept = np.isfinite(values) & (values > 0)
     return np.where(kept, values, np.nan)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class HasNotes(Protocol):
-    """Diagnostics of a fit, as far as the plot uses them."""
+    """Protocol for the diagnostics of a fit that the plot uses."""
 
     @property
     def acts_as(self) -> Mapping[str, str]:
@@ -35,7 +35,7 @@ class HasNotes(Protocol):
 
 
 class Fitted(Protocol):
-    """A result that can be drawn: a fit to a wavelet variance, or a fit by maximum likelihood."""
+    """Protocol for a result that can be drawn: a fit to a wavelet variance, or a fit by maximum likelihood."""
 
     @property
     def model(self) -> Model:
@@ -62,7 +62,7 @@ REMARK = (0.5, 0.93)
 """Position of the text that lists terms without a curve. Curves of inertial sensors fall on the left and rise on the
 right, so the top centre is free."""
 LINE = 28
-"""Characters in a line of this text."""
+"""Number of characters in a line of this text."""
 LINES = 2
 """Largest number of sinusoids that have a curve each, also in `gmwm.plots.spectrum`. Pinned by
 tests/plots/test_plot_limits.py."""
@@ -96,7 +96,7 @@ def fit_panel(
 
 
 def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
-    """A text that lists the terms that are zero, wrapped for a narrow panel."""
+    """Return a text that lists the terms that are zero, wrapped for a narrow panel."""
     if not zero:
         return ()
     lines = wrap(f"{', '.join(zero)}: zero", LINE, break_long_words=False)
@@ -104,7 +104,7 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
 
 
 def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
-    """The wavelet variance of each term as a thin line, in front of the model and behind the data.
+    """Return the wavelet variance of each term as a thin line, in front of the model and behind the data.
 
     If `alone` is True, the legend gives the key parameters or the datasheet values of each term. Terms that are
     estimated as zero have no curve and share one entry of the legend.
@@ -136,7 +136,8 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
 
 
 def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
-    """The curve of each term, and the lines that share one curve, their sum, because they are many."""
+    """Return the curve of each term, and the sinusoids that are drawn as one curve, their sum, because there are
+    many."""
     curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
     rate = fit.wavelet_variance.rate
     processes = zip(fit.model.terms, fit.model.processes, strict=True)
@@ -148,18 +149,19 @@ def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
 
 
 def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
-    """Legend entry of a term: with datasheet values if the plot has datasheet units, else with key parameters."""
+    """Return the legend entry of a term: with datasheet values if the plot has datasheet units, otherwise with key
+    parameters."""
     found = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
     return found or term_label(term, process, view, wv.rate)
 
 
 def _summit(line: Line) -> Vector:
-    """Half of the highest value of a term. If the axis includes it, the top of the curve is visible."""
+    """Return half of the highest value of a term. If the axis includes it, the top of the curve is visible."""
     return np.array([0.5 * np.nanmax(line.y)]) if np.any(np.isfinite(line.y)) else np.empty(0)
 
 
 def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
-    """Mark terms that lie completely below the panel as such in the legend."""
+    """Mark terms in the legend that are completely below the panel."""
     low = panel.y.limits[0]
     hidden = {id(line) for line in terms if np.any(line.y > 0) and not np.any(line.y >= low)}
     marks = tuple(

@@ -1,4 +1,5 @@
-"""Plot of a fleet: each quantity of each axis for all units, with outlier units and the range of a further unit."""
+"""Plot of a fleet: each quantity of each axis for all units, with outlier units and the prediction range of another
+unit."""
 
 from __future__ import annotations
 
@@ -36,18 +37,18 @@ tests/plots/test_plot_fleet.py."""
 POINTS = 400
 """Largest number of points of a curve of many units. Pinned by tests/plots/test_plot_limits.py."""
 HALF = 0.4
-"""Half of the width of the strip of an axis; the distance between two strips is 1."""
+"""Half of the width of the strip of an axis. The distance between two strips is 1."""
 COLUMNS = 3
 EVEN = 4.0
-"""Up to this ratio of the largest to the smallest value, a linear axis is as readable as a logarithmic one, and it has
-more ticks. Pinned by tests/plots/test_plot_limits.py."""
+"""Largest ratio of the largest to the smallest value for a linear axis. It is then as readable as a logarithmic one,
+and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
 NAMED, LETTERS = 3, 14
-"""Largest number of outliers in a panel whose names are written, and the number of letters of a name. Pinned by
+"""Largest number of outliers in a panel for which names are written, and the number of letters of a name. Pinned by
 tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
 """Height of a name and width of a letter, as fractions of the panel."""
 SMALL = 0.005
-"""Panels whose largest value is below this are written with a power of ten. Pinned by
+"""Largest value of a panel below which its values are written with a power of ten. Pinned by
 tests/plots/test_plot_fleet.py."""
 REACH = 3.0
 """Largest factor by which a confidence interval may stretch the axis beyond the values. Pinned by
@@ -57,7 +58,7 @@ ROW, BELOW = 52.0, 22.0
 
 
 class FleetLike(Protocol):
-    """The data of a fleet that the plot uses."""
+    """Protocol for the data of a fleet that the plot uses."""
 
     @property
     def table(self) -> polars.DataFrame:
@@ -131,7 +132,7 @@ def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """The marks of one axis, the heights that the panel must show, and the positions and names of its outliers."""
+    """Marks of one axis, heights that the panel must show, and positions and names of its outliers."""
 
     marks: list[Mark]
     heights: Vector
@@ -197,7 +198,8 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
 def _further(
     place: int, row: FleetNumber, *, factor: float, colour: str, confidence: float
 ) -> tuple[list[Mark], Vector]:
-    """The range of a further unit with the typical value, if they are known, and the ends of the range."""
+    """Return the prediction range of another unit with the typical value, if they are known, and the ends of the
+    range."""
     if row.predicted_low is None or row.predicted_high is None or row.typical is None:
         return [], np.array([])
     ends = place + np.array([-HALF, HALF])
@@ -213,7 +215,7 @@ def _further(
 
 
 def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
-    """Upper limits: a triangle for each, or a line over the middle 90 % of them if there are many."""
+    """Return marks for upper limits: a triangle for each, or a line over the middle 90 % of them if there are many."""
     if row.signed or not np.any(sample.limited):
         return [], np.array([])
     high = np.sort(factor * sample.high[sample.limited])
@@ -240,7 +242,7 @@ def _stroke(place: int, axis: str) -> Stroke:
 
 
 def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
-    """The vertical axis: logarithmic, but linear for signed values and for values of similar size."""
+    """Make the vertical axis: logarithmic, but linear for signed values and for values of similar size."""
     shown = values[np.isfinite(values)]
     if signed:
         return even_axis(float(shown.min(initial=0.0)), float(shown.max(initial=0.0)), label, margin=0.1, at_most=6)
@@ -256,7 +258,7 @@ def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
 
 
 def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple[Text, ...]:
-    """Names of outliers beside their stars, if there is room."""
+    """Return the names of outliers beside their stars, if there is room."""
     texts: list[Text] = []
     for across, tall, unit in stars:
         low, high = y.limits
@@ -273,7 +275,7 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
 
 
 def _short(unit: str) -> str:
-    """The last part of a file name, without folder and suffix: most file names differ there.
+    """Return the last part of a file name, without folder and suffix: most file names differ there.
 
     >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
     ('unit_0005', '…g_of_unit_0005')

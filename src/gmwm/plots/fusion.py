@@ -1,4 +1,4 @@
-"""Deviations of an array of sensors and of its virtual sensor, a panel for each axis."""
+"""Plot of the deviations of an array of sensors and of its virtual sensor, with a panel for each axis."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from gmwm.joint.fusion_result import VirtualAxis, VirtualSensor
 
 EACH = Stroke(PALE, 0.8, SOLID)
-"""One sensor of the array."""
+"""Stroke of one sensor of the array."""
 AVERAGE = Stroke(ORANGE, 1.2, DASHED)
-"""The average of all sensors."""
+"""Stroke of the average of all sensors."""
 VIRTUAL = Stroke(BLUE, 1.4, SOLID)
-"""The virtual sensor."""
+"""Stroke of the virtual sensor."""
 HERE = Stroke(BLUE, 0.0, SOLID, "circle", filled=False)
-"""Its deviation in the recording from which it was made."""
+"""Stroke of the deviation of the virtual sensor in the recording from which it was made."""
 MOST_COLUMNS = 3
 
 

@@ -137,7 +137,7 @@ def _alike_together(panels: Mapping[str, Panel]) -> dict[str, Panel]:
 
 
 def _with_room(drawn: Figure, entries: int) -> Figure:
-    """The figure, higher by the rows of the legend that are needed for more than `entries` entries."""
+    """Return the figure with more height for the rows of the legend beyond `entries` entries."""
     more = -(-max(len(drawn.labels) - entries, 0) // drawn.legend_columns)
     return replace(drawn, height=drawn.height + 4.0 * more)
 
@@ -161,7 +161,7 @@ def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> 
 
 
 def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
-    """A row for each sensor and a column for each letter present; other names in rows of three."""
+    """Arrange the panels: a row for each sensor and a column for each letter present; other names in rows of three."""
     places = {name: sensor_and_letter(name) for name in panels}
     if all(sensor for sensor, _ in places.values()):
         letters = sorted({letter for _, letter in places.values()})
@@ -206,7 +206,7 @@ def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | Non
 
 
 def _sparse(panel: Panel) -> Panel:
-    """The panel with fewer ticks on its upper side, for a narrow panel."""
+    """Return the panel with fewer ticks on its upper side, for a narrow panel."""
     return replace(panel, x=replace(panel.x, opposite=spaced(panel.x.opposite, panel.x.limits, 0.2)))
 
 

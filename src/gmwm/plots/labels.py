@@ -28,13 +28,13 @@ _DURATIONS = (
 )
 
 DIGITS = 2
-"""Significant digits in a legend. The summary of the fit has more digits."""
+"""Number of significant digits in a legend. The summary of the fit has more digits."""
 KEY_PARAMETERS = 2
 """Number of parameters of a term in its legend entry."""
 
 
 def sensor_and_letter(axis: str) -> tuple[str, str]:
-    """The sensor and the letter of an axis named like "gyro_x"; ("", "") for any other name.
+    """Return the sensor and the letter of an axis named like "gyro_x"; ("", "") for any other name.
 
     >>> sensor_and_letter("accel_z"), sensor_and_letter("pressure")
     (('accel', 'z'), ('', ''))
@@ -44,7 +44,7 @@ def sensor_and_letter(axis: str) -> tuple[str, str]:
 
 
 def sensor_title(sensor: str) -> str:
-    """The name of a sensor in words.
+    """Return the name of a sensor in words.
 
     >>> sensor_title("gyro")
     'Gyroscope'
@@ -53,7 +53,7 @@ def sensor_title(sensor: str) -> str:
 
 
 def axis_title(axis: str) -> str:
-    """The name of an axis in words.
+    """Return the name of an axis in words.
 
     >>> axis_title("gyro_x"), axis_title("pressure")
     ('Gyroscope X', 'pressure')
@@ -63,7 +63,7 @@ def axis_title(axis: str) -> str:
 
 
 def term_label(term: str, process: Process, view: View, rate: float) -> str:
-    """A term with its key parameters, in readable form.
+    """Write a term with its key parameters, in readable form.
 
     Variances appear as standard deviations in the unit of the plot, and rates as correlation times. The power of a
     sinusoid, which is not the square of another parameter, appears as its amplitude.
@@ -95,7 +95,7 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
 
 
 def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
-    """A term with its continuous-time values in the symbols and units of datasheets; "" if it has none.
+    """Write a term with its continuous-time values in the symbols and units of datasheets; "" if it has none.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
 
 
 def _physical_text(number: Physical, unit: str, named: bool) -> str:
-    """One datasheet value with symbol and unit; a frequency has a symbol if it is `named`."""
+    """Format one datasheet value with symbol and unit; a frequency has a symbol if it is `named`."""
     if not number.signal_power:
         if number.time_power < 0:
             return f"{f'{number.symbol} = ' if named else ''}{_three_digits(number.value)} Hz"
@@ -138,7 +138,7 @@ def _physical_text(number: Physical, unit: str, named: bool) -> str:
 
 
 def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: float) -> str:
-    """The amplitude that belongs to a power parameter, in the unit of the signal; "" if the process has none."""
+    """Return the amplitude for a power parameter, in the unit of the signal; "" if the process has none."""
     if (parameter.signal_power, parameter.time_power) != (2, 0) or parameter.symbol.endswith("²"):
         return ""
     for number in process.physical(rate):
@@ -148,7 +148,7 @@ def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: fl
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """One estimate: a variance as its square root, a rate as its inverse, anything else unchanged.
+    """Format one estimate: a variance as its square root, a rate as its inverse, anything else unchanged.
 
     A frequency has no symbol.
     """
@@ -170,12 +170,12 @@ def parameter_text(parameter: Parameter, value: float, view: View) -> str:
 
 
 def _three_digits(value: float) -> str:
-    """A number with three significant digits, including trailing zeros."""
+    """Format a number with three significant digits, including trailing zeros."""
     return f"{value:#.3g}".rstrip(".") if 1e-3 <= value < 999.5 else number_text(value)
 
 
 def duration_text(seconds: float) -> str:
-    """A duration in a readable unit.
+    """Format a duration in a readable unit.
 
     >>> duration_text(0.0042), duration_text(53.0), duration_text(5400.0), duration_text(40000.0)
     ('4.2 ms', '53 s', '90 min', '11 h')
@@ -187,7 +187,7 @@ def duration_text(seconds: float) -> str:
 
 
 def model_text(terms: Iterable[str]) -> str:
-    """A short name of a model, from the names of its terms.
+    """Write a short name of a model, from the names of its terms.
 
     >>> model_text(["GM[1]", "GM[2]", "WN"])
     '2·GM + WN'

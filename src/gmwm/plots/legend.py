@@ -1,4 +1,5 @@
-"""Legends and titles that fit: a legend in as many columns as the figure can hold, with long entries wrapped."""
+"""Legends and titles with line breaks: a legend in as many columns as the figure has room for, with long entries
+wrapped."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ _LOOK: dict[str, Any] = {
     "columnspacing": _BETWEEN, "labelspacing": 0.3, "borderaxespad": _AROUND,
 }  # fmt: skip
 _SAFE = 0.97
-"""Factor on the available width: texts are measured without hinting, which changes their width slightly."""
+"""Factor on the available width. Texts are measured without hinting, which changes their width slightly."""
 # Spaces at which a line may be wrapped: not next to "=", and not between a number and its unit.
 _BREAKS = re.compile(r"(?<![=\d⁰¹²³⁴-⁹]) (?!=)")
 
@@ -50,7 +51,7 @@ def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns:
 
 
 def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[list[str], int]]:
-    """Layouts to try for a width of `room` points: entries and number of columns, the best first.
+    """Yield layouts to try for a width of `room` points: entries and number of columns, the best first.
 
     The last one always fits.
     """
@@ -66,7 +67,7 @@ def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[
 
 
 def _text_room(room: float, columns: int) -> float:
-    """The width (points) for the text of an entry, if the legend is `room` points wide."""
+    """Return the width (points) for the text of an entry, if the legend is `room` points wide."""
     besides = 2 * _BORDER + (columns - 1) * _BETWEEN + columns * (_HANDLE + _PAD)
     return _SAFE * (room - besides * LEGEND_SIZE) / columns
 
@@ -91,7 +92,7 @@ def folded(text: str, room: float, size: float) -> str:
 
 
 def _lines(text: str, room: float, size: float) -> Iterator[str]:
-    """The lines of a text, wrapped at spaces, or within a word that is longer than a line."""
+    """Yield the lines of a text, wrapped at spaces, or within a word that is longer than a line."""
     line = ""
     for word in _BREAKS.split(text):
         longer = f"{line} {word}" if line else word
@@ -109,5 +110,5 @@ def _lines(text: str, room: float, size: float) -> Iterator[str]:
 
 
 def width_of(text: str, size: float) -> float:
-    """The width of a text (points) at the font size `size` (points)."""
+    """Return the width of a text (points) at the font size `size` (points)."""
     return float(text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)[0])

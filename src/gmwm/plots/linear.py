@@ -13,11 +13,11 @@ _TIMES = (
     ("d", 86400.0, math.inf),
 )  # fmt: skip
 _PLAIN = (0.1, 1e4)
-"""Values in this range are written without a power of ten. Pinned by tests/plots/test_plot_series.py."""
+"""Range of values that are written without a power of ten. Pinned by tests/plots/test_plot_series.py."""
 
 
 def even_ticks(limits: tuple[float, float], at_most: int = 8) -> tuple[Tick, ...]:
-    """Ticks at multiples of 1, 2 or 5 times a power of ten: as many as possible, but not more than `at_most`.
+    """Return ticks at multiples of 1, 2 or 5 times a power of ten: as many as possible, but at most `at_most`.
 
     >>> [tick.label for tick in even_ticks((-0.31, 0.52), at_most=5)]
     ['−0.2', '0', '0.2', '0.4']
@@ -32,7 +32,7 @@ def even_ticks(limits: tuple[float, float], at_most: int = 8) -> tuple[Tick, ...
 
 
 def number_at(value: float, decimals: int) -> str:
-    """A number with a fixed count of decimals and a typographic minus sign; zero has no decimals.
+    """Format a number with a fixed count of decimals and a typographic minus sign; zero has no decimals.
 
     >>> number_at(-0.25, 2), number_at(0.0, 2)
     ('−0.25', '0')
@@ -41,7 +41,7 @@ def number_at(value: float, decimals: int) -> str:
 
 
 def even_axis(low: float, high: float, label: str, *, margin: float, at_most: int = 8) -> Axis:
-    """A linear axis from `low` to `high`, extended on each side by the fraction `margin` of the span."""
+    """Make a linear axis from `low` to `high`, extended on each side by the fraction `margin` of the span."""
     # A constant has no span. Then the margin is a tenth of its value.
     room = margin * (high - low) or 0.1 * abs(high) or 1.0
     limits = (low - room, high + room)
@@ -50,7 +50,7 @@ def even_axis(low: float, high: float, label: str, *, margin: float, at_most: in
 
 
 def time_unit(seconds: float) -> tuple[str, float]:
-    """The unit of the time axis for a recording of this duration, and the length of the unit (s).
+    """Return the unit of the time axis for a recording of this duration, and the length of the unit (s).
 
     >>> time_unit(20.0), time_unit(7200.0), time_unit(86400.0)
     (('s', 1.0), ('min', 60.0), ('h', 3600.0))
@@ -59,7 +59,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 
 def power_of(largest: float) -> int:
-    """The exponent of the power of ten for values up to `largest`: a multiple of three.
+    """Return the exponent of the power of ten for values up to `largest`: a multiple of three.
 
     >>> power_of(0.0123), power_of(9.8), power_of(2.5e6), power_of(0.0)
     (-3, 0, 6, 0)
@@ -70,7 +70,7 @@ def power_of(largest: float) -> int:
 
 
 def scaled_unit(unit: str, power: int) -> str:
-    """A unit with a power of ten as prefix.
+    """Write a unit with a power of ten as prefix.
 
     >>> scaled_unit("rad/s", -3), scaled_unit("", -3), scaled_unit("mg", 0)
     ('10⁻³ rad/s', '10⁻³ × unit of the data', 'mg')

@@ -1,4 +1,4 @@
-"""The renderer for Matplotlib: plot data become a Matplotlib figure, without pyplot's global state."""
+"""The renderer for Matplotlib: convert plot data to a Matplotlib figure, without pyplot's global state."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def _scale(axis: Axis) -> ScaleBase:
 
 
 def _far(axis: Axis) -> tuple[float, float]:
-    """Positions far beyond both ends of an axis."""
+    """Return positions far beyond both ends of an axis."""
     low, high = axis.limits
     return (low / 100, high * 100) if axis.linear == 0 else (2 * low - high, 2 * high - low)
 
@@ -209,7 +209,7 @@ def _draw_mark(mark: Mark, ax: Axes, far: tuple[float, float]) -> Artist:
 
 
 def _swatch(mark: Mark) -> Artist | None:
-    """The artist for a mark in the legend, if it is not the artist of the mark itself."""
+    """Return the artist for a mark in the legend, if it is not the artist of the mark itself."""
     if not isinstance(mark, Band) or not mark.swatch:
         return None
     return Patch(color=mark.swatch, alpha=0.25, linewidth=0)

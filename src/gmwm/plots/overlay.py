@@ -110,7 +110,7 @@ def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
 
 
 def _faint(mark: Mark) -> Mark:
-    """The mark with lower opacity if it is a band, because several bands overlap."""
+    """Return the mark with lower opacity if it is a band, because several bands overlap."""
     return replace(mark, opacity=0.15) if isinstance(mark, Band) else mark
 
 

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 HIGHEST = 2.0
 """Largest relative error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
 FURTHER = (2.0, 100.0)
-"""The curves end where all parameters have reached the accuracy, but at least at 2 and at most at 100 times the
-planned duration. Pinned by tests/plots/test_plot_limits.py."""
+"""Smallest and largest end of the curves, in planned durations. Between them, they end where all parameters have
+reached the accuracy. Pinned by tests/plots/test_plot_limits.py."""
 PER_DECADE = 8
-"""Points of a curve for each decade of duration. Pinned by tests/plots/test_plot_limits.py."""
+"""Number of points of a curve for each decade of duration. Pinned by tests/plots/test_plot_limits.py."""
 SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
 OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
 """Symbols that are also used unfilled. The unfilled circle is not one of them: it marks where the accuracy is
@@ -86,7 +86,7 @@ _LABEL = "Relative standard error (%)"
 
 
 def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
-    """The durations of the curves, and the relative error of each parameter at each of them.
+    """Return the durations of the curves, and the relative error of each parameter at each of them.
 
     The durations start where the first error falls below `HIGHEST` and end after the last error reaches the accuracy.
     """
@@ -104,7 +104,7 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
 
 
 def _strokes(plan: Plan) -> dict[str, Stroke]:
-    """The stroke of each parameter.
+    """Return the stroke of each parameter.
 
     A scale parameter has the stroke of its term. The other parameters have solid lines in the colour of the term, with
     symbols.

@@ -32,7 +32,7 @@ tests/plots/test_plot_ranking.py."""
 MOST_CURVES = 8
 """Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
 NAME = 44
-"""Characters in a line of the name of a model."""
+"""Number of characters in a line of the name of a model."""
 FIRST = replace(IMPLIED, symbol="circle")
 """The stroke of the recommended candidate."""
 SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
@@ -94,7 +94,8 @@ def _stroke(place: int) -> Stroke:
 
 
 def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """The panel of the data and the curves of the models. Their legend entries come from the panel of the distances."""
+    """Make the panel of the data and the curves of the models. Their legend entries come from the panel of the
+    distances."""
     wv = candidates[0].fit.wavelet_variance
     shown = view_for(wv, view, units)
     marks: list[Mark] = list(observed_marks(wv, shown, stroke=replace(OBSERVED, width=0.0)))
@@ -106,7 +107,8 @@ def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: Vi
 
 
 def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """The panel of the distances of each model from the data, scaled so that the confidence limits are at −1 and 1."""
+    """Make the panel of the distances of each model from the data, scaled so that the confidence limits are at −1 and
+    1."""
     wv = candidates[0].fit.wavelet_variance
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
@@ -136,7 +138,7 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
 
 
 def distance(wv: WaveletVariance, implied: Vector) -> Vector:
-    """Distance (J,) of the model from the data, ν²(θ̂) − ν̂², relative to the confidence interval.
+    """Return the distance (J,) of the model from the data, ν²(θ̂) − ν̂², relative to the confidence interval.
 
     The unit is the distance from ν̂² to its upper confidence limit if the model is above the data, and to its lower
     limit if it is below. NaN at levels without limits.
@@ -148,7 +150,7 @@ def distance(wv: WaveletVariance, implied: Vector) -> Vector:
 
 
 def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
-    """The panel of differences to the best criterion: a row for each candidate, with the values on the right."""
+    """Make the panel of differences to the best criterion: a row for each candidate, with the values on the right."""
     places = np.arange(len(listed), 0, -1.0)
     name = _score_name(listed[0])
     marks: list[Mark] = []
@@ -191,7 +193,7 @@ def _name(candidate: Candidate) -> str:
 
 
 def _row_name(candidate: Candidate) -> str:
-    """The name of a model beside its row, wrapped to leave room for the criteria."""
+    """Return the name of a model beside its row, wrapped to leave room for the criteria."""
     # The no-break space prevents lines that start with a plus sign.
     name = model_text(candidate.model.terms).replace(" + ", "\N{NO-BREAK SPACE}+ ")
     return "\n".join(wrap(name, NAME, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")

@@ -1,4 +1,4 @@
-"""Recordings of one unit over their mean, by scale."""
+"""Plot of the recordings of one unit relative to their mean, by scale."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 MEAN = Stroke(GREY, 0.8, SOLID)
 """The line of the mean."""
 LINEAR, EVEN = 10.0, 100.0
-"""Difference (%) up to which the vertical axis is linear if it is not linear as a whole, and up to which it is."""
+"""Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
+linear."""
 _REACH = 1.96
 
 

@@ -30,7 +30,8 @@ _NAMES = {"temperature": "Temperature (°C)", TIME: "Time (h)", WARM_UP: "Time (
 
 
 def regression_panel(found: Regression, *, units: UnitSystem = "si") -> Panel:
-    """The block means of an axis over its first covariate, before and after, and the effect with its 95 % band.
+    """Make the panel with the block means of an axis over its first covariate, before and after, and the effect with
+    its 95 % band.
 
     All values are relative to the mean at the reference of the covariate. The means before are those of the recording;
     if there are several covariates, they have the effects of all.
@@ -63,7 +64,7 @@ def regression_panel(found: Regression, *, units: UnitSystem = "si") -> Panel:
 
 
 def regression_figure(found: Regression, *, units: UnitSystem = "si") -> Figure:
-    """The panel as a figure."""
+    """Return the panel as a figure."""
     return single_panel(regression_panel(found, units=units))
 
 

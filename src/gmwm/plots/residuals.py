@@ -28,7 +28,8 @@ LEVEL = 0.95
 FEW = 200
 """Largest number of lags that are drawn with a dot each. Pinned by tests/plots/test_plot_residuals.py."""
 LEAST_P = 1e-6
-"""Smaller p-values are shown as "p < 10⁻⁶". Pinned by tests/plots/test_plot_residuals.py."""
+"""Smallest p-value that is shown as a number; smaller ones are shown as "p < 10⁻⁶". Pinned by
+tests/plots/test_plot_residuals.py."""
 LINE = Stroke(BLUE, 0.5)
 DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 LIMIT = Stroke(VERMILLION, 0.9)
@@ -45,7 +46,8 @@ def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
 
 
 def time_panel(residuals: Residuals) -> Panel:
-    """The residuals over time, with the limit that the largest of them exceeds with a probability of 5 %."""
+    """Make the panel of residuals over time, with the limit that the largest of them exceeds with a probability of 5
+    %."""
     z = residuals.observed
     largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
     one = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
@@ -68,7 +70,8 @@ def time_panel(residuals: Residuals) -> Panel:
 
 
 def quantile_panel(residuals: Residuals) -> Panel:
-    """Observed against normal quantiles. If the model is right, the points lie near the diagonal, within the limits."""
+    """Make the panel of observed against normal quantiles. If the model is right, the points are near the diagonal,
+    within the limits."""
     normal, observed = residuals.quantiles()
     lower, upper = order_limits(normal, residuals.observed.size)
     reach = float(np.max(np.abs(normal)))
@@ -94,7 +97,7 @@ def quantile_panel(residuals: Residuals) -> Panel:
 
 
 def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vector, Vector]:
-    """Confidence limits (n,) of order statistics of a standard normal sample.
+    """Return confidence limits (n,) of order statistics of a standard normal sample.
 
     The k-th smallest value z of N has a Φ(z) with the distribution Beta(k, N − k + 1).
 
@@ -122,7 +125,7 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
 
 
 def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
-    """The autocorrelation from lag 1 on, with the confidence limits for uncorrelated residuals."""
+    """Make the panel of the autocorrelation from lag 1 on, with the confidence limits for uncorrelated residuals."""
     r = residuals.acf(lags)[1:]
     lag = np.arange(1.0, r.size + 1)
     limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * residuals.acf_error(r.size)
@@ -150,7 +153,7 @@ def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
 
 
 def _whiteness(residuals: Residuals, lags: int | None) -> str:
-    """The result of the Ljung-Box test as a title."""
+    """Return the result of the Ljung-Box test as a title."""
     if (residuals.usual_lags if lags is None else lags) <= residuals.estimated:
         return f"No Ljung-Box test: {residuals.estimated} parameters were estimated"
     test = residuals.ljung_box(lags)

@@ -35,10 +35,10 @@ WIDTH = 0.5
 FEW = 60
 """Largest number of samples that are drawn with a symbol each. Pinned by tests/plots/test_plot_limits.py."""
 ALIKE = 8.0
-"""Panels whose spans differ by at most this factor share a scale. With a larger factor, the signal with the smallest
-span would look constant. Pinned by tests/plots/test_plot_series.py."""
+"""Largest ratio of the spans of panels that share a scale. With a larger ratio, the signal with the smallest span would
+look constant. Pinned by tests/plots/test_plot_series.py."""
 ONE_POWER = 1e3
-"""Panels whose largest values differ by at most this factor share a power of ten. Pinned by
+"""Largest ratio of the largest values of panels that share a power of ten. Pinned by
 tests/plots/test_plot_limits.py."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
@@ -73,7 +73,7 @@ def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
 
 
 def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: float) -> list[Panel]:
-    """Panels of the axes of a sensor, with a common scale if their spans are similar."""
+    """Make the panels of the axes of a sensor, with a common scale if their spans are similar."""
     panels: dict[str, Panel] = {}
     for unit in dict.fromkeys(imu[axis].unit for axis in axes):
         members = [axis for axis in axes if imu[axis].unit == unit]
@@ -118,7 +118,8 @@ class _Row:
 
 
 def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
-    """Panels of one quantity over the same time, with a common scale or at least a common power of ten if possible."""
+    """Make panels of one quantity over the same time, with a common scale or at least a common power of ten if
+    possible."""
     seconds = np.array([[np.min(row.trace.seconds), np.max(row.trace.seconds)] for row in rows])
     unit, size = time_unit(float(np.max(seconds) - np.min(seconds)))
     label = f"Time since the first sample ({unit})"
@@ -145,7 +146,7 @@ def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
 
 
 def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
-    """The line, and a dot for each sample between two gaps, which a line cannot show."""
+    """Return the line, and a dot for each sample between two gaps, which a line cannot show."""
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
     alone = isolated(y)
@@ -161,7 +162,7 @@ def _stroke(axis: str) -> Stroke:
 
 
 def _without_mean(title: str, mean: float, unit: str) -> str:
-    """A title that states the mean that was subtracted."""
+    """Return a title that states the mean that was subtracted."""
     return f"{title} less its mean of {_number(mean)} {unit}".strip() if mean else title
 
 
@@ -175,12 +176,13 @@ def _name(unit: str) -> str:
 
 
 def _row_height(rows: int, usual: float) -> float:
-    """Height of a row (mm): all rows fit on a printed page, but each is at least 20 mm high, to be readable."""
+    """Return the height of a row (mm): all rows fit on a printed page, but each is at least 20 mm high, to be
+    readable."""
     return max(min(usual, 235.0 / rows), 20.0)
 
 
 def _time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
-    """The panels with a time axis only below the lowest panel of each column."""
+    """Return the panels with a time axis only below the lowest panel of each column."""
     lowest = {k: i for i, row in enumerate(rows) for k, panel in enumerate(row) if panel is not None}
     return tuple(
         tuple(

@@ -1,4 +1,4 @@
-"""A power spectral density with its lines, and the density of a model over it."""
+"""Plot of a power spectral density with its lines, and the density of a model over it."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
     from gmwm.spectrum import PowerSpectrum
 
 REACH = 5.0
-"""How far limits and models may stretch the vertical axis beyond the data: a factor. Pinned by
+"""Largest factor by which limits and models may extend the vertical axis beyond the data. Pinned by
 tests/plots/test_plot_limits.py."""
 FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
 """Symbol of a line in the spectrum."""
 BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
 """Symbol of a bump in the spectrum."""
 ABOVE_PEAK = 1.35
-"""Height of a symbol above its peak: a factor."""
+"""Ratio of the height of a symbol to the height of its peak."""
 
 
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
-    """The unit of a root density for a unit of the data, and the factor to it.
+    """Return the unit of a root density for a unit of the data, and the factor to it.
 
     Raises
     ------
@@ -103,7 +103,8 @@ def _frequency_axis(frequencies: Vector) -> Axis:
 
 
 def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Line]:
-    """The one-sided root density of a model and of each term, and a symbol where a sinusoid would reach."""
+    """Return the one-sided root density of a model and of each term, and a symbol at the height that a sinusoid would
+    reach."""
     f, rate = spectrum.frequencies, spectrum.rate
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)
@@ -130,7 +131,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
 
 
 def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
-    """Symbols above the lines and the bumps."""
+    """Return symbols above the lines and the bumps."""
     marks = []
     lines = {line.frequency: line.height for line in spectrum.lines}
     bumps = {bump.frequency: bump.height for bump in spectrum.bumps}
@@ -147,7 +148,7 @@ def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Lin
 
 
 def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
-    """The greatest height within two bins of a frequency."""
+    """Return the largest height within two bins of a frequency."""
     near = np.abs(spectrum.frequencies - frequency) <= max(2 * spectrum.resolution, 0.02 * frequency)
     values = heights[near & np.isfinite(heights)]
     return float(values.max()) if values.size else float("nan")

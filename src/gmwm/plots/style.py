@@ -60,9 +60,10 @@ _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, S
 _ALONE = 4
 """Number of processes of inertial sensors that a model can contain only once."""
 _NEXT = {FN.name: 7, SIN.name: 8}
-"""Stroke numbers of flicker noise and the first line, after those of three Gauss-Markov terms."""
+"""Stroke numbers of flicker noise and of the first line, after the strokes of three Gauss-Markov terms."""
 _OUTPUT = ("AR", "MA", "ARMA")
-"""White noise behind the filter of the sensor. It replaces WN in a model, and has its stroke there."""
+"""Processes that describe white noise after the filter of the sensor. They replace WN in a model, and have its
+stroke."""
 # Strokes of all further processes. They have three colours of their own (P. Tol's muted scheme), first with the three
 # dashes that few models use otherwise. Neighbours in the list differ in colour and dash. The remaining pairs of colour
 # and dash are at the end.
@@ -91,7 +92,7 @@ _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
 
 
 def term_stroke(index: int) -> Stroke:
-    """The stroke number `index` for terms of a model."""
+    """Return the stroke with the number `index` for terms of a model."""
     colour = _TERM_COLOURS[index % len(_TERM_COLOURS)]
     # The numbers of colours and dashes are both divisible by three. Without the shift, a pair would repeat after 36
     # terms.
@@ -100,7 +101,7 @@ def term_stroke(index: int) -> Stroke:
 
 
 def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str, Stroke]:
-    """The stroke of each term of a model. A term has the same stroke in all models and plots, if possible.
+    """Return the stroke of each term of a model. A term has the same stroke in all models and plots, if possible.
 
     The processes of inertial sensors are first in the registry. Their stroke follows from their position there, and
     from the number of the term if the process can be repeated. The stroke of any other process follows from its name
@@ -133,12 +134,13 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
 
 
 def _kind(process: type[Process] | Process) -> str:
-    """The common name of all parametrisations of a process, and of all orders of an ordered process."""
+    """Return the common name of all parametrisations of a process, and of all orders of an ordered process."""
     return process.parametrises or process.name.partition("(")[0]
 
 
 def _settled() -> dict[str, int]:
-    """Stroke numbers of the inertial processes: four that cannot be repeated, the first repeatable one, then others."""
+    """Return the stroke numbers of the inertial processes: four that cannot be repeated, the first repeatable one, then
+    others."""
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]
@@ -146,7 +148,7 @@ def _settled() -> dict[str, int]:
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
-    """The best further stroke, searched from position `start` on.
+    """Return the best unused stroke, searched from position `start` on.
 
     A stroke whose dash differs from those already used is best, then one whose colour differs.
     """
@@ -160,7 +162,7 @@ def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
 
 
 def letter_stroke(letter: str) -> Stroke | None:
-    """The stroke of axis x, y or z of a triad; None for another letter."""
+    """Return the stroke of axis x, y or z of a triad; None for another letter."""
     if letter not in _LETTERS:
         return None
     colour, dash, symbol = _LETTERS[letter]
@@ -168,6 +170,6 @@ def letter_stroke(letter: str) -> Stroke | None:
 
 
 def curve_stroke(index: int) -> Stroke:
-    """The stroke of curve number `index` in a comparison."""
+    """Return the stroke of curve number `index` in a comparison."""
     colour, dash, symbol = _CURVES[index % len(_CURVES)]
     return Stroke(colour, 1.1, dash, symbol)

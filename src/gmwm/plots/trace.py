@@ -20,7 +20,8 @@ from gmwm.time_base import begins_of
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
-    """Indices of the first, smallest, largest and last value of each of `columns` equal parts, in ascending order.
+    """Return indices of the first, smallest, largest and last value of each of `columns` equal parts, in ascending
+    order.
 
     If there are at most 4 values for each part, all indices are returned.
 
@@ -66,14 +67,14 @@ class Trace:
         return self.high - self.low
 
     def less(self, amount: float) -> Trace:
-        """The trace with a constant subtracted."""
+        """Return the trace with a constant subtracted."""
         return Trace(
             self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount
         )
 
 
 def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Trace:
-    """The trace of a signal for a plot with `columns` columns of dots.
+    """Reduce a signal to the trace for a plot with `columns` columns of dots.
 
     The values are multiplied by `factor`, and the first sample is at the time `left` (s).
     """
@@ -93,7 +94,7 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Tra
 
 
 def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
-    """The trace of evenly sampled values in which NaN marks missing samples."""
+    """Reduce evenly sampled values, in which NaN marks missing samples, to a trace."""
     index = extremes_there(values, columns)
     y = factor * values[index]
     mean = factor * float(np.mean(values, where=np.isfinite(values)))
@@ -101,7 +102,8 @@ def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trac
 
 
 def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
-    """Indices as by `extremes`, but without NaN; of a part that is all NaN, one index, which interrupts the line.
+    """Return indices as `extremes` does, but without NaN; for a part that is all NaN one index, which interrupts the
+    line.
 
     >>> extremes_there(np.array([0.0, 5.0, 1.0, np.nan, np.nan, np.nan, np.nan, np.nan, 9.0, 2.0]), 2)
     array([0, 1, 2, 8, 9])
@@ -124,7 +126,7 @@ def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
 
 
 def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
-    """Positions, lower and upper edges of a band, reduced to the extremes of each of `columns` parts.
+    """Return positions, lower and upper edges of a band, reduced to the extremes of each of `columns` parts.
 
     An edge is NaN if no sample of the part has finite edges. If there are at most `columns` samples, all are returned.
 
@@ -141,7 +143,7 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
 
 
 def isolated(y: Vector) -> NDArray[np.bool_]:
-    """Mask of finite values whose neighbours are all missing, so that a line cannot show them.
+    """Return a mask of finite values whose neighbours are all missing, so that a line cannot show them.
 
     >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
     [True, False, False, False]
@@ -151,7 +153,7 @@ def isolated(y: Vector) -> NDArray[np.bool_]:
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
-    """Ranges of samples that are drawn as one line, with their number of columns: (start, stop, columns).
+    """Yield ranges of samples that are drawn as one line, with their number of columns: (start, stop, columns).
 
     Gaps that are narrower than a column are invisible, so the line continues across them.
     """
@@ -168,11 +170,11 @@ def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
 
 
 def removed(one: Trace) -> float:
-    """The constant to subtract from a trace: its rounded mean if all samples are far from zero, else 0."""
+    """Return the constant to subtract from a trace: its rounded mean if all samples are far from zero, otherwise 0."""
     return 0.0 if one.low - one.span <= 0 <= one.high + one.span else in_digits(one.mean, one.span)
 
 
 def in_digits(mean: float, span: float) -> float:
-    """The mean, rounded to a small fraction of the span, so that the title can state exactly what was subtracted."""
+    """Round the mean to a small fraction of the span, so that the title can state exactly what was subtracted."""
     digits = math.ceil(math.log10(abs(mean) / span)) + 2 if mean and span else 6
     return float(f"{mean:.{min(max(digits, 2), 6) - 1}e}")

@@ -36,14 +36,14 @@ TRACK = Stroke(BLUE, 1.1)
 TRUTH = Stroke(BLACK, 0.5)
 WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
 SETTLED = 2.0
-"""The first errors of a filter are large. The vertical scale ignores the time until the standard error has fallen to
-this many times its median. Pinned by tests/plots/test_plot_tracks.py."""
+"""Multiple of the median standard error. The vertical scale ignores the time until the standard error of a filter has
+fallen to it, because the first errors are large. Pinned by tests/plots/test_plot_tracks.py."""
 DENSE = 0.03
-"""If neighbouring points of a line are on average this fraction of the panel height apart, the line fills an area.
+"""Mean distance of neighbouring points of a line, relative to the panel height, from which the line fills an area.
 Pinned by tests/plots/test_plot_tracks.py."""
 FAR = 50.0
-"""If values are more than this many times their span, a constant is subtracted, because tick labels would be too
-long. Pinned by tests/plots/test_plot_limits.py."""
+"""Ratio of values to their span above which a constant is subtracted, because tick labels would be too long. Pinned by
+tests/plots/test_plot_limits.py."""
 
 
 # --- what is drawn, as data ---------------------------------------------------------------------------
@@ -88,7 +88,7 @@ class _Drawn:
 
 
 def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
-    """The panel of the record with its bias, and the constant that was subtracted from both."""
+    """Make the panel of the record with its bias; also return the constant that was subtracted from both."""
     one = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
     mean = removed(one)
     one = one.less(mean)
@@ -110,7 +110,7 @@ def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
 
 
 def _track_panel(drawn: _Drawn, less: float) -> Panel:
-    """The panel of a track with its confidence band."""
+    """Make the panel of a track with its confidence band."""
     tracks, shown = drawn.tracks, drawn.shown
     mean = shown.factor * _there(tracks, drawn.label)
     lower, upper = (shown.factor * end for end in tracks.band(drawn.label, drawn.level))
@@ -156,7 +156,8 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
 
 
 def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vector | None) -> tuple[float, float]:
-    """The smallest and the largest value that the panel must show, without the first values of an unsettled filter."""
+    """Return the smallest and the largest value that the panel must show, without the first values of an unsettled
+    filter."""
     error = tracks.error[label]
     there = np.isfinite(error)
     if tracks.kind == "filter" and np.any(there):
@@ -166,24 +167,24 @@ def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vecto
 
 
 def _dense(values: Vector, height: float) -> bool:
-    """Whether a line oscillates so fast that it fills an area and would hide the curves behind it."""
+    """Return whether a line oscillates so fast that it fills an area and would hide the curves behind it."""
     index = extremes_there(values, COLUMNS)
     steps = np.abs(np.diff(values[index]))
     return index.size > COLUMNS and bool(np.nanmean(steps) > DENSE * height)
 
 
 def _there(tracks: Tracks, label: str) -> Vector:
-    """The estimated values, NaN where they have no finite standard error."""
+    """Return the estimated values, NaN where they have no finite standard error."""
     return np.where(np.isfinite(tracks.error[label]), tracks.mean[label], math.nan)
 
 
 def _first_time(tracks: Tracks) -> float:
-    """The time of the first value (s). A prediction starts one step after the end of the record."""
+    """Return the time of the first value (s). A prediction starts one step after the end of the record."""
     return 1 / tracks.rate if tracks.kind == "predict" else 0.0
 
 
 def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
-    """The time axis, and the length of its unit (s)."""
+    """Return the time axis, and the length of its unit (s)."""
     unit, size = time_unit(len(tracks) / tracks.rate)
     first = _first_time(tracks)
     since = "the end of the record" if first else "the first sample"

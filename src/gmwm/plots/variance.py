@@ -1,4 +1,4 @@
-"""The curve of one wavelet variance, with its confidence band."""
+"""Plot of one wavelet variance with its confidence band."""
 
 from __future__ import annotations
 

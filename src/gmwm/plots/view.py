@@ -12,9 +12,10 @@ from gmwm.errors import OptionError
 from gmwm.units import SI_UNIT, Quantity, Unit, datasheet_units, find_unit, parse_unit
 
 ViewName: TypeAlias = Literal["wavelet", "allan"]
-"""The wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time τ/2."""
+"""Quantity of a plot: the wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time
+τ/2."""
 UnitSystem: TypeAlias = Literal["si", "datasheet"]
-"""rad/s and m/s², or deg/h and mg."""
+"""Unit system of a plot: rad/s and m/s², or deg/h and mg."""
 
 DATASHEET_UNIT: dict[Quantity, str] = {quantity: next(iter(datasheet_units(si))) for quantity, si in SI_UNIT.items()}
 """The unit in which a deviation of each quantity is quoted on a datasheet."""
@@ -41,11 +42,11 @@ class View:
     factor: float
 
     def time(self, tau: Vector) -> Vector:
-        """The horizontal position of a scale τ (s): τ itself, or the Allan averaging time τ/2."""
+        """Return the horizontal position of a scale τ (s): τ itself, or the Allan averaging time τ/2."""
         return tau / 2 if self.name == "allan" else tau
 
     def height(self, variance: Vector) -> Vector:
-        """The vertical position of a wavelet variance ν² given in the square of the data's unit.
+        """Return the vertical position of a wavelet variance ν² given in the square of the data's unit.
 
         ν² itself, or the Allan deviation √(2ν²): Allan's variance of clusters of τ/2 is twice the Haar
         wavelet variance at scale τ.
@@ -76,7 +77,7 @@ class View:
 
     @property
     def of_datasheets(self) -> bool:
-        """Whether it is in the units of datasheets."""
+        """Whether the view has the units of datasheets."""
         return self.unit in DATASHEET_UNIT.values()
 
     @property

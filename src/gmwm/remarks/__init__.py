@@ -1,4 +1,4 @@
-"""What a user should know about a result: remarks as data, and the one place where they become sentences."""
+"""Remarks: what a user should know about a result, as data, and the only module that converts them to sentences."""
 
 from gmwm._template import Dialect, Fact, Quantity
 from gmwm.remarks.registry import Message, messages

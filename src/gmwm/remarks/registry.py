@@ -45,7 +45,7 @@ class Choice:
     templates: Mapping[str, str]
 
     def of(self, facts: Mapping[str, Fact]) -> str:
-        """The template for these facts."""
+        """Return the template for these facts."""
         return self.templates[str(facts[self.by]).lower()]
 
 
@@ -83,22 +83,22 @@ class Message:
     example: Mapping[str, Fact] = field(default_factory=dict)
 
     def sentence_for(self, facts: Mapping[str, Fact]) -> str:
-        """The template of the sentence for these facts."""
+        """Return the template of the sentence for these facts."""
         return self.sentence.of(facts) if isinstance(self.sentence, Choice) else self.sentence
 
     def advice_for(self, facts: Mapping[str, Fact]) -> str:
-        """The template of the advice for these facts."""
+        """Return the template of the advice for these facts."""
         return self.advice.of(facts) if isinstance(self.advice, Choice) else self.advice
 
     def needs(self, facts: Mapping[str, Fact]) -> set[str]:
-        """Names of all facts that the message needs."""
+        """Return the names of all facts that the message needs."""
         named = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
         if named - facts.keys():
             return named
         return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
 
     def shared(self, facts: Mapping[str, Fact]) -> set[str]:
-        """Names of the facts that all subjects in one sentence share."""
+        """Return the names of the facts that all subjects in one sentence share."""
         chosen = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
         return chosen | set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
 
@@ -115,7 +115,7 @@ def _fields(*templates: str) -> Iterator[str]:
 
 
 def message(code: str) -> Message:
-    """The entry of a code in the registry.
+    """Return the entry of a code in the registry.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def message(code: str) -> Message:
 
 @cache
 def messages() -> Mapping[str, Message]:
-    """All messages by code, in the order of the file."""
+    """Return all messages by code, in the order of the file."""
     content = tomllib.loads(files("gmwm.remarks").joinpath("messages.toml").read_text(encoding="utf-8"))
     return {code: _message(code, entry) for code, entry in content.items()}
 
@@ -152,7 +152,7 @@ def _text(value: str | Mapping[str, str]) -> Text:
 
 
 def as_fact(value: Any) -> Fact:
-    """A fact from a plain value: `{value, unit}` is a number with a unit, a list is a sequence."""
+    """Convert a plain value to a fact: `{value, unit}` is a number with a unit, a list is a sequence."""
     if isinstance(value, Mapping):
         return Quantity(float("nan") if value["value"] is None else float(value["value"]), str(value["unit"]))
     if isinstance(value, list | tuple):

@@ -60,17 +60,17 @@ class Remark:
         return message(self.code)
 
     def about(self, subject: str) -> Remark:
-        """The same remark about another subject."""
+        """Return the same remark about another subject."""
         return replace(self, subject=subject)
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """The sentence and the advice, for Python, the shell or HTML."""
+        """Return the sentence and the advice, for Python, the shell or HTML."""
         from gmwm.remarks.rendering import one_text
 
         return one_text(self, dialect)
 
     def to_dict(self) -> dict[str, Any]:
-        """The remark as plain values, ready for JSON; `text` is the text in the shell."""
+        """Return the remark as plain values, ready for JSON; `text` is the text in the shell."""
         return {
             "code": self.code,
             "severity": self.severity.label,

@@ -1,4 +1,4 @@
-"""Render remarks as text. Only this module makes their sentences."""
+"""Convert remarks to text. No other module makes their sentences."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST = 5
 
 
 def one_text(remark: Remark, dialect: Dialect = Dialect.PYTHON) -> str:
-    """One remark as text: what happened, where, what it means, and what to do."""
+    """Return one remark as text: what happened, where, what it means, and what to do."""
     return _group_text([remark], dialect)
 
 
@@ -33,7 +33,7 @@ def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
 
 
 def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False) -> list[str]:
-    """All remarks as text, the most severe first. Remarks with the same code about several subjects are merged.
+    """Return all remarks as text, the most severe first. Remarks with the same code about several subjects are merged.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes
 def with_groups(
     remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False
 ) -> list[tuple[list[Remark], str]]:
-    """The same texts, each with the remarks that it contains."""
+    """Return the same texts, each with the remarks that it contains."""
     return [
         (group, _group_text(group, dialect) + (_code(group[0].code, dialect) if codes else ""))
         for group in merged(remarks)
@@ -58,7 +58,7 @@ def with_groups(
 def brief(
     remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True, most: int = MOST
 ) -> list[str]:
-    """The most severe remarks as text, and a line with the number of the others.
+    """Return the most severe remarks as text, and a line with the number of the others.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def brief(
 
 
 def gravest(remarks: Iterable[Remark]) -> Severity | None:
-    """The highest severity among the remarks; None if there are none."""
+    """Return the highest severity among the remarks; None if there are none."""
     return min((remark.severity for remark in remarks), default=None)
 
 

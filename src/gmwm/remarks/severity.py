@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Severity(IntEnum):
-    """What a remark means for the values that it concerns, the most severe first."""
+    """Meaning of a remark for the values that it concerns, the most severe first."""
 
     UNUSABLE = 0
     """The values cannot be used."""

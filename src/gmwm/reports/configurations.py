@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 FIRST = "kalibr"
 """The format that is shown first."""
 LONGEST = 40_000
-"""Longest file (characters) in a report; tests/reports/test_report_page.py limits the size of a report."""
+"""Largest number of characters of a file in a report; tests/reports/test_report_page.py limits the size of a report."""
 
 
 def configurations(calibration: Calibration) -> tuple[list[dict[str, str]], list[str]]:

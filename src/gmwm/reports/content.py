@@ -167,7 +167,7 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
 
 
 def regression_table(found: Regression | None) -> dict[str, Any]:
-    """The coefficients of a regression on conditions, below a row of headings; {} without one."""
+    """Return the coefficients of a regression on conditions, below a row of headings; {} if there is none."""
     if found is None:
         return {}
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
@@ -183,7 +183,7 @@ def regression_table(found: Regression | None) -> dict[str, Any]:
 
 
 def _test(found: AxisCalibration, rejected: bool) -> str:
-    """The goodness-of-fit test of one axis. With several axes, one p-value below 5 % is expected by chance."""
+    """Describe the goodness-of-fit test of one axis. With several axes, one p-value below 5 % is expected by chance."""
     if found.test is None:
         return "No test: there are too few levels"
     alone = found.test.pvalue <= SIZE and not rejected
@@ -193,7 +193,7 @@ def _test(found: AxisCalibration, rejected: bool) -> str:
 
 
 def _ranked(ranking: Ranking) -> list[list[str]]:
-    """The first candidates and all that are equivalent to the best, below a row of headings."""
+    """Return the first candidates and all that are equivalent to the best, below a row of headings."""
     rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
     listed = [c for k, c in enumerate(ranking.distinct) if k < LISTED or c.equivalent or c.recommended]
     for candidate in listed:
@@ -206,14 +206,14 @@ def _ranked(ranking: Ranking) -> list[list[str]]:
 
 
 def _certificate(gap: float | None) -> str:
-    """The certificate of the optimum; "" if there is none."""
+    """Describe the certificate of the optimum; "" if there is none."""
     if gap is None:
         return ""
     return Remark.of("optimal", gap=100 * gap, exact="no" if gap > 0 else "yes").text(Dialect.PYTHON)
 
 
 def _number(entry: Entry) -> dict[str, Any]:
-    """A number of the datasheet in its usual unit, in SI, and in other units."""
+    """Return a number of the datasheet in its usual unit, in SI, and in other units."""
     usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
     at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
     return {
@@ -226,14 +226,14 @@ def _number(entry: Entry) -> dict[str, Any]:
 
 
 def _short(entry: Entry, unit: str) -> str:
-    """A number without its interval, or its upper limit."""
+    """Format a number without its interval, or its upper limit."""
     value, low, high, _ = entry.in_units(unit)
     estimated = low is not None and high is not None and math.isfinite(high) and not entry.upper_only
     return f"{significant(value, 4)} {unit}" if estimated else entry.text(unit)
 
 
 def _parameters(found: AxisCalibration) -> list[dict[str, str]]:
-    """The parameters of the discrete-time model, per sample."""
+    """Return the parameters of the discrete-time model, per sample."""
     fit = found.fit
     units = fit.units()
     rows = []
@@ -259,7 +259,7 @@ def _interval(low: float, high: float) -> str:
 
 
 def _outliers(axis: str, found: AxisCalibration) -> dict[str, Any]:
-    """The test for outliers: the classical and the robust wavelet variance compared."""
+    """Return the test for outliers: the classical and the robust wavelet variance compared."""
     verdict, robust = found.verdict, found.fit.wavelet_variance.robust
     row = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
     if verdict is None:

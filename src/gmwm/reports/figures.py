@@ -34,7 +34,8 @@ Variants = dict[str, dict[str, Any]]
 
 
 def sensor_pictures(calibration: Calibration) -> dict[str, Variants]:
-    """One figure for each sensor, with data and models of its axes. Axes with another unit have a separate figure."""
+    """Make one figure for each sensor, with data and models of its axes. Axes with another unit have a separate
+    figure."""
     pictures = {}
     for sensor, axes in by_sensor(calibration.axes).items():
         units = dict.fromkeys(found.fit.wavelet_variance.unit for found in axes.values())
@@ -58,7 +59,7 @@ def _overlay(sensor: str, axes: Mapping[str, AxisCalibration]) -> Callable[[View
 
 
 def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
-    """Two figures of one axis: data, model and terms; and the distances of the best models from the data."""
+    """Make two figures of one axis: data, model and terms; and the distances of the best models from the data."""
 
     def distances(view: ViewName, units: UnitSystem) -> Panel:
         panel = ranking_figure(found.ranking, view=view, units=units).rows[0][1]
@@ -73,7 +74,7 @@ def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
 
 
 def spectrum_pictures(found: AxisCalibration) -> Variants:
-    """The spectrum of one axis with the density of the model; empty without a spectrum.
+    """Make the figure of the spectrum of one axis with the density of the model; empty without a spectrum.
 
     A spectrum has no view. The page takes a figure of another view if there is none of the chosen one.
     """
@@ -88,7 +89,7 @@ def spectrum_pictures(found: AxisCalibration) -> Variants:
 
 
 def regression_pictures(found: Regression) -> Variants:
-    """The axis over a covariate, before and after, in each unit system; there is no view."""
+    """Make the figure of the axis over a covariate, before and after, in each unit system; it has no view."""
 
     def panel(view: ViewName, units: UnitSystem) -> Panel:
         return regression_panel(found, units=units)
@@ -97,13 +98,13 @@ def regression_pictures(found: Regression) -> Variants:
 
 
 def recordings_pictures(found: Replicates) -> Variants:
-    """Each recording over the mean of all, by scale; there is no view and no unit."""
+    """Make the figure of each recording relative to the mean of all, by scale; it has no view and no unit."""
     (panel,) = recordings_figure(found).panels
     return {"wavelet-si": plotly_panel(replace(panel, title=""))}
 
 
 def _variants(panel: Callable[[ViewName, UnitSystem], Panel]) -> Variants:
-    """The figure in every view and unit system that these data have."""
+    """Make the figure in every view and unit system that these data have."""
     return {f"{view}-{units}": picture for view, units, picture in _drawn(panel)}
 
 

@@ -17,7 +17,7 @@ from gmwm.reports.write import environment, part
 
 
 def monitor_data(trace: Trace) -> dict[str, Any]:
-    """The content of the page, without the picture, as numbers and texts."""
+    """Return the content of the page, without the picture, as numbers and texts."""
     one = trace.monitor
     rows = [["Time (s)", "Began (s)", "Axis", "Kind", "Event"]]
     rows += [

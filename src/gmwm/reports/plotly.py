@@ -17,15 +17,15 @@ from gmwm.plots.figure import Axis, Band, Foot, Line, Mark, Panel, Stroke, Symbo
 from gmwm.plots.style import GRID
 
 PIXELS = 4 / 3
-"""CSS pixels in a point."""
+"""Number of CSS pixels in a point."""
 DIGITS = 6
-"""Significant digits of a position: more than a screen can show."""
+"""Number of significant digits of a position: more than a screen can show."""
 MARKER = 6.0
 """Size of a marker (CSS pixels)."""
 FOOT = 0.03
-"""Height of marks at the lower edge, as a share of the panel."""
+"""Height of marks at the lower edge, relative to the panel."""
 FAR = 100.0
-"""A band without a limit ends at this multiple of the limits of the axis."""
+"""Multiple of the limits of the axis at which a band without a limit ends."""
 BAR = 1.04
 """Half width, as a factor, of the bar that shows a band of a single point."""
 
@@ -46,7 +46,7 @@ def safe(text: str) -> str:
 
 
 def plotly_panel(panel: Panel) -> dict[str, Any]:
-    """A panel as `{"data": traces, "layout": …, "entries": number of entries in the legend}`.
+    """Convert a panel to `{"data": traces, "layout": …, "entries": number of entries in the legend}`.
 
     A click on an entry of the legend hides all marks of that name, and the marks without a name in its colour.
     """
@@ -71,7 +71,7 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
 
 
 class Scale:
-    """Positions on an axis for Plotly.
+    """Conversion of the positions on an axis for Plotly.
 
     On logarithmic and linear axes, a position is the value. Plotly has no axis that is linear around zero and
     logarithmic beyond. Such an axis is drawn as a linear one: the linear part has the length 1 on each side, and each
@@ -86,7 +86,7 @@ class Scale:
         self.far = (low / FAR, high * FAR) if self.type == "log" else (2 * low - high, 2 * high - low)
 
     def place(self, values: Vector) -> Vector:
-        """Positions of values."""
+        """Return the positions of values."""
         if not self.mixed:
             return values
         size = np.abs(values) / self.axis.linear
@@ -94,16 +94,16 @@ class Scale:
         return np.asarray(np.sign(values) * np.where(size <= 1, size, beyond))
 
     def range(self) -> list[float]:
-        """Limits for Plotly: exponents on a logarithmic axis."""
+        """Return the limits for Plotly: exponents on a logarithmic axis."""
         ends = self.place(np.array(self.axis.limits))
         return [_short(end) for end in (np.log10(ends) if self.type == "log" else ends)]
 
     def at(self, value: float) -> float:
-        """Position of an annotation."""
+        """Return the position of an annotation."""
         return self.of(np.array([math.log10(value) if self.type == "log" else value]))[0] or 0.0
 
     def of(self, values: Vector) -> list[float | None]:
-        """Positions of values for JSON; None for values that are not finite."""
+        """Return the positions of values for JSON; None for values that are not finite."""
         return [_json(value) for value in self.place(values).tolist()]
 
 
@@ -116,7 +116,7 @@ def _short(value: float) -> float:
 
 
 def _grouped(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
-    """Each mark with its entry of the legend."""
+    """Yield each mark with its entry of the legend."""
     by_colour: dict[str, str] = {}
     for mark in marks:
         if isinstance(mark, Line) and mark.label:
@@ -143,7 +143,7 @@ def _trace(mark: Mark, panel: Panel, across: Scale, up: Scale) -> dict[str, Any]
 
 
 def _look(stroke: Stroke) -> dict[str, Any]:
-    """The style of a line for Plotly."""
+    """Return the style of a line for Plotly."""
     modes = [*(["lines"] if stroke.width else []), *(["markers"] if stroke.symbol else [])]
     look: dict[str, Any] = {"type": "scatter", "mode": "+".join(modes) or "none", "connectgaps": False}
     if stroke.width:
@@ -159,7 +159,7 @@ def _look(stroke: Stroke) -> dict[str, Any]:
 
 
 def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
-    """The text at the pointer: name, position, and the limits of the band of the line."""
+    """Return the text at the pointer: name, position, and the limits of the band of the line."""
     (_, time), (_, unit) = _quantity(panel.x.label), _quantity(panel.y.label)
     # On a mixed axis, a position is not the value.
     value = "%{customdata[0]:+.3~g}" if up.mixed else "%{y:.4~g}"
@@ -176,7 +176,7 @@ def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
 
 
 def _quantity(label: str) -> tuple[str, str]:
-    """The name and the unit of "Allan deviation (deg/h)".
+    """Split a label such as "Allan deviation (deg/h)" into name and unit.
 
     >>> _quantity("Allan deviation (deg/h)"), _quantity("Distance")
     (('Allan deviation', 'deg/h'), ('Distance', ''))
@@ -189,7 +189,7 @@ def _quantity(label: str) -> tuple[str, str]:
 
 
 def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
-    """A shaded region as a closed line around each run of finite limits."""
+    """Return a shaded region as a closed line around each run of finite limits."""
     lower, upper = (np.clip(edge, *up.far) for edge in (band.lower, band.upper))
     finite = np.isfinite(lower) & np.isfinite(upper)
     xs: list[float | None] = []
@@ -207,7 +207,7 @@ def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
 
 
 def _swatch(band: Band) -> dict[str, Any]:
-    """A trace that appears in the legend only, for bands of several colours."""
+    """Return a trace that appears in the legend only, for bands of several colours."""
     return {"x": [None], "y": [None], "fillcolor": _shade(band.swatch, band.opacity)}
 
 
@@ -217,7 +217,7 @@ def _shade(colour: str, opacity: float) -> str:
 
 
 def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
-    """Index ranges of consecutive true values."""
+    """Yield index ranges of consecutive true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
@@ -239,7 +239,7 @@ def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
 
 
 def _axis(axis: Axis, scale: Scale, *, minor_grid: bool) -> dict[str, Any]:
-    """An axis with the ticks and grid lines of the plot data."""
+    """Return an axis with the ticks and grid lines of the plot data."""
     ticks = np.array([tick.value for tick in axis.ticks])
     minor = np.array(axis.grid if minor_grid else axis.minor, dtype=np.float64)
     return {
@@ -257,7 +257,7 @@ def _text(text: str, xref: str, x: float, yref: str, y: float) -> dict[str, Any]
 
 
 def _opposite(tick: Tick, across: Scale) -> dict[str, Any]:
-    """A label above the panel, on a second horizontal scale."""
+    """Return a label above the panel, on a second horizontal scale."""
     return _text(tick.label, "x", x=across.at(tick.value), yref="y domain", y=1.0) | {
         "yanchor": "bottom", "font": {"size": 11, "color": "#555555"},
     }  # fmt: skip

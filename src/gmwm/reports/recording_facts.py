@@ -1,4 +1,4 @@
-"""The facts on the recordings of a report: length, time stamps, gaps, motion and temperature."""
+"""Facts on the recordings of a report: length, time stamps, gaps, motion and temperature."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ Facts = list[tuple[str, str]]
 
 
 def recording_facts(calibration: Calibration) -> dict[str, Any]:
-    """Facts on the recording; of several recordings the common facts, and a table with a column for each."""
+    """Return the facts on the recording. For several recordings, return the common facts, and a table with a column for
+    each."""
     if calibration.recordings:
         common = {"Axes": ", ".join([*calibration.axes, *calibration.failed]), "Units": _units(calibration)}
         columns = [dict(_described(one)) for one in calibration.recordings.values()]
@@ -39,14 +40,14 @@ def recording_facts(calibration: Calibration) -> dict[str, Any]:
 
 
 def _described(found: Recording) -> Facts:
-    """The facts on one of several recordings."""
+    """Return the facts on one of several recordings."""
     file = [("File", f"{found.file}, {found.size} bytes"), ("SHA-256", found.sha256)] if found.sha256 else []
     length = f"{found.samples} samples, {duration_text(found.samples / found.rate)}"
     return [*file, ("Sampling rate", f"{found.rate:.10g} Hz"), ("Length", length), *_measured(found)]
 
 
 def _measured(found: Recording) -> Facts:
-    """Gaps, time stamps, motion and temperature of a recording."""
+    """Return gaps, time stamps, motion and temperature of a recording."""
     gaps = found.segments - 1
     lost = f"{gaps}, {duration_text(found.missing)} missing" if found.missing > 0 else str(gaps)
     stamps = "none" if found.jitter is None else f"jitter {significant(found.jitter, 3)} s (root mean square)"

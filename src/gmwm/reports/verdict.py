@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from gmwm.outliers import Verdict
 
 State = Literal["good", "look", "bad"]
-"""Nothing to do; read the remark first; do not use the numbers before the cause is found."""
+"""State of a point: "good", nothing to do; "look", read the remark first; "bad", do not use the numbers before the
+cause is found."""
 
 _STATES: Mapping[Severity, State] = {
     Severity.UNUSABLE: "bad",
@@ -49,7 +50,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
 
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
-    """Remarks that affect no number, as points."""
+    """Return the remarks that affect no number, as points."""
     equality = equality_remarks(calibration)
     return _points([one for one in calibration.remarks if one.severity is Severity.INFO and one not in equality])
 
@@ -62,7 +63,7 @@ def _points(remarks: list[Remark]) -> list[dict[str, Any]]:
 
 
 def _results(calibration: Calibration) -> Iterator[Remark]:
-    """The main results: the axes, the numbers N, B and K, the tests, and the certificate of the optimum."""
+    """Yield the main results: the axes, the numbers N, B and K, the tests, and the certificate of the optimum."""
     wv = next(iter(calibration.axes.values())).fit.wavelet_variance
     total = len(calibration.axes) + len(calibration.failed)
     length = duration_text(wv.samples / wv.rate)
@@ -93,7 +94,7 @@ def _is_clean(verdict: Verdict) -> bool:
 
 
 def _numbers(axes: Mapping[str, Any]) -> str:
-    """The ranges of N, B and K over the axes of a sensor."""
+    """Format the ranges of N, B and K over the axes of a sensor."""
     parts = []
     for symbol in in_order([list(one.datasheet) for one in axes.values()]):
         entries = {axis: one.datasheet[symbol] for axis, one in axes.items() if symbol in one.datasheet}
@@ -106,7 +107,7 @@ _FIRST = ("N", "B", "K")
 
 
 def _range(entries: Mapping[str, Entry]) -> str:
-    """The smallest and the largest value, or the largest upper limit if no axis has a value."""
+    """Format the smallest and the largest value, or the largest upper limit if no axis has a value."""
     known: dict[str, float] = {}
     bounds = []
     unit = ""

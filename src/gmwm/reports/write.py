@@ -58,7 +58,7 @@ def page(data: dict[str, Any]) -> str:
 
 
 def environment() -> Any:
-    """The environment of the templates: everything is escaped, except what a filter marks as safe."""
+    """Return the environment of the templates: everything is escaped, except what a filter marks as safe."""
     import jinja2
 
     made = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -88,7 +88,7 @@ def _worded(text: str) -> Any:
 
 @cache
 def part(name: str) -> str:
-    """The text of a file of the page."""
+    """Return the text of a file of the page."""
     return files("gmwm.reports").joinpath(name).read_text(encoding="utf-8")
 
 
