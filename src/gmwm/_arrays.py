@@ -145,7 +145,7 @@ def as_rate(rate: float | None, name: str = "rate") -> float:
 
 
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
-    """Check wavelet levels: ascending integers from 1 to 62, or one number J that stands for 1, …, J.
+    """Check wavelet levels: ascending integers from 1 to 62, or one number J, which means 1, …, J.
 
     62 is the largest level whose scale, 2^62 samples, is a 64-bit integer.
 

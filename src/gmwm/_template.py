@@ -163,7 +163,7 @@ def joined(names: Sequence[str], most: int = 6) -> str:
 
 
 def shell_option(argument: str) -> str:
-    """The option of the shell for an argument of a Python function.
+    """Return the option of the shell for an argument of a Python function.
 
     >>> shell_option("gaps"), shell_option("rng"), shell_option("min_length")
     ('--gaps', '--seed', '--min-length')
@@ -195,7 +195,7 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Map
 
 
 def _python_value(text: str) -> str | int | None:
-    """A name, an index or None in a mapping or list of Python."""
+    """Return a name, an index or None in a mapping or list of Python."""
     return int(text) if text.isdecimal() else None if text in ("", "none") else text
 
 

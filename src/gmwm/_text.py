@@ -76,7 +76,7 @@ class Summarised(ABC):
 
     @abstractmethod
     def summary(self) -> str:
-        """The result as text."""
+        """Return the result as text."""
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"

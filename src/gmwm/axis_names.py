@@ -15,7 +15,7 @@ AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
 
 def sensor_of(axis: str) -> str:
-    """The sensor of an axis; "" if its name has none.
+    """Return the sensor of an axis; "" if its name has none.
 
     >>> sensor_of("gyro_x"), sensor_of("temperature")
     ('gyro', '')
@@ -24,7 +24,7 @@ def sensor_of(axis: str) -> str:
 
 
 def letter_of(axis: str) -> str:
-    """The direction of an axis, x, y or z; the whole name if it has no sensor.
+    """Return the direction of an axis, x, y or z; the whole name if it has no sensor.
 
     >>> letter_of("gyro_x")
     'x'
@@ -33,7 +33,7 @@ def letter_of(axis: str) -> str:
 
 
 def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
-    """The values of axes, grouped by sensor.
+    """Return the values of axes, grouped by sensor.
 
     >>> by_sensor({"gyro_x": 1, "accel_x": 2, "gyro_y": 3})
     {'gyro': {'gyro_x': 1, 'gyro_y': 3}, 'accel': {'accel_x': 2}}
@@ -45,7 +45,7 @@ def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
 
 
 def axis_quantity(axis: str) -> Quantity:
-    """The quantity that an axis measures, "gyro" or "accel".
+    """Return the quantity that an axis measures, "gyro" or "accel".
 
     Raises
     ------

@@ -93,7 +93,7 @@ class Batch:
         return self.first + len(self)
 
     def between(self, first: int, last: int) -> Batch:
-        """The samples `first` … `last` − 1 of the batch."""
+        """Return the samples `first` … `last` − 1 of the batch."""
         if first == 0 and last >= len(self):
             return self
         begins = {begin for begin, _ in next(iter(self.signals.values())).segments}
@@ -320,7 +320,7 @@ def joined(parts: Sequence[Batch]) -> Batch:
 
 
 def cut(signal: Signal, first: int, last: int) -> Signal:
-    """The samples number `first` … `last` − 1 of a signal."""
+    """Return the samples number `first` … `last` − 1 of a signal."""
     last = min(last, len(signal))
     segments, starts = [], []
     for (begin, end), start in zip(signal.segments, signal.starts, strict=True):

@@ -113,7 +113,7 @@ class ContinuousStateSpace:
 
     @classmethod
     def sum(cls, parts: Mapping[str, ContinuousStateSpace | None]) -> ContinuousStateSpace:
-        """The state space of a sum of independent signals, by label of their terms; None parts are left out."""
+        """Return the state space of a sum of independent signals, by label of their terms; None parts are left out."""
         kept = {term: part for term, part in parts.items() if part is not None}
         # The sum of discrete state spaces also makes the block-diagonal matrices needed here.
         s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in kept.values())
@@ -157,7 +157,7 @@ class ContinuousStateSpace:
 
 
 def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
-    """A and Qc, or None if there is no continuous model."""
+    """Return A and Qc, or None if there is no continuous model."""
     from scipy.linalg import expm, logm
     from scipy.special import exprel
 

@@ -145,7 +145,7 @@ class GmwmError(Exception):
         return self._what(Dialect.PYTHON)
 
     def about(self, subject: str) -> Self:
-        """The same error with the axis, unit or file that it is about, unless it names one already.
+        """Return the same error with the axis, unit or file that it is about, unless it names one already.
 
         >>> str(DataError("the signal is constant").about("gyro_x"))
         'gyro_x: the signal is constant'
@@ -155,7 +155,7 @@ class GmwmError(Exception):
         return self
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """The error as text, for one kind of reader."""
+        """Return the error as text, for one kind of reader."""
         message = self._what(dialect)
         if self.prefix:
             message = f"{self._named(self.prefix, dialect)}: {message}"
@@ -165,13 +165,13 @@ class GmwmError(Exception):
         return f"{message}. {advice}" if advice else message
 
     def with_advice_of(self, cause: GmwmError) -> Self:
-        """The same error with the advice of its cause, if the cause has one."""
+        """Return the same error with the advice of its cause, if the cause has one."""
         if cause.advice:
             self.advice, self.facts, self.options = cause.advice, cause.facts, cause.options
         return self
 
     def at(self, place: str) -> Self:
-        """A copy of the error with a place before its message, such as a file or a part of a file.
+        """Return a copy of the error with a place before its message, such as a file or a part of a file.
 
         >>> str(ReadError("not a number", advice="Repair the row.").at("row 3"))
         'row 3: not a number. Repair the row.'
@@ -188,7 +188,7 @@ class GmwmError(Exception):
         return f"{message}; got {_shown(self.got)}" if self.given else message
 
     def _named(self, argument: str, dialect: Dialect) -> str:
-        """The argument, or its option in the shell."""
+        """Return the argument, or its option in the shell."""
         if dialect is Dialect.PYTHON or not (self.argument or self.prefix):
             return argument
         return self.options.get(argument) or shell_option(argument)
@@ -201,7 +201,7 @@ class GmwmError(Exception):
 
 
 def _again(kind: type[GmwmError], state: Mapping[str, Any]) -> GmwmError:
-    """The error that was pickled."""
+    """Return the error that was pickled."""
     error = kind.__new__(kind)
     error.args = state["args"]
     error.__dict__.update({name: value for name, value in state.items() if name != "args"})

@@ -114,7 +114,7 @@ class ReadOptions:
         return _checked_increments(self.increments)
 
     def to_dict(self) -> dict[str, Any]:
-        """The values that differ from the defaults, as plain numbers, texts, lists and mappings."""
+        """Return the values that differ from the defaults, as plain numbers, texts, lists and mappings."""
         given = {one.name: getattr(self, one.name) for one in fields(self)}
         return {name: _plain(value) for name, value in given.items() if value not in (None, "keep", "error", (), {})}
 
@@ -262,7 +262,7 @@ def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
 
 
 def _checked_increments(increments: bool | Sequence[str]) -> tuple[str, ...]:
-    """Check the increments, as names of sensors and axes. True stands for all sensors."""
+    """Check the increments, as names of sensors and axes. True means all sensors."""
     if isinstance(increments, bool):
         return tuple(SI_UNIT) if increments else ()
     if isinstance(increments, str) or not isinstance(increments, Sequence):

@@ -48,7 +48,7 @@ class Sample:
             self._kept = np.concatenate([self._kept, part])
 
     def values(self) -> Vector:
-        """The selected samples."""
+        """Return the selected samples."""
         return self._kept
 
 

@@ -193,7 +193,7 @@ class Signal:
         return times_of(np.arange(len(self)) if indices is None else indices, self.rate, self.segments, self.starts)
 
     def whole(self) -> Vector:
-        """The values, if the signal has no gaps.
+        """Return the values, if the signal has no gaps.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class Signal:
         return self.values
 
     def segment_values(self) -> list[Vector]:
-        """The values of each segment, one array each.
+        """Return the values of each segment, one array each.
 
         >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).segment_values()
         [array([1., 2.]), array([3.])]
@@ -270,7 +270,7 @@ class Signal:
         return fill_gaps(self)
 
     def longest(self) -> Signal:
-        """The longest segment as a signal without gaps."""
+        """Return the longest segment as a signal without gaps."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
         return Signal(self.values[first:last], self.rate, unit=self.unit, axis=self.axis, start=self.starts[k])
@@ -562,7 +562,7 @@ class Imu:
         write(self, path, format=format)
 
     def longest(self) -> Imu:
-        """The longest segment as a recording without gaps; its remarks say so."""
+        """Return the longest segment as a recording without gaps; its remarks say so."""
         if len(self.segments) == 1:
             return self
         first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
@@ -582,7 +582,7 @@ class Imu:
 
 
 def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
-    """The columns of a two-dimensional array by axis name."""
+    """Return the columns of a two-dimensional array by axis name."""
     table = np.asarray(array)
     if table.ndim != 2 or table.shape[1] != len(axes):
         transposed = table.ndim == 2 and table.shape[0] == len(axes)

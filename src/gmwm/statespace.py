@@ -279,7 +279,7 @@ class _Block:
 
     @classmethod
     def of(cls, space: StateSpace, length: int) -> _Block:
-        """A block of `length` ≥ 1 samples, by repeated squaring."""
+        """Return a block of `length` ≥ 1 samples, by repeated squaring."""
         power, result = cls.one_sample(space), None
         while True:
             if length & 1:
@@ -291,7 +291,7 @@ class _Block:
             power = power.followed_by(power)
 
     def followed_by(self, later: _Block) -> _Block:
-        """The two blocks joined: the later one starts from the end state of this one."""
+        """Return the two blocks joined: the later one starts from the end state of this one."""
         p = self.sum_of.size
         # How this block's noise (w, n) enters the joined (w, n).
         carry = np.zeros((p + 1, p + 1))

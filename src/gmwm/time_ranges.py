@@ -21,7 +21,7 @@ from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.time_base import TimeBase
 
 ROUNDING = 1e-6
-"""Tolerance in samples within which a given time is that of a sample: above the rounding of times in float64 (1e-7 of a
+"""Tolerance in samples within which a given time is the time of a sample: above the rounding of times in float64 (1e-7 of a
 sample at 1 kHz after a year), below anything that a user types. Pinned by tests/test_cuts.py."""
 
 
@@ -85,7 +85,7 @@ class Trimmer:
         return not self._kept or self._clock.end >= self._kept[-1][1]
 
     def take(self, samples: Samples) -> Samples | None:
-        """The samples that are kept, numbered from the first one that is kept; None for none."""
+        """Return the samples that are kept, numbered from the first one that is kept; None for none."""
         parts, runs, first, segment = list[slice](), list[tuple[int, float]](), self._count, len(self._sizes) - 1
         for k, ((begin, end, _), (sample, time)) in enumerate(zip(samples.ranges(), samples.runs, strict=True)):
             elapsed = self._clock.begin(sample, time, samples.first + end)
@@ -218,7 +218,7 @@ def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float)
 
 
 def _checked(pair: tuple[float, float]) -> tuple[float, float]:
-    """A range to skip, checked."""
+    """Return a range to skip, checked."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=pair)
     begin, end = (_seconds(time, "skip") for time in pair)
@@ -228,7 +228,7 @@ def _checked(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def _seconds(time: object, name: str) -> float:
-    """A time (s), checked."""
+    """Return a time (s), checked."""
     if isinstance(time, bool) or not isinstance(time, Real) or not 0 <= float(time) < math.inf:
         raise OptionError(argument=name, expected="a time in seconds from the first sample, 0 or more", got=time)
     return float(time)

@@ -78,7 +78,7 @@ _BY_NAME = {_key(name): unit for unit in _UNITS for name in (unit.name, *unit.al
 
 
 def find_unit(text: str) -> Unit | None:
-    """The unit that a text names, or None. Spaces, dots and case do not matter.
+    """Return the unit that a text names, or None. Spaces, dots and case do not matter.
 
     >>> find_unit("Deg / s").factor == math.pi / 180
     True
@@ -87,7 +87,7 @@ def find_unit(text: str) -> Unit | None:
 
 
 def unit_names(quantity: Quantity) -> tuple[str, ...]:
-    """The units of a quantity by their usual names.
+    """Return the units of a quantity by their usual names.
 
     >>> unit_names("accel")[0]
     'm/s²'
@@ -96,7 +96,7 @@ def unit_names(quantity: Quantity) -> tuple[str, ...]:
 
 
 def parse_unit(text: str, quantity: Quantity) -> Unit:
-    """The unit of `quantity` that a text names.
+    """Return the unit of `quantity` that a text names.
 
     Raises
     ------
@@ -131,7 +131,7 @@ _SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix
 
 
 def find_time_unit(text: str) -> str:
-    """The short name of the unit of time in a text; "" if it contains none.
+    """Return the short name of the unit of time in a text; "" if it contains none.
 
     >>> find_time_unit("[msec]"), find_time_unit("seconds since 1970-01-01"), find_time_unit("deg")
     ('ms', 's', '')

@@ -39,7 +39,7 @@ def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None
 
 
 def _recording(given: object) -> Imu:
-    """The recording to write.
+    """Return the recording to write.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def _recording(given: object) -> Imu:
 
 
 def table_path(path: str | os.PathLike[str]) -> Path:
-    """The path of a table, which ends in .csv or .parquet.
+    """Return the path of a table, which ends in .csv or .parquet.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def write_table(columns: Mapping[str, Vector], path: str | os.PathLike[str]) -> 
 
 
 def _columns(imu: Imu) -> dict[str, Vector]:
-    """The columns of a table by name."""
+    """Return the columns of a table by name."""
     columns = {"time [s]": imu[imu.axes[0]].times()}
     for axis in imu:
         unit = imu[axis].unit
@@ -106,7 +106,7 @@ def _columns(imu: Imu) -> dict[str, Vector]:
 
 
 def _record_type(format: str | None, target: Path) -> RecordType:
-    """The type of the records to write."""
+    """Return the type of the records to write."""
     named = {kind.format.casefold(): kind for kind in TYPES}
     known = ", ".join(kind.format for kind in TYPES)
     if format is None:

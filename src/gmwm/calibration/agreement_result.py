@@ -63,7 +63,7 @@ class SharedNumber:
         return tuple(None if value is None else abs(value) / self.reference.si for value in shown)
 
     def to_dict(self) -> dict[str, Any]:
-        """The number as numbers, lists and strings, ready for JSON."""
+        """Return the number as numbers, lists and strings, ready for JSON."""
         return {
             "axis": self.axis, "symbol": self.symbol, "title": self.title, "unit": self.unit,
             "entries": [None if entry is None else entry.to_dict() for entry in self.entries],
@@ -143,7 +143,7 @@ class Agreement(Summarised, Sequence[SharedNumber]):
         return summary(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """The agreement as numbers, lists and strings, ready for JSON."""
+        """Return the agreement as numbers, lists and strings, ready for JSON."""
         return {
             "labels": list(self.labels),
             "size": self.size,

@@ -52,7 +52,7 @@ def with_baselines(
 
 
 def _first_samples(data: Any) -> Mapping[str, Signal]:
-    """The signals of a recording up to the batch with the last sample of a baseline."""
+    """Return the signals of a recording up to the batch with the last sample of a baseline."""
     if isinstance(data, Imu | Stream):
         parts: list[Batch] = []
         for batch in batches(data):

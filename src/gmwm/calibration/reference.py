@@ -28,7 +28,7 @@ class Reference:
     si: float
 
     def to_dict(self) -> dict[str, Any]:
-        """The value as numbers and strings, ready for JSON."""
+        """Return the value as numbers and strings, ready for JSON."""
         return asdict(self)
 
     def __str__(self) -> str:

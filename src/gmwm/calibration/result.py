@@ -173,7 +173,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return axis in self.axes
 
     def get(self, axis: str, default: Any = None) -> Any:
-        """The fit of an axis, or `default` if the axis was not calibrated."""
+        """Return the fit of an axis, or `default` if the axis was not calibrated."""
         found = self.axes.get(axis)
         return default if found is None else found.fit
 

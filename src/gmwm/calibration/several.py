@@ -105,7 +105,7 @@ def regression_of(axis: str, parts: Mapping[str, Part]) -> Regression | None:
 
 
 def _pair(item: Measured, options: CalibrationOptions) -> Measured:
-    """The curves of an axis, after which its samples are no longer needed."""
+    """Return the curves of an axis, after which its samples are no longer needed."""
     if not isinstance(item, AxisMeasurement):
         return item
     with item.turn:

@@ -171,7 +171,7 @@ def held_lines(model: Model) -> list[str]:
 
 
 def _shown(found: AxisCalibration) -> dict[str, Entry]:
-    """Return the datasheet entries without those of held lines. A single other line has no number in its symbols."""
+    """Return the datasheet entries, except entries of held lines. A single other line has no number in its symbols."""
     model = found.fit.model
     lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}
     free = lines.difference(held_lines(model))

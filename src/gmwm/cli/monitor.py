@@ -187,7 +187,7 @@ def _trace(
     from_fits: Path, stream: Stream, *, reference: Path | None, reading: ReadOptions, every: float,
     axes: list[str] | None, pictures: bool,
 ) -> Trace:  # fmt: skip
-    """The monitor of a stream. What a user needs to know about it becomes warnings."""
+    """Return the monitor of a stream. What a user needs to know about it becomes warnings."""
     from gmwm.monitor import Monitor, Trace, baselines
     from gmwm.monitor.setup import check_rate
     from gmwm.readers.api import stream_file
@@ -253,7 +253,7 @@ def _side_by_side(
 
 
 def _models(path: Path) -> Mapping[str, Any]:
-    """The calibration at a path, or the fits."""
+    """Return the calibration at a path, or the fits."""
     from gmwm import Calibration, Fit
     from gmwm.cli.output import calibration_file
     from gmwm.cli.plan import fits_in
@@ -266,7 +266,7 @@ def _models(path: Path) -> Mapping[str, Any]:
 
 
 def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
-    """The events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end."""
+    """Yield the events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end."""
     try:
         for chunk in stream:
             yield from trace.update(chunk)

@@ -120,7 +120,7 @@ class Entry:
         return f"{shown[0]} ({shown[1]} … {shown[2]}){unit}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The number as numbers and strings, ready for JSON; an infinite limit is None."""
+        """Return the number as numbers and strings, ready for JSON; an infinite limit is None."""
         values = asdict(self)
         if self.high is not None and not math.isfinite(self.high):
             values["high"] = None

@@ -132,7 +132,7 @@ class Datasheet(Mapping[str, Entry]):
         return f"{axis}{self.model}, {self.samples} samples at {self.rate:g} Hz, {100 * self.level:g} % intervals"
 
     def to_dict(self) -> dict[str, Any]:
-        """The datasheet as numbers, lists and strings, ready for JSON."""
+        """Return the datasheet as numbers, lists and strings, ready for JSON."""
         return {
             "axis": self.axis,
             "unit": self.unit,

@@ -204,7 +204,7 @@ class ConditionsFit(Summarised):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as numbers, lists and strings, ready for JSON."""
+        """Return the result as numbers, lists and strings, ready for JSON."""
         return {
             "condition": self.condition, "model": self.structure, "varies": dict(self.varies),
             "estimates": {

@@ -209,7 +209,7 @@ def _deviations(fit: Fit) -> Deviations:
 
 
 def _parts(fit: Fit, names: list[str]) -> list[_Part]:
-    """The recordings that have usable levels."""
+    """Return the recordings that have usable levels."""
     known: dict[object, tuple[Vector, Matrix, Matrix]] = {}
     parts = []
     for k, wv in enumerate(fit.wavelet_variance.recordings.values()):

@@ -50,7 +50,7 @@ class Diagnostics:
     remarks: tuple[Remark, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The diagnostics as numbers, lists and strings, ready for JSON."""
+        """Return the diagnostics as numbers, lists and strings, ready for JSON."""
         return {
             "acts_as": dict(self.acts_as),
             "not_supported": list(self.not_supported),
@@ -61,7 +61,7 @@ class Diagnostics:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Diagnostics:
-        """The diagnostics from the values of `to_dict`."""
+        """Return the diagnostics from the values of `to_dict`."""
         start = values["start"]
         return cls(
             acts_as=dict(values["acts_as"]),
@@ -163,7 +163,7 @@ class Fit(InferenceMethods, KalmanMethods):
         return (*self.diagnostics.remarks, *self.wavelet_variance.remarks)
 
     def to_frame(self, level: float = 0.95) -> DataFrame:
-        """The estimates as a Polars data frame: parameter, value, low and high of the interval, and unit.
+        """Return the estimates as a Polars data frame: parameter, value, low and high of the interval, and unit.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Fit(InferenceMethods, KalmanMethods):
         return DataFrame(rows)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fit as numbers, lists and strings, ready for JSON."""
+        """Return the fit as numbers, lists and strings, ready for JSON."""
         return {
             "model": str(self.model),
             "parameters": dict(self.parameters),

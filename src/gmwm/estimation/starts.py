@@ -113,12 +113,12 @@ class Start:
         return f"best of the optima reached from {self.tried} starting points ({which})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The start as numbers and strings, ready for JSON."""
+        """Return the start as numbers and strings, ready for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Start:
-        """The start from the values of `to_dict`."""
+        """Return the start from the values of `to_dict`."""
         default = values["default"]
         how = next(how for how in get_args(How) if how == values["how"])
         return cls(

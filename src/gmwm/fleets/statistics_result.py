@@ -210,7 +210,7 @@ class FleetStatistics(Summarised):
         return statistics_text(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """The statistics as numbers, lists and strings, ready for JSON."""
+        """Return the statistics as numbers, lists and strings, ready for JSON."""
         named = ("rows", "outliers", "differences")
         return {
             "units": self.units,

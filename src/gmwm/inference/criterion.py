@@ -58,7 +58,7 @@ class Criterion:
         return self.loss + self.optimism
 
     def to_dict(self) -> dict[str, Any]:
-        """The criterion as numbers and strings, ready for JSON."""
+        """Return the criterion as numbers and strings, ready for JSON."""
         return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
 
 

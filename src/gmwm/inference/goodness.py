@@ -60,7 +60,7 @@ class GoodnessOfFit(Summarised):
         freeze(self.levels)
 
     def to_dict(self) -> dict[str, Any]:
-        """The test as numbers, lists and strings, ready for JSON."""
+        """Return the test as numbers, lists and strings, ready for JSON."""
         return {
             "statistic": self.statistic,
             "df": self.df,

@@ -68,7 +68,7 @@ class RelativeMisfit:
             freeze(array)
 
     def to_dict(self) -> dict[str, Any]:
-        """The misfit as numbers and lists, ready for JSON."""
+        """Return the misfit as numbers and lists, ready for JSON."""
         return {
             "distance": self.distance.tolist(), "error": self.error.tolist(), "judged": self.judged.tolist(),
             "largest": self.largest, "rms": self.rms, "tau": self.tau,

@@ -125,7 +125,7 @@ class NoiseAgainst(Summarised):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The slopes as numbers, lists and strings, ready for JSON."""
+        """Return the slopes as numbers, lists and strings, ready for JSON."""
         return {
             "axis": self.axis, "condition": self.condition, "unit": self.unit, "range": list(self.range),
             "levels": self.levels.tolist(), "tau": self.tau.tolist(), "slopes": [vars(one) for one in self.slopes],

@@ -232,7 +232,7 @@ class Plan(Summarised):
         return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan as numbers, lists and strings, ready for JSON."""
+        """Return the plan as numbers, lists and strings, ready for JSON."""
         return {
             "model": str(self.model),
             "parameters": {name: self.model.parameters[name] for name in self.errors},

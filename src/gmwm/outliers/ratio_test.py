@@ -185,7 +185,7 @@ class Verdict(Summarised):
             yield Remark.of("levels-rounded", self.axis, count=count)
 
     def summary(self) -> str:
-        """The remarks as text, one on each line."""
+        """Return the remarks as text, one on each line."""
         return "\n".join(texts(self.remarks))
 
     def to_dict(self) -> dict[str, Any]:

@@ -50,11 +50,11 @@ class ClusterView(View):
     title: str = "Allan deviation"
 
     def time(self, tau: Vector) -> Vector:
-        """The averaging time."""
+        """Return the averaging time."""
         return tau
 
     def height(self, variance: Vector) -> Vector:
-        """The deviation, in the unit of the plot."""
+        """Return the deviation, in the unit of the plot."""
         return np.asarray(self.factor * np.sqrt(np.maximum(variance, 0.0)))
 
     @property

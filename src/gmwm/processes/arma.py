@@ -33,7 +33,7 @@ class _Arma(Lagged, abstract=True, listed=False):
 
     @classmethod
     def joined(cls, other: type[Process]) -> type[Process] | None:
-        """The class with the larger of each order; None if the periods differ."""
+        """Return the class with the larger of each order; None if the periods differ."""
         if not issubclass(other, _Arma):
             return None
         one, two = cls.full_orders(), other.full_orders()

@@ -190,12 +190,12 @@ class Process(ABC):
 
     @classmethod
     def scale_parameter(cls) -> Parameter:
-        """The parameter that scales the wavelet variance."""
+        """Return the parameter that scales the wavelet variance."""
         return next(p for p in cls.parameters if p.scale_power is not None)
 
     @classmethod
     def nonlinear_parameters(cls) -> tuple[Parameter, ...]:
-        """The q parameters that change the shape of the wavelet variance."""
+        """Return the q parameters that change the shape of the wavelet variance."""
         return tuple(p for p in cls.parameters if p.scale_power is None)
 
     @classmethod

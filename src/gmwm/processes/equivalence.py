@@ -18,7 +18,7 @@ def likeness(
     filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
 ) -> Process | None:
-    """The process of the kind `name` whose wavelet variance is closest to that of `process`.
+    """Return the process of the kind `name` with the wavelet variance closest to `process`.
 
     Its scale is c = sᵀΩν² / sᵀΩs, with its wavelet variance s at scale 1. If `process` acts as this kind, the data
     cannot distinguish the two curves.

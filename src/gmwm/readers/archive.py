@@ -61,7 +61,7 @@ class _Table:
         )
 
     def rows(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> Iterator[Rows]:
-        """The rows of the wanted columns."""
+        """Yield the rows of the wanted columns."""
         return self.reader.rows(self.source, replace(self.layout, skip_bad_lines=skip_bad_lines), wanted)
 
     def read(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> dict[int, NDArray[np.generic]]:
@@ -103,7 +103,7 @@ class ArchiveReader(Reader):
         return tuple(replace(table.layout, state=table) for table in tables)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """The numbers of one table, or of two paired tables."""
+        """Yield the numbers of one table, or of two paired tables."""
         if isinstance(layout.state, _Table):
             yield from layout.state.rows(wanted, layout.skip_bad_lines)
             return
@@ -120,7 +120,7 @@ class ArchiveReader(Reader):
 
 
 def _tables(path: Path) -> list[_Table]:
-    """The tables in an archive that hold an inertial sensor.
+    """Return the tables in an archive that hold an inertial sensor.
 
     Raises
     ------

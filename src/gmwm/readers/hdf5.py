@@ -1,4 +1,4 @@
-"""HDF5 files: data sets, tables of records and groups, also those of newer MATLAB files.
+"""HDF5 files: data sets, tables of records and groups, also in newer MATLAB files.
 
 Only data in the file itself are read. Links to other files, virtual and external data sets are not followed. Attributes
 named unit or units state a unit, attributes such as rate state the rate. A description of the file may state units too.

@@ -366,7 +366,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The regression as numbers, lists and strings, ready for JSON."""
+        """Return the regression as numbers, lists and strings, ready for JSON."""
         return {
             "axis": self.axis, "unit": self.unit, "against": self.against,
             "coefficients": {

@@ -102,7 +102,7 @@ class Candidate:
             return None
 
     def to_dict(self) -> dict[str, Any]:
-        """The candidate as numbers, lists and strings, ready for JSON."""
+        """Return the candidate as numbers, lists and strings, ready for JSON."""
         return {
             "model": self.structure,
             "wic": self.wic.to_dict(),
@@ -195,7 +195,7 @@ class Ranking:
         return compared(self, self[first], self[second])
 
     def to_dict(self) -> dict[str, Any]:
-        """The ranking as numbers, lists and strings, ready for JSON."""
+        """Return the ranking as numbers, lists and strings, ready for JSON."""
         return {
             "within": str(self.within),
             "general": self.general.model.structure,
@@ -208,7 +208,7 @@ class Ranking:
         }
 
     def to_frame(self) -> DataFrame:
-        """The candidates as a Polars data frame, the best first: one row for each model."""
+        """Return the candidates as a Polars data frame, the best first: one row for each model."""
         from polars import DataFrame
 
         rows = [
@@ -401,7 +401,7 @@ class Comparison(Summarised):
         )  # fmt: skip
 
     def summary(self) -> str:
-        """The comparison as text."""
+        """Return the comparison as text."""
         return self.remark.text()
 
     def plot(
