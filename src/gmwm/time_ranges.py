@@ -21,8 +21,9 @@ from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.time_base import TimeBase
 
 ROUNDING = 1e-6
-"""Tolerance in samples within which a given time is the time of a sample: above the rounding of times in float64 (1e-7 of a
-sample at 1 kHz after a year), below anything that a user types. Pinned by tests/test_cuts.py."""
+"""Tolerance in samples within which a given time is the time of a sample. It is larger than the rounding of times in
+float64 (1e-7 of a sample at 1 kHz after a year), and smaller than any difference that a user types. Pinned by
+tests/test_cuts.py."""
 
 
 def cut(
