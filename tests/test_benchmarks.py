@@ -121,6 +121,7 @@ def test_others_do_the_same_job() -> None:
     np.testing.assert_allclose(live.variance, whole.variance, rtol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_curves_and_cases_are_times_of_calls(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scaling, "BUDGET", 0.0)

@@ -62,6 +62,7 @@ def test_the_unit_changes_nothing(factor):
     assert b["B"].high == pytest.approx(a["B"].high * math.sqrt(factor), rel=1e-9, abs=0)
 
 
+@pytest.mark.slow
 def test_with_another_filter_the_data_still_set_it():
     a, b = sheet("WN", exact()), sheet("WN", exact(filter="d4"))
     assert by_data(b)

@@ -34,6 +34,7 @@ def test_fits_and_rankings():
     assert frame.filter(frame["recommended"])["model"].to_list() == [ranking.recommended.structure]
 
 
+@pytest.mark.slow
 def test_calibrations():
     calibration = gmwm.calibrate(IMU, within="WN + RW", robust=False)
     frame = calibration.to_frame("si")

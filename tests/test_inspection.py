@@ -88,6 +88,7 @@ def test_a_turn_of_gravity_is_found():
         assert [remark.facts["angle"].value for remark in turns] == [found.tilt] * len(turns)
 
 
+@pytest.mark.slow
 def test_a_random_walk_is_no_motion():
     for seed in range(10):
         walk = np.cumsum(np.random.default_rng(seed).normal(size=60_000))
@@ -112,6 +113,7 @@ def test_a_coarse_output_gets_a_remark():
     assert only(look({"gyro_x": values}).remarks, "coarse-output").subject == "gyro_x"
 
 
+@pytest.mark.slow
 def test_wrong_gravity_gets_a_remark():
     remark = only(look(still() * [1, 1, 1, 0.1, 0.1, 0.1]).remarks, "gravity-wrong")
     assert remark.severity is Severity.WRONG
@@ -211,6 +213,7 @@ def test_what_is_not_a_recording_gets_advice(given, call):
         inspect(given)
 
 
+@pytest.mark.slow
 def test_deterministic_and_ready_for_json():
     imu = Imu.from_arrays(still(), RATE)
     one, other = inspect(imu), inspect(imu)

@@ -133,6 +133,7 @@ def test_gaps():
         assert start < found.until < start + 1200
 
 
+@pytest.mark.slow
 def test_a_stream_says_the_same(tmp_path):
     samples = 40_000
     path = tmp_path / "warm.csv"

@@ -35,6 +35,7 @@ def described() -> dict:
 # --- the archive and the wheel ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_source_archive_is_whole_and_small(tmp_path, monkeypatch):
     from scikit_build_core.build import build_sdist
 
@@ -51,6 +52,7 @@ def test_the_source_archive_is_whole_and_small(tmp_path, monkeypatch):
     assert "Makefile" not in packed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surplus", ["tests/test_house.py", "docs/index.md", ".venv/pyvenv.cfg"])
 def test_an_archive_with_tests_is_refused(tmp_path, surplus):
     with tarfile.open(tmp_path / "a.tar.gz", "w:gz") as files:

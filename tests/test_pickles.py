@@ -104,6 +104,7 @@ def test_comparing_a_result_with_a_copy_raises_nothing(results, name):
     assert (one == copy.deepcopy(one)) in (True, False)
 
 
+@pytest.mark.slow
 def test_a_plan_that_came_back_goes_on(results):
     plan = results["Plan"]
     again = pickle.loads(pickle.dumps(plan))

@@ -170,6 +170,7 @@ def test_it_is_plain_numbers(changed):
 # --- the test ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_false_alarms_are_as_many_as_stated():
     rng, trials, size = np.random.default_rng(5), 400, 0.05
     errors = {"N": 0.002, "K": 0.1, "T_c": 0.3, "q_c": 0.05}

@@ -124,6 +124,7 @@ def unclear():
     return ranking, datasheet(with_quick_intervals(ranking.recommended.fit, LEVEL), LEVEL)
 
 
+@pytest.mark.slow
 def test_datasheets_never_become_narrower(unclear):
     ranking, sheet = unclear
     found = averaged_datasheet(sheet, ranking, LEVEL)

@@ -23,6 +23,7 @@ def test_an_averaged_interval_contains_that_of_the_recommended_model(calibration
         assert high <= found.intervals[name][1]
 
 
+@pytest.mark.slow
 def test_the_fits_of_the_other_models_keep_their_exact_intervals(calibration):
     ranking = calibration.rankings["gyro_x"]
     others = [candidate.fit for _, candidate in weighted_candidates(ranking) if not candidate.recommended]

@@ -36,6 +36,7 @@ def test_knocked_axes_are_robust_and_the_others_classical(calibration):
     assert {verdict.comparisons for verdict in calibration.verdicts.values()} == {3}
 
 
+@pytest.mark.slow
 def test_each_axis_is_what_the_pieces_give_by_themselves(imu, calibration):
     for axis in ("gyro_x", "gyro_y"):
         wv = gmwm.wavelet_variance(imu[axis], robust=axis == "gyro_y")
@@ -67,6 +68,7 @@ def test_the_number_of_threads_changes_nothing(imu, calibration):
     assert gmwm.calibrate(imu, WITHIN, threads=1).to_dict() == calibration.to_dict()
 
 
+@pytest.mark.slow
 def test_an_axis_that_cannot_be_calibrated_does_not_affect_the_others():
     rng = np.random.default_rng(1)
     recording = {
@@ -140,6 +142,7 @@ def test_an_interrupt_in_progress_stops_the_work(imu):
     assert len(seen) < len(TRUTH) * len(STAGES)
 
 
+@pytest.mark.slow
 def test_remarks_of_fits_are_on_the_axes_and_not_warnings():
     # With GM alone there is nothing to choose, and on white noise it acts as white noise.
     x = gmwm.Model.parse("WN(sigma2=1.0)").simulate(20_000, 100.0, rng=1)

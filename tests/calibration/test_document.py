@@ -21,6 +21,7 @@ def file(calibration, tmp_path):
     return tmp_path / "calibration.json"
 
 
+@pytest.mark.slow
 def test_everything_comes_back(calibration, file):
     back = Calibration.load(file)
     assert back.to_dict() == calibration.to_dict()
@@ -61,6 +62,7 @@ def white(within, seed):
     return gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), within)
 
 
+@pytest.mark.slow
 def test_held_values_come_back():
     found = white("GM + WN(sigma2=fixed(0.5))", 3)
     back = through_json(found)
@@ -69,6 +71,7 @@ def test_held_values_come_back():
     assert [c.model for c in back.rankings["gyro_x"]] == [c.model for c in found.rankings["gyro_x"]]
 
 
+@pytest.mark.slow
 def test_infinite_limits_come_back():
     found = white("GM", 1)
     assert any(math.isinf(high) for _, high in found.axes["gyro_x"].intervals.values())

@@ -37,6 +37,7 @@ def with_knocks(seed=1):
     return gmwm.Signal(x, RATE, "rad/s", "gyro_x")
 
 
+@pytest.mark.slow
 def test_heavy_tails_keep_the_classical_curve_with_their_covariance():
     found = gmwm.calibrate(signal(white=student), WITHIN)
     wv, verdict = found["gyro_x"].wavelet_variance, found.verdicts["gyro_x"]
@@ -70,6 +71,7 @@ def test_wrong_samples_are_replaced_and_counted():
     assert gmwm.Calibration.from_dict(found.to_dict()).to_dict() == found.to_dict()
 
 
+@pytest.mark.slow
 def test_wrong_samples_are_replaced_whatever_curve_is_wanted():
     for robust in (True, False):
         wv, verdict, _ = measured_axis(with_spikes(), CalibrationOptions(robust=robust))
@@ -114,6 +116,7 @@ def test_a_pair_without_a_screen_is_judged_by_its_curves():
     assert not measured_axis(Pair(*curves, screened(tailed)), CalibrationOptions())[0].robust
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seconds", "moved"), [(6, False), (80, True)])
 def test_motion_that_was_replaced_gets_no_remark(seconds, moved):
     x, size = signal(seed=8).values.copy(), round(seconds * RATE)

@@ -22,6 +22,7 @@ def without_random_walk():
     return gmwm.calibrate(imu, "WN")
 
 
+@pytest.mark.slow
 def test_the_remark_has_the_worst_level_and_its_ratio(without_random_walk):
     found = without_random_walk.axes["gyro_x"]
     at, wv = misfit_of(found), found.fit.wavelet_variance
@@ -116,6 +117,7 @@ def test_outliers_that_could_not_be_tested_get_a_remark():
     assert remark.facts["reason"] == found.verdicts["gyro_x"].reason
 
 
+@pytest.mark.slow
 def test_the_terms_that_n_includes_are_in_the_remarks():
     truth = {"gyro_x": "WN(sigma2=4e-7) + GM(beta=20.0, sigma2=4e-7)"}
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=100_000, rng=1), "GM + WN")
@@ -154,6 +156,7 @@ def test_axes_of_several_lengths_have_a_remark_each(imu):
     assert scales[0]["scale"] == Quantity(163.84, "s")
 
 
+@pytest.mark.slow
 def test_a_unit_that_contradicts_the_file_gets_a_remark(tmp_path):
     path = tmp_path / "named.csv"
     values = gmwm.simulate({"gyro_x": "WN(sigma2=1e-8)"}, rate=100.0, samples=5000, rng=1)["gyro_x"].values

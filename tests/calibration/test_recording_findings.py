@@ -19,12 +19,14 @@ def calibrated(course, within, step=0.0):
     return gmwm.calibrate(Imu({"gyro_x": Signal(x, RATE, "rad/s", "gyro_x")}), within=within)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("within", "codes"), [("WN + RW", ["linear-trend"]), ("WN + DR", [])])
 def test_a_line_is_reported_unless_the_model_has_a_drift(within, codes):
     found = calibrated(1e-3 * AT / AT[-1], within)
     assert [r.code for r in found.remarks if r.code.endswith("trend")] == codes
 
 
+@pytest.mark.slow
 def test_the_numbers_are_those_of_the_datasheet():
     found = calibrated(2e-3 * np.exp(-AT / 300.0), "WN + RW")
     numbers = only(found.remarks, "warm-up").facts["numbers"]
@@ -33,6 +35,7 @@ def test_the_numbers_are_those_of_the_datasheet():
     assert found.verdict.code == "verdict-wrong"
 
 
+@pytest.mark.slow
 def test_a_coarse_output_is_not_a_usable_calibration():
     found = calibrated(0.0, "WN + RW", step=3e-3)
     numbers = only(found.remarks, "coarse-output").facts["numbers"]
@@ -40,6 +43,7 @@ def test_a_coarse_output_is_not_a_usable_calibration():
     assert found.verdict.code == "verdict-wrong"
 
 
+@pytest.mark.slow
 def test_a_model_without_such_numbers_has_its_terms_named():
     found = calibrated(2e-3 * np.exp(-AT / 300.0), "GM + WN")
     assert only(found.remarks, "warm-up").facts["numbers"]

@@ -103,6 +103,7 @@ def test_it_is_saved_drawn_exported_and_reported(calibration, tmp_path):
         assert text in page
 
 
+@pytest.mark.slow
 def test_robust_everywhere_if_one_recording_has_knocks(days):
     found = gmwm.calibrate([days[0], recorded("friday", 7, knocks=True)], "WN + RW", axes="gyro_x")
     wv = found["gyro_x"].wavelet_variance
@@ -125,6 +126,7 @@ def test_streams_and_signals_give_the_same(days, calibration, tmp_path):
     assert alone["gyro_x"].parameters == pytest.approx(calibration["gyro_x"].parameters, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_recordings_with_other_offsets_lengths_and_axes(days):
     far = dataclasses.replace(days[1].signals["gyro_x"], values=days[1].signals["gyro_x"].values + 5.0)
     other = Imu({"gyro_x": far}, source="tuesday.csv")

@@ -22,6 +22,7 @@ def codes(calibration: gmwm.Calibration) -> list[str]:
     return [remark.code for remark in calibration.remarks]
 
 
+@pytest.mark.slow
 def test_a_strong_line_is_a_caution():
     found = gmwm.calibrate(recording(5e-4), within="WN + RW")
     (line,) = found.axes["gyro_x"].spectrum.lines
@@ -47,6 +48,7 @@ def test_a_line_in_the_model_and_a_weak_line_are_information():
     assert remark.facts["share"] < 0.05
 
 
+@pytest.mark.slow
 def test_a_resonance_is_named():
     rng = np.random.default_rng(2)
     radius, angle = np.exp(-np.pi * 20 / 10 / RATE), 2 * np.pi * 20 / RATE
@@ -72,6 +74,7 @@ def test_share_of_a_line_is_what_it_adds():
     assert share == pytest.approx(np.max(1 - clean.variance[:8] / wv.variance[:8]), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_calibration_keeps_its_spectrum(tmp_path):
     found = gmwm.calibrate(recording(5e-4), within="WN + RW")
     found.save(tmp_path / "calibration.json")

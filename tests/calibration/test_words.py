@@ -83,6 +83,7 @@ def test_the_remarks_of_the_recording_are_those_of_the_calibration(imu, calibrat
         assert " ".join(remark.text().split()) in " ".join(calibration.summary(every=True).split())
 
 
+@pytest.mark.slow
 def test_a_drift_gets_a_remark():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + DR(omega=-2e-8)"}, rate=100.0, samples=100_000, rng=1)
     found = gmwm.calibrate(imu, "WN + RW + DR")
@@ -91,6 +92,7 @@ def test_a_drift_gets_a_remark():
     assert only(found.remarks, "drift", "gyro_x").facts["rate"] == Quantity(value, unit)
 
 
+@pytest.mark.slow
 def test_a_rejected_model_gets_a_remark(calibration):
     assert not {"model-misfit", "model-rejected"} & {*codes(calibration.remarks)}
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, rng=4)
@@ -171,6 +173,7 @@ def test_scales_that_gaps_hide_get_a_remark(imu):
     assert apart["scale"].value < whole["scale"].value
 
 
+@pytest.mark.slow
 def test_held_lines_are_only_counted():
     rng, t = np.random.default_rng(1), np.arange(50_000) / 100.0
     x = 1e-3 * rng.normal(size=t.size) + 1e-3 * np.sin(2 * np.pi * 7.3 * t) + 5e-4 * np.sin(2 * np.pi * 21.1 * t)

@@ -101,6 +101,7 @@ def test_errors_take_one_line(gmwm, files, tmp_path):
         assert all(fact in outcome.err for fact in facts), (facts, outcome.err)
 
 
+@pytest.mark.slow
 def test_plan_takes_a_calibration(gmwm, files):
     fit = Calibration.load(files[0])["gyro_x"]
     content = gmwm("plan", "--from-fits", files[0], "--axis", "gyro_x", "--duration", "1d", "--json").json

@@ -74,6 +74,7 @@ def test_all_axes_in_one_picture(gmwm, recording, tmp_path):
     assert target.read_text(encoding="utf-8").startswith("<?xml")
 
 
+@pytest.mark.slow
 def test_what_is_refused(gmwm, recording, broken):
     outcome = gmwm("allan", recording, "--kind", "hadamard", "--slopes")
     assert outcome.code == 2

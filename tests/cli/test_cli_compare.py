@@ -8,6 +8,7 @@ from gmwm.readers import read
 from gmwm.simulation import simulate
 
 
+@pytest.mark.slow
 def test_compare_json_is_the_library_s(gmwm, recording):
     content = gmwm("compare", recording, "--axis", "gyro_y", "--json").json
     signal = read(recording)["gyro_y"]
@@ -16,6 +17,7 @@ def test_compare_json_is_the_library_s(gmwm, recording):
     assert content["axes"]["gyro_y"]["robust"] == library.wavelet_variance(signal, robust=True).to_dict()
 
 
+@pytest.mark.slow
 def test_compare_prints_the_curves(gmwm, recording):
     outcome = gmwm("compare", recording, "--axis", "gyro_x", "--efficiency", "0.9")
     signal = read(recording)["gyro_x"]

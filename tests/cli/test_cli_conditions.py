@@ -65,6 +65,7 @@ def test_options_that_do_not_apply_are_errors(gmwm, turned, option):
     assert option[0].lstrip("-") in failed.err
 
 
+@pytest.mark.slow
 def test_varies_needs_a_table_of_the_same_condition(gmwm, turned):
     assert "--conditions" in gmwm("fit", turned / "turn.csv", "--model", "WN", "--varies", "WN: 1").err
     table = turned / "rates.csv"

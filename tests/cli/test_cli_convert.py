@@ -18,6 +18,7 @@ def survey(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_tables_keep_every_digit_and_the_way_back_every_byte(gmwm, survey, tmp_path, suffix):
     table, back = tmp_path / f"a{suffix}", tmp_path / "back.imu"
@@ -93,6 +94,7 @@ def test_errors_take_one_line_and_leave_no_file(gmwm, survey, unlabelled, tmp_pa
     assert survey.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_counts_and_increments_of_any_table(gmwm, tmp_path):
     counts, out = tmp_path / "counts.csv", tmp_path / "a.csv"
     k = np.arange(200)

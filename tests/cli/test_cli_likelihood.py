@@ -111,6 +111,7 @@ def test_a_model_without_states_is_refused_before_any_work(gmwm, folder):
     assert outcome.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_summary_without_the_record_says_what_is_missing(recording):
     signal = read(recording)["gyro_x"]
     with pytest.warns(library.errors.FitWarning) as warned:

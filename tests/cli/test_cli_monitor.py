@@ -54,6 +54,7 @@ def test_a_good_recording_gives_exit_code_0(folder):
     assert found.stdout.startswith("no event in 4.2 min (25000 samples) of gyro_x, gyro_y")
 
 
+@pytest.mark.slow
 def test_events_are_lines_and_give_exit_code_1(folder):
     found = invoke(folder / "bad.csv", "--from-fits", folder / "calibration.json")
     assert found.exit_code == 1
@@ -63,6 +64,7 @@ def test_events_are_lines_and_give_exit_code_1(folder):
     assert last.startswith("2 events in")
 
 
+@pytest.mark.slow
 def test_json_is_one_event_in_each_line_and_a_summary(folder):
     found = invoke(folder / "bad.csv", "--from-fits", folder, "--json", "--every", "3d")
     *lines, last = found.stdout.splitlines()
@@ -78,12 +80,14 @@ def test_json_is_one_event_in_each_line_and_a_summary(folder):
     assert summary["events"] == [json.loads(line) for line in lines]
 
 
+@pytest.mark.slow
 def test_a_reference_is_measured(folder):
     found = invoke(folder / "bad.csv", "--from-fits", folder, "--reference", folder / "good.parquet", "--json")
     assert found.exit_code == 1
     assert json.loads(found.stdout.splitlines()[0])["kind"] == "jump"
 
 
+@pytest.mark.slow
 def test_standard_input(folder):
     text = (folder / "bad.csv").read_text()
     found = invoke("-", "--from-fits", folder, "--axis", "gyro_y", "--json", text=text)

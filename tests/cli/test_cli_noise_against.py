@@ -35,5 +35,6 @@ def test_a_recording_without_a_temperature_has_time(gmwm, recording):
     assert gmwm("info", recording, "--noise-against", "time").out.count("with time from 0") == 6
 
 
+@pytest.mark.slow
 def test_without_the_option_nothing_is_tested(gmwm, warm):
     assert "noise_against" not in gmwm("info", warm, "--json").json

@@ -77,6 +77,7 @@ def test_from_a_pilot_recording(gmwm, fits):
     assert content["units"]["WN.sigma2"] == "(rad/s)²"
 
 
+@pytest.mark.slow
 def test_terms_that_the_pilot_does_not_show_are_remarked(gmwm, fits, tmp_path):
     content = json.loads(fits.read_text(encoding="utf-8"))
     one = content["axes"]["gyro_x"]
@@ -101,6 +102,7 @@ def test_terms_that_the_pilot_does_not_show_are_remarked(gmwm, fits, tmp_path):
     assert f"warning: {remark['text']} [pilot-undetermined]" in outcome.err.splitlines()
 
 
+@pytest.mark.slow
 def test_a_term_that_acts_as_one_that_is_not_in_the_model_is_that_one(gmwm, fits, tmp_path):
     content = json.loads(fits.read_text(encoding="utf-8"))
     one = content["axes"]["gyro_x"]
@@ -120,6 +122,7 @@ def test_lengths_in_words(text, seconds):
     assert parse_length(text) == seconds
 
 
+@pytest.mark.slow
 def test_an_accuracy_in_per_cent(gmwm):
     plain, per_cent = (
         gmwm("plan", "WN(sigma2=1.0)", "--rate", 100, "--duration", "1min", "--accuracy", share, "--json").json

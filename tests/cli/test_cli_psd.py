@@ -28,6 +28,7 @@ def test_json_is_the_library_s(gmwm, vibrating):
     assert other == library.psd(read(vibrating)["gyro_y"], length=512, detrend="linear").to_dict()
 
 
+@pytest.mark.slow
 def test_tables(gmwm, vibrating):
     outcome = gmwm("psd", vibrating)
     assert outcome.code == 0

@@ -32,6 +32,7 @@ def test_the_true_model_passes_and_another_does_not(gmwm, recording):
     assert max(whiteness("WN")) < 1e-6
 
 
+@pytest.mark.slow
 def test_values_that_are_given_are_taken(gmwm, recording):
     model = "WN(sigma2=4e-7) + RW(gamma2=1e-11)"
     found = gmwm("residuals", recording, "-m", model, "--axis", "gyro_x", "--json").json["axes"]["gyro_x"]
@@ -155,6 +156,7 @@ def test_help_fits_eighty_columns_and_gives_examples(gmwm, command):
     assert f"{command} " in gmwm("--help").out
 
 
+@pytest.mark.slow
 def test_a_knock_is_not_normal(gmwm, recording, tmp_path):
 
     signal = read(recording)["gyro_x"]

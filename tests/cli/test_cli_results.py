@@ -18,6 +18,7 @@ from gmwm.simulation import reference_imu
 AXES = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 
 
+@pytest.mark.slow
 def test_info_says_what_the_file_holds(gmwm, recording):
     outcome = gmwm("info", recording)
     assert outcome.code == 0
@@ -25,6 +26,7 @@ def test_info_says_what_the_file_holds(gmwm, recording):
     assert all(axis in outcome.out for axis in AXES)
 
 
+@pytest.mark.slow
 def test_info_json(gmwm, recording):
     content = gmwm("info", recording, "--json").json
     assert (content["command"], content["file"]) == ("info", str(recording))
@@ -89,6 +91,7 @@ def disturbances(outcome):
     return [one for one in outcome.json["remarks"] if one["code"].startswith(("recording-", "knocks"))]
 
 
+@pytest.mark.slow
 def test_after_a_cut_gaps_are_not_remarked(gmwm, broken):
     assert "--gaps longest" in gmwm("info", broken).out
     assert "gaps" in [one["code"] for one in gmwm("info", broken, "--json").json["remarks"]]
@@ -100,12 +103,14 @@ def test_after_a_cut_gaps_are_not_remarked(gmwm, broken):
     assert "gaps" not in codes
 
 
+@pytest.mark.slow
 def test_wv_json_is_the_library_s(gmwm, recording):
     content = gmwm("wv", recording, "--axis", "gyro_y", "--json").json
     assert list(content["axes"]) == ["gyro_y"]
     assert content["axes"]["gyro_y"] == library.wavelet_variance(read(recording)["gyro_y"]).to_dict()
 
 
+@pytest.mark.slow
 def test_wv_table_and_csv(gmwm, recording, tmp_path):
     target = tmp_path / "wv.csv"
     outcome = gmwm("wv", recording, "--csv", target)
@@ -126,6 +131,7 @@ def test_wv_table_and_csv(gmwm, recording, tmp_path):
         assert f"{value:.4e}" in outcome.out
 
 
+@pytest.mark.slow
 def test_wv_view_and_units(gmwm, recording):
     outcome = gmwm("wv", recording, "--axis", "gyro_x", "--view", "allan", "--datasheet")
     first = library.wavelet_variance(read(recording)["gyro_x"]).variance[0]
@@ -194,11 +200,13 @@ def test_fit_needs_enough_records_of_a_bootstrap(gmwm, recording):
     )
 
 
+@pytest.mark.slow
 def test_fit_one_axis_is_its_summary(gmwm, recording):
     expected = library.fit("WN + RW", read(recording)["gyro_z"]).summary()
     assert gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_z").out == expected + "\n"
 
 
+@pytest.mark.slow
 def test_fit_remarks_name_their_axis(gmwm, unlabelled):
     arguments = ("fit", unlabelled, "-m", "WN + QN", "--rate", 100, "--units", "gyro=rad/s", "--json")
     outcome = gmwm(*arguments)
@@ -229,6 +237,7 @@ def test_fit_plots_all_axes(gmwm, recording, tmp_path):
     assert "<svg" in target.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_units_of_the_command_line_reach_the_numbers(gmwm, unlabelled):
     def white(unit):
         arguments = ("fit", unlabelled, "-m", "WN", "--rate", 100, "--units", f"gyro={unit}", "--json")
@@ -237,6 +246,7 @@ def test_units_of_the_command_line_reach_the_numbers(gmwm, unlabelled):
     assert white("deg/s") == pytest.approx(white("rad/s") * (np.pi / 180) ** 2)
 
 
+@pytest.mark.slow
 def test_columns_by_number(gmwm, recording):
     arguments = ("wv", recording, "--columns", "time=0,gyro_z=1", "--units", "gyro=rad/s", "--json")
     found = gmwm(*arguments).json["axes"]
@@ -265,6 +275,7 @@ def test_simulate_writes_what_it_says(gmwm, tmp_path, suffix):
     assert abs(imu["accel_z"].values.mean() - 9.80665) < 0.01
 
 
+@pytest.mark.slow
 def test_simulate_seed_is_printed_and_decides(gmwm, tmp_path):
     def written(name, *extra):
         outcome = gmwm("simulate", "--reference", "--duration", 1, "--output", tmp_path / name, *extra)

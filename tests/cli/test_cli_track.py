@@ -51,11 +51,13 @@ def test_what_is_not_given_is_fitted(gmwm, recording, options, source):
     assert found["parameters"] == (library.fit_ml("WN + RW", signal, start=fit) if options else fit).parameters
 
 
+@pytest.mark.slow
 def test_values_that_are_given_are_taken(gmwm, recording):
     found = gmwm("track", recording, "-m", MODEL, "--axis", "gyro_x", "--json").json["axes"]["gyro_x"]
     assert (found["values"], found["parameters"]) == ("given", library.Model.parse(MODEL).parameters)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_the_file_holds_every_track(gmwm, recording, tmp_path, suffix):
     target = tmp_path / f"tracks{suffix}"

@@ -34,6 +34,7 @@ def piped(text, *options):
     return CliRunner().invoke(app, ["watch", "-", *options], input=text, prog_name="gmwm")
 
 
+@pytest.mark.slow
 def test_standard_input_to_its_end(tmp_path):
     text = HEAD + "".join(rows())
     found = piped(text, "--model", "WN", "--json")
@@ -54,6 +55,7 @@ def test_standard_input_to_its_end(tmp_path):
         assert one["needed"]["WN.sigma2"] < 40.0
 
 
+@pytest.mark.slow
 def test_the_table_at_the_end():
     found = piped(HEAD + "".join(rows()), "--axis", "gyro_y", "--model", "WN + RW", "--accuracy", "5%", "--datasheet")
     assert found.exit_code == 0
@@ -66,6 +68,7 @@ def test_the_table_at_the_end():
     assert " yes " not in walk
 
 
+@pytest.mark.slow
 def test_a_growing_file_is_shown_in_lines(tmp_path, gmwm):
     """A writer that leaves lines half written, and then nothing more."""
     path = tmp_path / "log.csv"
@@ -91,6 +94,7 @@ def test_a_growing_file_is_shown_in_lines(tmp_path, gmwm):
     assert "4000 samples at 100 Hz" in found.out
 
 
+@pytest.mark.slow
 def test_the_end_of_the_file_is_remarked(tmp_path, gmwm):
     path = tmp_path / "log.csv"
     path.write_text(HEAD + "".join(rows()) + "40.00,0.0")
@@ -106,6 +110,7 @@ def test_the_end_of_the_file_is_remarked(tmp_path, gmwm):
     assert found.code == 0
 
 
+@pytest.mark.slow
 def test_a_bad_line_ends_it_with_what_came_before(tmp_path, gmwm):
     path = tmp_path / "log.csv"
     path.write_text(HEAD + "".join(rows()))

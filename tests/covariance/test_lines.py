@@ -96,6 +96,7 @@ def test_the_spectrum_and_lags_apart_will_do(noise, frequency, monkeypatch):
     np.testing.assert_allclose(found, expected, atol=2e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [GM(2.0, 1.0) + WN(1.0) + SIN(3.0, 2.0), WN(1.0) + SIN(0.05, 2.0)])
 def test_against_simulation(model):
     at, rng = design(2048), np.random.default_rng(3)

@@ -83,6 +83,7 @@ def test_far_apart_segments_tell_more_than_neighbours_but_less_than_a_longer_rec
     np.testing.assert_allclose(halves, np.diag(wavelet_covariance(WN(1.0), 500, RATE, levels=6)) / 2, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_many_lengths_are_interpolated(monkeypatch):
     lengths = np.random.default_rng(1).integers(1, 900, size=300).tolist()
     how, model = design(lengths), MODELS["Gauss-Markov"]

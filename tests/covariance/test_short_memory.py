@@ -78,6 +78,7 @@ def test_against_the_double_sum(name, beside):
     np.testing.assert_allclose(covariance(model, replace(at, efficiency=0.6)), robust, rtol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("phi", "theta"), [([1.4, -0.6], []), ([], [0.5, 0.3]), ([1.2, -0.5], [0.4]), ([0.9], [0.3, 0.2, 0.4])]
 )

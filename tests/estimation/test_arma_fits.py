@@ -83,6 +83,7 @@ def test_descents_that_are_not_followed_lead_nowhere(model, seed):
     assert solve(problem, certify=False).objective <= min(every) * problem.unit**2 * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_the_order_of_terms_changes_nothing():
     wv = measured(TRUTHS[4], 5)
     models = [AR(2) + WN() + RW(), RW() + AR(2) + WN(), WN() + RW() + AR(2)]
@@ -93,6 +94,7 @@ def test_the_order_of_terms_changes_nothing():
             assert other.parameters[name] == pytest.approx(value, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_coefficients_may_be_held_or_given():
     wv = measured(TRUTHS[0], 2)
     free = gmwm.fit(AR(2), wv)
@@ -107,6 +109,7 @@ def test_coefficients_may_be_held_or_given():
     assert given.diagnostics.start.tried == free.diagnostics.start.tried + 1
 
 
+@pytest.mark.slow
 def test_with_gauss_markov_terms_each_is_found():
     truth = gmwm.Model.parse("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + GM(beta=0.001, sigma2=30.0)")
     wv = gmwm.wavelet_variance(truth.simulate(50_000, 1.0, rng=1), 1.0)
@@ -115,6 +118,7 @@ def test_with_gauss_markov_terms_each_is_found():
         assert abs(found.parameters[name] - value) < 4 * found.standard_errors[name]
 
 
+@pytest.mark.slow
 def test_the_unit_of_the_data_changes_nothing():
     plain = measured(TRUTHS[0], 4)
     one = gmwm.fit(AR(2) + WN(), plain)
@@ -125,6 +129,7 @@ def test_the_unit_of_the_data_changes_nothing():
         assert other.parameters[name] == pytest.approx(value * factor, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_fit_survives_its_dictionary():
     fit = gmwm.fit(MA(1) + RW(), measured("MA(1, theta1=0.5, sigma2=1.0) + RW(gamma2=1e-4)", 1))
     again = gmwm.Fit.from_dict(fit.to_dict())
@@ -165,6 +170,7 @@ def test_roots_that_cancel_are_told():
     assert gmwm.fit(ARMA(2, 1), measured(TRUTHS[1], 8)).diagnostics.remarks == ()
 
 
+@pytest.mark.slow
 def test_levels_are_weighed_with_what_they_have_in_common_where_a_shape_has_several_parameters():
     wv = measured(TRUTHS[0], 1)
     assert gmwm.fit(AR(2), wv).weighting == "optimal"

@@ -41,6 +41,7 @@ def found(data):
     return gmwm.fit("WN + RW", data, varies={"WN": "1 + rate**2"})
 
 
+@pytest.mark.slow
 def test_the_estimate_is_that_of_least_squares_under_its_own_weights(data, found):
     curves = [gmwm.wavelet_variance(signal) for signal in data.values()]
     roots = []
@@ -78,6 +79,7 @@ def test_intervals_cover_and_tests_have_their_size():
         assert sum(p < 0.05 for p in pvalues) <= 4  # probability 0.3 % at a size of 5 %
 
 
+@pytest.mark.slow
 def test_a_shape_is_shared_and_proven(data):
     rng = np.random.default_rng(3)
     one = gmwm.fit("GM + WN", recordings(rng, markov=True, walk=0.0), varies={"WN": "1 + rate^2"})
@@ -89,6 +91,7 @@ def test_a_shape_is_shared_and_proven(data):
     assert one.pvalue_constant < 1e-6
 
 
+@pytest.mark.slow
 def test_the_order_of_the_conditions_changes_nothing(data, found):
     other = gmwm.fit("RW + WN", dict(reversed(data.items())), varies={"WN": "rate**2 + 1"})
     for name, one in found.estimates.items():

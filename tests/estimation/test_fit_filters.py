@@ -38,6 +38,7 @@ def test_the_estimate_is_the_mean_square_of_the_interior(name, transform):
     assert np.all((wv.lower < wv.variance) & (wv.variance < wv.upper))
 
 
+@pytest.mark.slow
 @transforms
 @pytest.mark.parametrize("name", ["d4", "fk8"])
 def test_limits_cover_as_often_as_they_say(name, transform):

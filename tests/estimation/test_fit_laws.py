@@ -137,6 +137,7 @@ def test_the_wavelet_variance_of_a_model_gives_the_model_back(text: str, factor:
     assert fit.gap == 0
 
 
+@pytest.mark.slow
 def test_array_signal_and_wavelet_variance_give_one_fit() -> None:
     x = (GM(0.5, 1.0) + WN(4.0)).simulate(20_000, RATE, np.random.default_rng(5))
     signal = gmwm.Signal(x, RATE, "rad/s", "gyro_x")

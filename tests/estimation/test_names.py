@@ -55,6 +55,7 @@ def test_a_term_that_acts_as_another_says_so():
         )
 
 
+@pytest.mark.slow
 def test_every_result_lists_its_names():
     fit, likely = gmwm.fit("GM + WN", x := noise(), RATE), gmwm.fit_ml("GM + WN", x, RATE)
     three, tracks = "GM.beta, GM.sigma2, WN.sigma2", likely.smooth(x)

@@ -46,6 +46,7 @@ TRUTH = GM(beta=0.5, sigma2=2.0) + GM(beta=20.0, sigma2=5.0) + WN(sigma2=1.0)
 WV = gmwm.wavelet_variance(TRUTH.simulate(50_000, 100.0, rng=3), 100.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weighting", ["diagonal", "optimal", "identity"])
 def test_without_the_search_the_same_optimum_is_found(weighting):
     certified = gmwm.fit(2 * GM() + WN(), WV, weighting=weighting)
@@ -62,6 +63,7 @@ def test_without_the_search_the_same_optimum_is_found(weighting):
     assert certified.diagnostics.start.how == "convex"
 
 
+@pytest.mark.slow
 def test_the_order_of_terms_changes_nothing():
     one = gmwm.fit(Disguised() + WN() + GM(), WV)
     other = gmwm.fit(GM() + Disguised() + WN(), WV)
@@ -70,6 +72,7 @@ def test_the_order_of_terms_changes_nothing():
         assert other.parameters[name] == pytest.approx(value, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", [-40, 40])
 def test_the_scale_of_the_data_changes_nothing(power):
     scaled = gmwm.WaveletVariance.from_values(WV.variance * 4.0**power, samples=50_000, rate=100.0)
@@ -91,6 +94,7 @@ def test_a_new_process_is_fitted_from_one_piece_of_theory():
     assert 0 < low < 0.8 < high < 1
 
 
+@pytest.mark.slow
 def test_held_parameters_stay_and_given_ones_are_tried():
     wv = gmwm.wavelet_variance(TRUTH.simulate(20_000, 100.0, rng=4), 100.0)
     held = gmwm.fit(Disguised(beta=fixed(20.0)) + GM() + WN(), wv)
@@ -111,6 +115,7 @@ def test_draws_for_a_model_without_shapes_lead_to_its_only_optimum(model):
     np.testing.assert_allclose(list(drawn.parameters.values()), list(found.parameters.values()), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_draws_lead_to_a_local_optimum_and_the_proof_says_what_they_missed():
     convex = gmwm.fit(2 * GM() + WN(), WV)
     drawn = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, rng=1))
@@ -126,6 +131,7 @@ def test_draws_lead_to_a_local_optimum_and_the_proof_says_what_they_missed():
     assert without.diagnostics.start.default is None
 
 
+@pytest.mark.slow
 def test_a_descent_from_draws_says_what_a_term_acts_as():
     three = "GM(beta=20, sigma2=1) + GM(beta=1, sigma2=1) + GM(beta=0.05, sigma2=1)"
     curve = gmwm.wavelet_variance(gmwm.simulate_signal(three, rate=100.0, samples=10_000, rng=6).signal)

@@ -55,6 +55,7 @@ def test_a_covariance_that_is_not_inverted_is_noticed(samples):
         assert not gmwm.fit("WN", wv, weighting=matrix).remarks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["d4", "mb16"])
 def test_under_other_filters(name):
     wv = gmwm.wavelet_variance(TRUTH.simulate(40_000, 10.0, 3), 10.0, filter=name)

@@ -112,6 +112,7 @@ def test_discrete_numbers_are_for_the_rate_that_is_asked_for(units, format):
             assert found == pytest.approx(wanted, rel=2e-6)
 
 
+@pytest.mark.slow
 def test_a_walk_that_is_not_there_is_the_upper_limit_of_the_wider_model(units):
     fit = units["no-walk"]["accel_y"]
     with pytest.warns(gmwm.errors.FitWarning):

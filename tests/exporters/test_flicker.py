@@ -46,6 +46,7 @@ def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
     assert all(words(one) in words(text) for one in texts(found))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", ["kfgins", "gazebo"])
 def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
     text = unit.export(format=format, horizon=2.0)
@@ -92,6 +93,7 @@ def test_ros_leaves_it_out_and_says_so(unit):
     assert [(remark.subject, remark.facts["terms"]) for remark in found] == [(axis, ("FN",)) for axis in TRUTHS]
 
 
+@pytest.mark.slow
 def test_matrices_name_the_axis(unit):
     with raises(MissingTheoryError, "gyro_x", "FN"):
         unit.export(format="state-space")

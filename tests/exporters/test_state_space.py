@@ -54,6 +54,7 @@ def test_its_simulation_has_the_right_size(units):
     assert np.var(np.diff(drawn)) == pytest.approx(6 * 1e-5 + 2 * 2e-5, rel=0.06)
 
 
+@pytest.mark.slow
 def test_it_runs_with_numpy_alone(units, tmp_path):
     path = tmp_path / "noise.py"
     units["no-walk"].export(path, format="state-space")

@@ -103,6 +103,7 @@ def test_offset_and_scale():
     assert np.array_equal(drawn(2.0**40 * x, present), 2.0**40 * one)
 
 
+@pytest.mark.slow
 def test_the_covariance_of_two_axes_is_kept():
     rng = np.random.default_rng(4)
     common = rng.normal(size=1 << 17)

@@ -64,6 +64,7 @@ def test_optimal_weights_cost_two_for_each_parameter(truth: str) -> None:
     assert 0 < optimism(gmwm.fit(fit.model, wv, weighting=other, certify=False), wavelet) < 2 * len(wv)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{"robust": True}, {"filter": "d4"}, {"transform": "dwt"}])
 def test_so_they_do_however_the_recording_was_measured(options: dict) -> None:
     fit = gmwm.fit("GM + WN", recorded(TRUTHS[1], 4, **options), weighting="optimal", certify=False)
@@ -231,6 +232,7 @@ def test_trace_is_that_of_the_covariance() -> None:
     assert covariance_trace(variances, implied, omega) == pytest.approx(2 * np.trace(both @ omega), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_refits_are_those_of_the_bootstrap_and_of_fit() -> None:
     wv = recorded(TRUTHS[2], 6)
     held = gmwm.fit(GM() + WN() + RW(gamma2=gmwm.fixed(4e-4)), wv, certify=False)

@@ -67,6 +67,7 @@ def test_the_statistic_under_the_inverse_covariance_is_the_criterion():
     assert test.pvalue == pytest.approx(chi2.sf(test.statistic, test.df), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_zero_terms_are_not_counted():
     same = []
     for seed in range(8):
@@ -102,6 +103,7 @@ def test_a_bootstrap_that_could_not_reject_is_refused():
     assert "the model is rejected" in test.summary()
 
 
+@pytest.mark.slow
 def test_bootstrap():
     x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(8192, RATE, 1)
     good, bad = gmwm.fit("WN + RW", x, RATE), gmwm.fit("WN", x, RATE)

@@ -63,6 +63,7 @@ def _parameters(fit):
     return parameters_by_name(fit.model)
 
 
+@pytest.mark.slow
 @settings(max_examples=10, derandomize=True, deadline=None)
 @given(truths, seeds)
 def test_intervals_hold_the_estimate_and_widen_with_the_level(truth: str, seed: int) -> None:
@@ -74,6 +75,7 @@ def test_intervals_hold_the_estimate_and_widen_with_the_level(truth: str, seed: 
         assert narrow[name][1] > value
 
 
+@pytest.mark.slow
 @settings(max_examples=6, derandomize=True, deadline=None)
 @given(truths, seeds)
 def test_the_covariance_is_that_of_the_standard_errors(truth: str, seed: int) -> None:

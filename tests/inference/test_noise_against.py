@@ -60,6 +60,7 @@ def test_heavy_tails_and_knocks_are_no_slope():
     assert np.std(errors) < 1.5
 
 
+@pytest.mark.slow
 def test_noise_that_changes_in_time_is_found_across_a_gap():
     rng = np.random.default_rng(4)
     x = drawn(rng) * np.exp(0.3 * T)

@@ -136,6 +136,7 @@ def test_a_slow_process_is_stationary_from_the_start():
     assert np.all(np.abs(standard_errors(rows, expected)) > 6)
 
 
+@pytest.mark.slow
 def test_spread_is_the_exact_covariance():
     model, draws = WN(sigma2=1.0) + GM(beta=0.2, sigma2=1.5), 4000
     rows = simulated_variances(model, design(1024, levels=np.arange(1, 9)), draws, seed=5)

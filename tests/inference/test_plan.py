@@ -36,6 +36,7 @@ def test_the_length_needed_is_the_shortest_from_which_on_the_error_is_small_enou
                 assert plan.at(0.98 * seconds)[parameter] > accuracy
 
 
+@pytest.mark.slow
 def test_a_fit_of_that_length_has_these_errors():
     truth, samples = MODELS["markov"], 50_000
     variance = truth.wavelet_variance(15, RATE)
@@ -70,6 +71,7 @@ def test_errors_do_not_know_the_unit(scale):
         np.testing.assert_allclose(scaled.errors[name], curve, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_curve_runs_from_the_shortest_record_to_the_planned_one():
     plan = gmwm.plan(MODELS["markov"], duration=7200.0, rate=RATE)
     assert list(plan.errors) == ["GM.beta", "GM.sigma2", "WN.sigma2", "RW.gamma2"]
@@ -85,6 +87,7 @@ def test_the_curve_runs_from_the_shortest_record_to_the_planned_one():
         plan.errors["GM.beta"] = plan.durations
 
 
+@pytest.mark.slow
 def test_held_parameters_are_known():
     free = gmwm.plan(MODELS["markov"], duration=600.0, rate=RATE).at(600.0)
     held = gmwm.plan("GM(beta=fixed(8.0), sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)", duration=600.0, rate=RATE)
@@ -103,6 +106,7 @@ def test_optimal_weights_lose_nothing():
             assert np.all(curve <= diagonal[name] * (1 + 1e-6))
 
 
+@pytest.mark.slow
 def test_an_uncertain_parameter_has_a_remark():
     plan = gmwm.plan(MODELS["walk"], duration=60.0, rate=RATE, unit="rad/s")
     assert 0.5 < plan.at(60.0)["RW.gamma2"] < math.inf

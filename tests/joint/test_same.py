@@ -49,6 +49,7 @@ def test_a_tolerance_makes_p_values_larger_until_the_difference_counts_as_none()
     assert values[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_heavy_tails_are_no_difference():
     found = [
         same(*np.random.default_rng([3, k]).standard_t(4.5, (2, 20_000)), rate=RATE).differs for k in range(12)

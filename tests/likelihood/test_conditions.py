@@ -52,6 +52,7 @@ def dense(model, there, columns, values):
     return beta, np.linalg.inv(gram), value
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @pytest.mark.parametrize("gap", [False, True])
 @pytest.mark.parametrize(

@@ -98,6 +98,7 @@ def test_it_is_the_top_that_another_hand_finds():
     np.testing.assert_allclose(errors, expected, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_the_order_of_terms_and_the_unit_change_nothing():
     _, x = drawn("GM(beta=1.0, sigma2=2.0) + GM(beta=40.0, sigma2=3.0) + WN(sigma2=0.5) + RW(gamma2=1e-3)")
     one = fit_ml("2*GM + WN + RW", x, RATE)
@@ -110,6 +111,7 @@ def test_the_order_of_terms_and_the_unit_change_nothing():
     assert (small.level, one.level) == (None, None)
 
 
+@pytest.mark.slow
 def test_held_parameters_stay():
     _, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)")
     free = fit_ml("GM + WN", x, RATE)
@@ -229,6 +231,7 @@ def test_the_mean_of_white_noise_is_the_average():
     assert known.parameters["WN.sigma2"] == pytest.approx(np.mean((x - 9.81) ** 2), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_profile_intervals_end_where_the_likelihood_has_fallen():
     _, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)", samples=3000)
     found = fit_ml("GM + WN", x, RATE)
@@ -382,6 +385,7 @@ def test_errors_are_in_the_order_of_the_model():
     np.testing.assert_allclose(swapped.covariance, found.covariance, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("larger", ["2*GM + WN + RW", "2*GM + WN + QN + RW"])
 def test_a_larger_model_has_no_smaller_likelihood(larger):
     # A process that is gone within a sample: to the wavelet variance it is white, and the other terms are at zero.

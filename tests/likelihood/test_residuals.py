@@ -90,6 +90,7 @@ def test_pairs_with_a_missing_sample_do_not_count():
     np.testing.assert_allclose(of(z).acf(10), direct, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_the_test_has_its_distribution_where_samples_are_missing():
     checks = []
     for seed in range(400):
@@ -121,6 +122,7 @@ def test_quantiles_lie_on_a_line():
     assert np.max(np.abs(seen - expected)[inner]) < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*of its correlation times:gmwm.errors.FitWarning")
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_estimates_take_as_many_degrees_of_freedom_as_they_have_shapes():

@@ -118,6 +118,7 @@ def test_one_wrong_sample_is_a_spike_and_no_jump() -> None:
     assert {alarm.family for alarm in charts.update(e)} == {"spike"}
 
 
+@pytest.mark.slow
 def test_a_chart_rests_longer_while_a_fault_lasts() -> None:
     e = 3.0 * np.random.default_rng(6).standard_normal(200_000)
     charts = Charts(SETTINGS, 1e7, 100, 6000)

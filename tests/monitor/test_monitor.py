@@ -102,6 +102,7 @@ def story() -> dict[str, Array]:
     return x
 
 
+@pytest.mark.slow
 def test_motion_is_one_event_and_the_charts_rest() -> None:
     made = monitor(*AXES)
     found = made.update(story()) + made.finish()
@@ -161,6 +162,7 @@ def test_a_recording_with_gaps_is_watched_whole() -> None:
     assert found[1].time == pytest.approx(150.05, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_fault_that_comes_back_within_an_hour_is_reported_once() -> None:
     x, rng = noise(90_000, 32), np.random.default_rng(32)
     for begin in (10_000, 25_000, 40_000):
@@ -170,6 +172,7 @@ def test_a_fault_that_comes_back_within_an_hour_is_reported_once() -> None:
     assert [event.kind for event in events_of(x)] == ["noise-up", "noise-up"]
 
 
+@pytest.mark.slow
 def test_a_baseline_absorbs_the_misfit_of_a_model() -> None:
     x = 1.3 * noise(150_000, 33)
     assert [event.kind for event in events_of(x)] == ["noise-up"]

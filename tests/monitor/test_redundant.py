@@ -74,6 +74,7 @@ def test_a_knock_of_the_table_is_no_fault_and_motion_is_refused() -> None:
         events(made)
 
 
+@pytest.mark.slow
 def test_wrong_recordings_are_refused() -> None:
     made = {name: gmwm.Imu.from_arrays(x, rate=RATE) for name, x in units(3).items()}
     with pytest.raises(OptionError):

@@ -67,6 +67,7 @@ def test_the_curve_is_that_of_the_sensor_at_rest(kind, size, fade, frequency):
     assert not find_bursts(found.signal).found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_noise_without_knocks_is_not_changed(kind):
     for seed in range(3):
@@ -76,6 +77,7 @@ def test_noise_without_knocks_is_not_changed(kind):
         assert not found.knocks.size
 
 
+@pytest.mark.slow
 def test_what_is_outside_of_knocks_is_not_changed():
     x = white(np.random.default_rng(1))
     knock(x, 50_000, 100.0, 0.1, 20.0)
@@ -88,6 +90,7 @@ def test_what_is_outside_of_knocks_is_not_changed():
     assert found.replaced.in_knocks == np.count_nonzero(~outside)
 
 
+@pytest.mark.slow
 def test_the_place_is_wider_than_the_large_samples():
     x = white(np.random.default_rng(1))
     x[50_000:50_040] += 100.0 * np.where(np.arange(40) % 2, 1, -1)
@@ -96,6 +99,7 @@ def test_the_place_is_wider_than_the_large_samples():
     assert last - 50_040 == pytest.approx(40 * MARGIN, abs=LEAST)
 
 
+@pytest.mark.slow
 def test_a_short_knock_has_a_margin_of_some_samples():
     x = white(np.random.default_rng(1))
     x[50_000:50_004] += [50.0, -50.0, 50.0, -50.0]
@@ -104,6 +108,7 @@ def test_a_short_knock_has_a_margin_of_some_samples():
     assert last >= 50_004 + LEAST
 
 
+@pytest.mark.slow
 def test_motion_that_lasts_is_kept():
     rng = np.random.default_rng(2)
     for seconds, count in ((0.3 * LONGEST, 1), (1.2 * LONGEST, 0)):
@@ -121,6 +126,7 @@ def test_too_many_knocks_are_kept():
         assert find_bursts(cleaned(Signal(x, RATE)).signal).found is kept
 
 
+@pytest.mark.slow
 def test_spikes_are_found_beside_knocks():
     x = tailed(np.random.default_rng(6))
     x[::2000] += 60.0
@@ -130,6 +136,7 @@ def test_spikes_are_found_beside_knocks():
     assert abs(found.replaced.spikes - N // 2000) <= 4
 
 
+@pytest.mark.slow
 def test_the_mean_may_differ_before_and_after():
     x = white(np.random.default_rng(7)) + 30.0 * (np.arange(N) > 90_000)
     knock(x, 90_000, 200.0, 0.1, 30.0)

@@ -16,6 +16,7 @@ def compared(x, efficiency=0.6):
     return dependence(robust, other, contamination((classical, robust), comparisons=6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.6, 0.9])
 def test_gaussian_noise_does_not_depend_on_it(efficiency):
     found = [compared(np.random.default_rng(seed).standard_normal(30_000), efficiency) for seed in range(30)]

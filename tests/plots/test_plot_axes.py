@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,6 +21,7 @@ def test_ticks_lie_inside_the_limits_in_order_and_there_are_at_least_two(low, de
     assert len({tick.label for tick in ticks}) == len(ticks)
 
 
+@pytest.mark.slow
 @profile
 @given(values=st.lists(exponents, min_size=1, max_size=8))
 def test_limits_hold_all_values_and_at_least_a_decade(values):
@@ -29,6 +31,7 @@ def test_limits_hold_all_values_and_at_least_a_decade(values):
     assert high / low > 9.99
 
 
+@pytest.mark.slow
 @profile
 @given(values=st.lists(st.floats(-6, 6), min_size=2, max_size=8), scale=st.floats(-12, 12))
 def test_limits_scale_with_the_data(values, scale):

@@ -44,6 +44,7 @@ def test_automatic_labels(items, labels):
     assert [name for name in legend(gmwm.compare(*items)) if not name.endswith(", model")][: len(labels)] == labels
 
 
+@pytest.mark.slow
 def test_curves_are_drawn_as_they_are(tmp_path):
     path = tmp_path / "both.png"
     figure = gmwm.compare(X, ROBUST, labels=["a", "b"], view="allan", units="datasheet", title="Two", path=path)

@@ -60,6 +60,7 @@ def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
         [row.predicted_low, row.predicted_high]) * DEG)  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [12, 300])
 def test_an_odd_unit_is_a_star_with_its_name_and_no_dot(n):
     told = fleet(n, odd=(5, "y"))
@@ -75,6 +76,7 @@ def test_an_odd_unit_is_a_star_with_its_name_and_no_dot(n):
     assert fleet_figure(fleet(n)).title == f"{n} units"
 
 
+@pytest.mark.slow
 def test_limits_are_triangles_beside_the_strip():
     few, many = (fleet_figure(fleet(n)).panels[1]["Upper limits"] for n in (12, 300))
     assert few.y.size == 4
@@ -82,6 +84,7 @@ def test_limits_are_triangles_beside_the_strip():
     assert few.stroke.symbol == many.stroke.symbol == "down"
 
 
+@pytest.mark.slow
 def test_small_numbers_are_written_with_a_power_of_ten():
     told = fleet(12)
     table = told.table.with_columns([pl.col(name) * 1e-6 for name in ("N", "N_low", "N_high")])

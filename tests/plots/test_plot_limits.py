@@ -76,6 +76,7 @@ def test_values_within_a_factor_of_4_have_a_linear_axis():
     assert _height_axis(np.array([1.0, 4.1]), "N", signed=False).linear == 0.0
 
 
+@pytest.mark.slow
 def test_the_curves_of_a_plan_go_to_twice_its_duration_at_least_and_100_times_at_most():
     easy = gmwm.plan("WN(sigma2=1.0)", duration=600.0, rate=100.0)
     hard = gmwm.plan("WN(sigma2=1.0) + RW(gamma2=1e-8)", duration=600.0, rate=100.0)

@@ -150,10 +150,12 @@ def test_on_axes_of_the_caller(wv, fit):
         plot_wavelet_variance(wv, ax="here")
 
 
+@pytest.mark.slow
 def test_a_picture_shows_itself_in_a_notebook(wv):
     assert plot_wavelet_variance(wv)._repr_png_().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_no_global_state(wv, tmp_path):
     before = dict(matplotlib.rcParams)
     plot_wavelet_variance(wv, path=tmp_path / "curve.svg")

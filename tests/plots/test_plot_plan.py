@@ -42,6 +42,7 @@ def test_no_two_curves_differ_by_colour_alone():
     assert len({(line.stroke.dash, line.stroke.symbol) for line in curves}) == 9
 
 
+@pytest.mark.slow
 def test_what_is_wanted_what_is_planned_and_what_is_not_seen(plan):
     panel = plan_panel(plan, accuracy=0.05)
     np.testing.assert_array_equal(panel["5 %: chosen accuracy"].y, [5.0, 5.0])

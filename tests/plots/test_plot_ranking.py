@@ -217,6 +217,7 @@ def test_axes_about_zero(values, labels, linear):
     assert axis.grid == tuple(tick.value for tick in axis.ticks)
 
 
+@pytest.mark.slow
 def test_rows_of_two_lengths_share_the_width_and_the_height():
     axis = Axis("x", (0.0, 2.0), (Tick(1.0, "one"),), linear=math.inf)
     band = Band(np.array([0.0, 2.0]), np.full(2, -np.inf), np.full(2, 1.0), "#000000", label="low")

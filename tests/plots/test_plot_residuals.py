@@ -119,6 +119,7 @@ def test_correlations_are_drawn_with_their_limits(bad, good):
     assert np.nanmax(many.lines[1].y) == good.acf(5000)[1:].max()
 
 
+@pytest.mark.slow
 def test_limits_of_correlations_hold_so_many_where_samples_are_missing():
     inside = []
     for seed in range(200):

@@ -125,6 +125,7 @@ def test_a_clock_that_steps_back_is_not_joined(noise):
 # --- labels, units, means -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_labels_have_units(recording, simulated):
     panels = [*recording_figure(recording).panels, *components_figure(simulated).panels]
     assert len(panels) == 6 + 6

@@ -195,6 +195,7 @@ def test_what_is_said_to_be_taken_off_is_taken_off(made, units, unit):
     assert level.lines[1].y[0] == pytest.approx(level.lines[1].y[-1])
 
 
+@pytest.mark.slow
 def test_labels_have_units_and_the_lowest_panel_the_time(smoothed):
     figure = tracks_figure(smoothed, ["bias", "WN", "GM"])
     record, bias, white, term = figure.panels
@@ -240,6 +241,7 @@ def test_a_prediction_widens_from_the_end_of_the_record(gapped):
     assert panel.y.limits[0] < band.lower.min() < band.upper.max() < panel.y.limits[1]
 
 
+@pytest.mark.slow
 def test_the_truth_lies_over_the_track_unless_it_would_hide_it(made, smoothed):
     true = 0.01 + made["GM"].values
     bias = tracks_figure(smoothed, truth=true).panels[1]
@@ -300,6 +302,7 @@ def test_one_track_on_axes_of_the_caller(smoothed):
         smoothed.plot(["GM", "bias"], ax=axes)
 
 
+@pytest.mark.slow
 def test_long_records_are_drawn_by_few_points():
     model = gmwm.Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-6)")
     for panel in tracks_figure(model.smooth(model.simulate(400_000, RATE, rng=1), RATE)).panels:

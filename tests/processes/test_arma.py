@@ -173,6 +173,7 @@ def test_paths_start_stationary(process):
     assert steps.var() == pytest.approx(exact[0], rel=4 * math.sqrt(2 / 4000))
 
 
+@pytest.mark.slow
 def test_the_covariance_of_estimates_is_what_they_scatter_by():
     model, draws = ARMA(phi=recursion(*pair(0.1, 0.4)), theta=[0.3], sigma2=1.0) + WN(sigma2=2.0), 1500
     paths = model.simulate(512, 1.0, 8, paths=draws)

@@ -177,6 +177,7 @@ def test_no_state_space_and_no_density():
         MAT(1.0, 1.5, 1.0).state_space(RATE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("beta", "nu", "n"), [(0.5, 2.5, 2000), (5.0, 0.2, 2000), (1.0, 1.0, 200)])
 def test_paths_have_the_autocovariance(beta, nu, n):
     one = MAT(beta, nu, 2.0)

@@ -225,6 +225,7 @@ def test_flicker_noise_is_the_bias_instability_of_the_standard():
     assert not alone.remarks
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_over_a_horizon_it_counts_as_what_has_its_allan_deviation_there():
     truth = WN(sigma2=1e-4) + FN(b2=4e-6) + RW(gamma2=1e-10)

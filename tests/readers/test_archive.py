@@ -64,6 +64,7 @@ def test_sensor_logger_columns_run_backwards_and_both_sensors_are_one_recording(
     assert Remark.of("left-out", kind="tables", names=("Accelerometer",)) in imu.remarks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accel", [{"step": 20_000_000}, {"step": 10_100_000}, {"first": 100, "late": -(10**9) * 60}])
 def test_tables_that_do_not_pair_off_are_two_recordings(tmp_path, accel):
     path = zipped(tmp_path, Gyroscope=logger(GYRO), TotalAcceleration=logger(ACCEL, **accel))

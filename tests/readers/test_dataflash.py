@@ -66,6 +66,7 @@ def test_one_sensor_among_other_messages(file):
     assert sum(map(len, stream(file))) == ROWS
 
 
+@pytest.mark.slow
 def test_several_sensors_and_raw_samples(file):
     parts = [imu(k) + imu(k, 1, shift=0.5, temperature=0.0) for k in range(ROWS)]
     for k in range(ROWS):

@@ -178,6 +178,7 @@ def test_row_names(tmp_path, kind):
     assert imu["gyro_z"].values.tolist() == np.delete(GYRO[:, 2], 50).tolist()
 
 
+@pytest.mark.slow
 def test_several_sensors_in_the_rows_of_a_table(tmp_path):
     two, other = np.repeat(K, 2), np.array([[0], [1]] * ROWS)
     header = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"

@@ -57,6 +57,7 @@ def test_however_it_comes_it_is_what_it_is_as_a_whole(tmp_path, seed):
     assert lines.rest == b""
 
 
+@pytest.mark.slow
 def test_byte_by_byte():
     data = table(rows=40, gap=99)
     _, chunks, _ = followed(data, list(range(1, len(data))))

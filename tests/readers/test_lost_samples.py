@@ -117,6 +117,7 @@ def test_a_bad_line_between_blanks(tmp_path):
     assert imu.segments == ((0, 17), (17, 19), (19, ROWS - 2))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
 def test_a_last_line_that_was_cut_off_is_skipped(tmp_path):
     path = saved(tmp_path, LINES)
@@ -127,6 +128,7 @@ def test_a_last_line_that_was_cut_off_is_skipped(tmp_path):
         assert read(path, bad_lines="skip").segments == ((0, ROWS - 1),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blanks", [False, True])
 def test_a_repeated_header_is_no_row(tmp_path, small_blocks, blanks):
     again = [*LINES[:300], "\n" * blanks + HEADER, *LINES[300:]]
@@ -136,6 +138,7 @@ def test_a_repeated_header_is_no_row(tmp_path, small_blocks, blanks):
     assert sum(len(chunk) for part in divided for chunk in part) == ROWS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 @pytest.mark.parametrize("clock", [True, False])
 @pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
@@ -185,6 +188,7 @@ def test_lost_samples_are_not_spliced_in_the_wavelet_variance(tmp_path):
     np.testing.assert_allclose(mine.variance, theirs.variance, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("value", "kind"), [(0.25, "constant"), (np.nan, "missing")])
 def test_a_dead_axis_does_not_fail_the_file(tmp_path, small_blocks, value, kind):
     frame = pl.DataFrame({"time": np.arange(ROWS) / 100, "gyro_x": VALUES[:, 0], "gyro_y": value, "gyro_z": 1.0})
@@ -213,6 +217,7 @@ def test_gravity_is_inferred_with_a_dead_accelerometer(tmp_path):
     assert np.mean(read(tmp_path / "a.csv")["accel_z"].values) == pytest.approx(9.80665, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_rows_of_other_messages_are_left_out(tmp_path, small_blocks):
     lines = []
     for k, line in enumerate(LINES):

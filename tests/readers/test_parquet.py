@@ -62,6 +62,7 @@ def test_numbers_beyond_int64_are_told(tmp_path):
         read(tmp_path / "big.parquet", units={"gyro": "rad/s"})
 
 
+@pytest.mark.slow
 def test_a_broken_footer_is_told(tmp_path):
     # Polars panics, which is no ordinary exception.
     pl.DataFrame({"time": [0.0, 0.1, 0.2], "gyro_x": [0.1, 0.2, 0.3]}).write_parquet(tmp_path / "good.parquet")

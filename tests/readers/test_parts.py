@@ -108,6 +108,7 @@ def test_without_stamps_and_more_parts_than_rows_allow(tmp_path):
     assert "all rows" in repr(only)
 
 
+@pytest.mark.slow
 def test_hdf5_and_bare_records(tmp_path):
     table = np.column_stack([np.arange(ROWS) * 0.01, *columns().values()])
     with h5py.File(tmp_path / "a.h5", "w") as file:
@@ -192,6 +193,7 @@ def test_what_is_wrong_is_told_with_its_row(tmp_path):
         stream(path, units=UNITS)
 
 
+@pytest.mark.slow
 def test_another_file_under_the_same_path(tmp_path):
     path = written(tmp_path / "a.npy", columns())
     divided = stream(path, 100.0, units=UNITS).parts(3)

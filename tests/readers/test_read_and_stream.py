@@ -82,6 +82,7 @@ def test_temperature_is_interpolated_between_its_readings(tmp_path, suffix, kind
     np.testing.assert_allclose(imu.temperature, np.interp(np.arange(ROWS), known, values[known]), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_rows_of_the_temperature_alone_are_readings(tmp_path):
     columns = table()
     alone = np.arange(ROWS) % 40 == 3
@@ -129,6 +130,7 @@ def test_an_axis_that_is_constant_in_the_first_rows_only(tmp_path):
     assert only(imu.remarks, "axis-dead", "gyro_y").facts["rows"] == ROWS
 
 
+@pytest.mark.slow
 def test_rows_of_others_are_counted_in_the_whole_file(tmp_path):
     columns = table()
     other = np.arange(ROWS) % 10 == 4

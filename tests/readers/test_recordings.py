@@ -18,6 +18,7 @@ UNITS = {"gyro": "deg/s", "accel": "g"}
 pytestmark = pytest.mark.skipif(not DATA.exists(), reason="the recordings of shared/data are not here")
 
 
+@pytest.mark.slow
 def test_the_same_recording_as_parquet_and_as_text():
     whole = read(DATA / "adis16405_static_1.parquet", rate=100, units=UNITS)
     with pytest.warns(InferredUnitWarning) as warned:

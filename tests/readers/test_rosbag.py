@@ -60,6 +60,7 @@ def test_a_file_of_a_directory_stands_for_itself(tmp_path, container):
         assert find_reader(tmp_path / path).name == "rosbag"
 
 
+@pytest.mark.slow
 def test_small_batches_give_the_same(tmp_path, monkeypatch):
     data = numbers(500)
     for container in ("ros1", "db3", "mcap"):
@@ -110,6 +111,7 @@ def test_topics_are_listed_when_several_fit(tmp_path):
         read(path, topic="/imu/c")
 
 
+@pytest.mark.slow
 def test_one_inertial_topic_among_others_is_found(tmp_path):
     for container in ("ros1", "db3", "mcap"):
         store, data = store_of(container), numbers()

@@ -158,6 +158,7 @@ def test_checksums_are_looked_at(tmp_path):
         bagfiles.require_checksum(b"ab", 1, path)
 
 
+@pytest.mark.slow
 def test_bombs(tmp_path):
     import bz2
 

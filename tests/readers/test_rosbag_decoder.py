@@ -63,6 +63,7 @@ def test_the_fast_path_equals_the_general_decoder(kind, way, lengths):
     assert (fast.slow == 0) == few or len(lengths) > 2
 
 
+@pytest.mark.slow
 def test_only_messages_that_differ_go_the_slow_way():
     fast = Decoder(defined("imu", "little"), ["angular_velocity.x"])
     fast.decode(serialised("imu", "little", [8]))
@@ -71,6 +72,7 @@ def test_only_messages_that_differ_go_the_slow_way():
     assert 0 < fast.slow < 40
 
 
+@pytest.mark.slow
 def test_mixed_byte_orders():
     messages = serialised("imu", "little", [3])
     messages[1::2] = serialised("imu", "big", [3])[1::2]

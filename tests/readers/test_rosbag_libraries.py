@@ -74,6 +74,7 @@ def temperature(store, stamp, value):
     return store.types["sensor_msgs/msg/Temperature"](header(store, stamp), value, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("container", ["ros1", "db3", "mcap"])
 def test_a_temperature_topic_beside_the_imu(tmp_path, container):
     store, data = store_of(container), numbers(400)

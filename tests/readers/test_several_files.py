@@ -47,6 +47,7 @@ def test_one_recording(tmp_path, form, lost):
     assert {chunk.segment for chunk in chunks} == ({0, 1} if lost else {0})
 
 
+@pytest.mark.slow
 def test_without_time_stamps_the_recording_is_cut_between_files(tmp_path):
     files = hours(tmp_path, stamped=False)
     imu = read(files, 100)
@@ -93,6 +94,7 @@ def test_other_files_are_told(tmp_path):
         stream(paths).parts(2)
 
 
+@pytest.mark.slow
 def test_a_pattern_on_the_command_line(tmp_path, capsys):
     from gmwm.cli.main import app
 

@@ -116,6 +116,7 @@ def test_stamps_say_what_whole_nanoseconds_say(tmp_path, monkeypatch, form, kind
     assert known_of(path) == expected
 
 
+@pytest.mark.slow
 @FIXED
 @given(
     st.lists(st.integers(-8 * 10**18, 7 * 10**18), min_size=1, max_size=30),
@@ -197,6 +198,7 @@ def test_the_remarks_say_how_it_was_understood(tmp_path, cell, facts):
     assert remark.text() in inspection.summary()
 
 
+@pytest.mark.slow
 def test_times_of_day_go_on_after_midnight(tmp_path):
     for kind in ("regular", "jitter"):
         ns = clock(kind)
@@ -279,6 +281,7 @@ def test_a_stamp_that_was_cut_off(tmp_path):
         read(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["time [s]", "timestamp [ISO8601]", "Timestamp (UTC)", "t_ms", "datetime", "Date", ""])
 def test_the_name_of_the_column_does_not_matter(tmp_path, name):
     ns = clock("regular")
@@ -337,6 +340,7 @@ def test_runs_of_blanks_with_a_t(tmp_path):
     assert (read(path).rate, read(path).time_base.start) == (100, BEGIN / 1e9)
 
 
+@pytest.mark.slow
 def test_units_and_rates_that_are_declared(tmp_path):
     path = saved(tmp_path, map(iso, clock("regular")))
     with raises(UnitError, "dates and times", "'s'", argument="units", advises=["units="]):
@@ -354,6 +358,7 @@ def test_dates_are_no_axis(tmp_path):
         read(path, columns={"gyro_z": 0, "time": 0})
 
 
+@pytest.mark.slow
 def test_packed_and_in_archives(tmp_path):
     path = saved(tmp_path, map(iso, clock("gaps")))
     expected = known_of(path)
@@ -403,6 +408,7 @@ def test_in_chunks_and_parts(tmp_path, monkeypatch, form, kind):
     assert len(divided) == (1 if form == "times of day" else 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", AS_TEXT)
 def test_a_text_that_grows(tmp_path, form):
     path = saved(tmp_path, [AS_TEXT[form](t) for t in clock("gaps").tolist()])

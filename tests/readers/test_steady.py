@@ -24,6 +24,7 @@ def two_rates(first, second, samples, share):
     return np.cumsum(np.repeat([0.0, 1 / first, 1 / second], [1, cut, samples - cut - 1])), cut
 
 
+@pytest.mark.slow
 @FIXED
 @given(
     first=st.sampled_from([1.0, 50.0, 100.0, 833.0]),

@@ -135,6 +135,7 @@ def test_without_stamps_with_factors_and_increments(tmp_path):
     same(numbered, rate=50.0, units={"gyro": "deg/s"}, columns=["gyro_x", "gyro_y"])
 
 
+@pytest.mark.slow
 def test_bare_records(tmp_path):
     imu = gmwm.simulate({"gyro": "WN(sigma2=1e-6)", "accel": "WN(sigma2=1e-4)"}, rate=100.0, samples=4000, rng=2)
     path = tmp_path / "a.imr"
@@ -170,6 +171,7 @@ def drained(path, **options):
     return [len(chunk) for chunk in stream(path, **{"units": {"gyro": "deg/s", "accel": "g"}} | options)]
 
 
+@pytest.mark.slow
 def test_bad_lines_behind_the_first_rows_are_refused_with_their_number(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     path.write_text(path.read_text() + "200.01,1,2\n")
@@ -185,12 +187,14 @@ def test_a_rate_that_changes_behind_the_first_rows(tmp_path):
             drained(written(tmp_path / "a.parquet", {"time": time} | columns()))
 
 
+@pytest.mark.slow
 def test_a_clock_that_slowly_leaves_the_rate_of_the_first_rows(tmp_path):
     k = np.arange(ROWS)
     time = np.where(k < 5000, k * 0.01, 50 + (k - 5000) * 0.01003)
     same(written(tmp_path / "a.parquet", {"time": time} | columns()), apart=0, units={"gyro": "rad/s"})
 
 
+@pytest.mark.slow
 def test_repeated_stamps_are_counted_over_all_blocks(tmp_path):
     time = stamps("even", None)
     time[[2500, 12_000]] = time[[2499, 11_999]]
@@ -299,6 +303,7 @@ def test_parts_between_times(tmp_path, kind, cut, chunk):
             source.parts(2)
 
 
+@pytest.mark.slow
 def test_nothing_left_between_times(tmp_path):
     path = written(tmp_path / "a.csv", {"time": np.arange(3000) * 0.01} | columns(rows=3000))
     for cut in ({"start": 40.0}, {"stop": 0.05}, {"skip": [(0.0, 99.0)]}):

@@ -28,6 +28,7 @@ def jittered(samples, share, seed=3):
     return np.arange(samples) + np.random.default_rng(seed).uniform(-share, share, samples)
 
 
+@pytest.mark.slow
 @FIXED
 @given(
     rate=st.sampled_from([0.5, 1, 9.6, 50, 62.5, 99.9, 100, 123.456, 200, 400, 1000, 8000]),
@@ -43,6 +44,7 @@ def test_regular_stamps_give_their_rate(rate, start, samples):
     assert found.remarks == ()
 
 
+@pytest.mark.slow
 @FIXED
 @given(step=st.integers(10_000, 10**9), start=st.integers(10**18, 2 * 10**18), samples=st.integers(8, 500))
 def test_nanoseconds_are_exact(step, start, samples):
@@ -51,6 +53,7 @@ def test_nanoseconds_are_exact(step, start, samples):
     assert base(stamps, "ns").base.jitter == 0
 
 
+@pytest.mark.slow
 @FIXED
 @given(st.lists(st.tuples(st.integers(20, 60), st.integers(1, 400)), min_size=1, max_size=6), st.floats(0, 0.2))
 def test_every_gap_is_found_and_nothing_else(pieces, share):
@@ -71,6 +74,7 @@ def test_every_gap_is_found_and_nothing_else(pieces, share):
     assert [k for k, _ in found.base.gaps] == edges[1:-1].tolist()
 
 
+@pytest.mark.slow
 @FIXED
 @given(st.sampled_from([1e-12, 1e-6, 1.0, 1e6]), st.floats(0, 0.3))
 def test_no_absolute_scale(scale, share):
@@ -323,6 +327,7 @@ def test_time_stamps_of_no_recording():
         base(np.sort(np.random.default_rng(1).normal(size=500)) * 1e300)
 
 
+@pytest.mark.slow
 def test_a_rate_that_changes_can_be_cut(tmp_path):
     stamps = np.cumsum(np.repeat([0.0, 0.01, 0.02], [1, 5000, 4999])) + 100
     path = saved(tmp_path, stamps)

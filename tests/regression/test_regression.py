@@ -184,6 +184,7 @@ def test_calibrate_removes_the_temperature_and_keeps_the_regression():
     assert found.settings.to_dict()["against"] == "auto"
 
 
+@pytest.mark.slow
 def test_a_gap_changes_little():
     rng = np.random.default_rng(13)
     x = noise(rng) + 0.3 * TEMPERATURE

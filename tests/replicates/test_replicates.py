@@ -139,6 +139,7 @@ def test_order_and_units_do_not_matter(different):
         assert scaled.replicates["N"].apart == pytest.approx(plain.replicates["N"].apart, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_too_short_for_the_model_counts_where_it_can():
     fit = gmwm.fit("GM + WN + RW", signals(noise(1), noise(2), noise(3, samples=8)))
     found = deviations(fit)
@@ -182,6 +183,7 @@ def test_other_weights_robust_curves_and_files(different):
     np.testing.assert_array_equal(spread_of_mean(again), spread_of_mean(different))
 
 
+@pytest.mark.slow
 def test_summary_and_picture(different, tmp_path):
     lines = different.replicates.summary().splitlines()
     assert any(line.split()[-2:] == ["together", "spread"] for line in lines)

@@ -94,6 +94,7 @@ def test_remarks_on_the_recording_reach_the_verdict(remarks, state):
     assert remarks[0].code in [point["code"] for point in where]
 
 
+@pytest.mark.slow
 def test_a_gyroscope_that_is_too_noisy_gets_a_bad_verdict():
     noisy = gmwm.simulate({"gyro_x": "WN(sigma2=1e-2)"}, rate=100.0, samples=20_000, rng=1)
     data = report_data(gmwm.calibrate(noisy, "WN + RW"))
@@ -122,6 +123,7 @@ def test_the_points_about_numbers_leave_out_unusable_axes():
     assert points_of(alone, "numbers-found") == []
 
 
+@pytest.mark.slow
 def test_a_good_recording_gets_a_good_verdict():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
     data = report_data(gmwm.calibrate(imu, "WN + RW"))
@@ -160,6 +162,7 @@ def test_the_recording_and_its_file(calibration, tmp_path):
     assert "SHA-256" not in dict(report_data(calibration)["recording"]["facts"])
 
 
+@pytest.mark.slow
 def test_gaps_and_temperature_are_in_the_recording(calibration):
     recording = dataclasses.replace(
         calibration.recording, segments=3, missing=7.5, temperature=(21.0, 24.5), jitter=2e-4

@@ -40,6 +40,7 @@ def test_on_simulated_recordings(seed, weighting):
     assert wrong == []
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @pytest.mark.parametrize("weighting", ["optimal", "diagonal"])
 def test_a_candidate_has_the_objective_of_a_fit_by_itself(weighting):

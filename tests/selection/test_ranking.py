@@ -201,6 +201,7 @@ def test_the_same_seed_gives_the_same_ranking(wv, ranking):
     assert gmwm.select(GENERAL, wv).to_dict() == ranking.to_dict()
 
 
+@pytest.mark.slow
 def test_signal_array_and_wavelet_variance_are_one(wv, ranking):
     signal = gmwm.Signal(simulated(), RATE, "rad/s", "gyro_x")
     for again in (gmwm.select(GENERAL, signal), gmwm.select(GENERAL, [wv])):
@@ -414,6 +415,7 @@ def test_data_that_are_refused(wv):
         gmwm.select("GM", gmwm.WaveletVariance.from_values([1.0], samples=1000, rate=RATE))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("ARMA(1,1)", "GM + WN"), ("GM + WN", "ARMA(1,1)")])
 def test_of_two_names_for_one_curve_the_first_is_recommended(names):
     x = gmwm.Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(4000, RATE, rng=2)

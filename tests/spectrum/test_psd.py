@@ -140,6 +140,7 @@ def test_merge_refuses_what_does_not_fit():
         SpectrumAccumulator(RATE, length=9)
 
 
+@pytest.mark.slow
 def test_limits_cover():
     rng, covered = np.random.default_rng(3), []
     for _ in range(40):

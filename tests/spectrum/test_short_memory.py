@@ -81,6 +81,7 @@ def test_slow_noise_that_is_known_does_not_matter(which):
     assert fitted(which, 1, degrees=20_000, slow=0.9).density == pytest.approx(true_density(which), rel=0.015)
 
 
+@pytest.mark.slow
 def test_slow_noise_that_is_known_badly_does_not_matter():
     frequencies, density, eta, known = measured("Butterworth 2, 10 Hz", 1, degrees=2_000, slow=0.9)
     found = short_memory(frequencies, density, eta, rate=RATE, known=known / 3)
@@ -105,6 +106,7 @@ def test_other_orders_are_reported_with_their_weights():
     assert all(other.density == pytest.approx(true_density("FIR"), rel=0.1) for other in found.alternatives)
 
 
+@pytest.mark.slow
 def test_if_no_order_near_the_best_is_sure_a_smaller_one_is_used(monkeypatch):
     # The best orders of this filter have 4 coefficients or more.
     monkeypatch.setattr(fits, "_error_at_zero", lambda point, data: 0.01 if point.order <= 2 else 1.0)
@@ -142,6 +144,7 @@ def test_the_covariance_is_the_scatter_of_the_coefficients():
     assert np.sqrt(np.diag(scatter) / np.diag(stated)) == pytest.approx([0.95, 0.95], abs=0.4)
 
 
+@pytest.mark.slow
 def test_a_recording_through_a_low_pass():
     rng = np.random.default_rng(8)
     x = signal.lfilter(*FILTERS["Butterworth 2, 30 Hz"], rng.normal(size=401_000))[1000:]
@@ -214,6 +217,7 @@ def test_every_descent_ends_no_higher_and_with_stable_roots():
     assert min(_descend(data, *start, white.scale).loss for start in starts) < white.loss / 10
 
 
+@pytest.mark.slow
 def test_a_rise_below_the_data_is_not_used():
     # A slow pole below the lowest frequency: the data show only its tail, and do not support a plateau below.
     frequencies = np.geomspace(LOWEST, HALF * 0.999, 250)

@@ -153,6 +153,7 @@ def test_lost_samples_are_those_of_one_pass(tmp_path, client):
         same(opened(path).wavelet_variance(scheduler=client, parts=10), expected)
 
 
+@pytest.mark.slow
 def test_warnings_are_those_of_one_pass(tmp_path, client):
     path = recording(tmp_path / "a.parquet")
     frame = pl.read_parquet(path)
@@ -175,6 +176,7 @@ def test_a_file_that_workers_do_not_find(tmp_path, client, monkeypatch):
         source.wavelet_variance(scheduler=client, parts=4)
 
 
+@pytest.mark.slow
 def test_what_is_interrupted_leaves_nothing_behind(tmp_path, client):
     source = opened(recording(tmp_path / "a.parquet"))
 

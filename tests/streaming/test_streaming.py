@@ -117,6 +117,7 @@ def recording(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_file_in_one_pass_is_the_file_in_memory(recording, monkeypatch):
     monkeypatch.setattr(interpretation, "HEAD", 3000)
     monkeypatch.setattr(parquet, "ROWS", 4096)
@@ -134,6 +135,7 @@ def test_a_file_in_one_pass_is_the_file_in_memory(recording, monkeypatch):
     same(one, expected)
 
 
+@pytest.mark.slow
 def test_a_file_with_gaps(tmp_path):
     k = np.arange(20_000)
     time = (k + 300 * (k >= 6000) + 5 * (k >= 6003)) * 0.01

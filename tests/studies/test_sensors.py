@@ -54,6 +54,7 @@ def test_the_rounded_output_has_the_white_noise_of_the_truth(kind: str, monkeypa
         assert np.std(found.samples) / np.sqrt(found.rate) == pytest.approx(found.truth.N, rel=0.01)
 
 
+@pytest.mark.slow
 def test_flicker_noise_has_a_flat_allan_variance() -> None:
     x = [sensors.flicker(2**15, np.random.default_rng(k)) for k in range(40)]
     found = np.array([[allan_variance(one, n) for n in (16, 64, 256)] for one in x]) / sensors.BIAS

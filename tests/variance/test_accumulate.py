@@ -124,6 +124,7 @@ def test_a_state_goes_through_files(tmp_path):
         WaveletAccumulator.from_dict({**live.to_dict(), "last_blocks": [[1.0]]})
 
 
+@pytest.mark.slow
 def test_a_state_is_bounded():
     live = WaveletAccumulator(RATE, exact=8)
     rng = np.random.default_rng(1)

@@ -138,6 +138,7 @@ def test_a_rate_and_its_integral_give_the_same(seed, rate, size):
         assert (one.samples, other.samples) == (size, size + 1)
 
 
+@pytest.mark.slow
 @laws
 @given(seed=st.integers(0, 2**32 - 1), slope=st.floats(-10, 10))
 def test_hadamard_is_free_of_a_ramp_and_allan_is_not(seed, slope):
@@ -279,6 +280,7 @@ def test_hadamard_has_no_modified_kind():
         hadamard_variance(walks("white", 100), 1.0, kind="modified")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["gyro_z", "accel_x"])
 def test_a_real_sensor(axis):
     if not RECORDING.exists():

@@ -196,6 +196,7 @@ def test_large_signals_take_three_passes_at_most():
         assert abs(tuning.criterion(cubed, fourth, float(w.size))[0]) < 1e-10
 
 
+@pytest.mark.slow
 @deterministic
 @given(seeds, st.integers(3, 3 * SAMPLE), st.sampled_from([0.4, 0.6, 0.9]))
 def test_plain_coefficients_take_the_same_root(seed, size, efficiency):

@@ -181,6 +181,7 @@ def test_outliers_do_not_decide_on_the_slope(slope):
     assert twice(x[:11_000]).result().slope == pytest.approx(slope, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_the_state_is_bounded():
     block = far(white(1 << 18), 0.02)
     sizes = []

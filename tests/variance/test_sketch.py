@@ -51,6 +51,7 @@ def mixed(n, seed):
     return w
 
 
+@pytest.mark.slow
 @deterministic
 @given(seeds, st.lists(st.integers(0, 2000), max_size=6))
 def test_any_cut_order_and_grouping_adds_up_to_all_at_once(seed, cuts):

@@ -72,6 +72,7 @@ def test_it_travels():
     assert repr(again) == repr(CURVES)
 
 
+@pytest.mark.slow
 def test_a_calibration_takes_it():
     found = gmwm.calibrate(CURVES, "WN + RW")
     assert tuple(found) == IMU.axes
