@@ -44,7 +44,7 @@ def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
 
 @contextmanager
 def prefixed(argument: str) -> Iterator[None]:
-    """Give errors of a model the argument that holds the model."""
+    """Put the name of the argument that holds the model in front of the message of a ModelError."""
     try:
         yield
     except ModelError as error:

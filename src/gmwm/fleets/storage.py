@@ -38,7 +38,7 @@ def write_unit(folder: Path, unit: str, document: str) -> None:
 
 
 def remove_unit(folder: Path, unit: str) -> None:
-    """Remove the calibration of an earlier run if the unit fails now, because it belongs to another recording."""
+    """Remove the calibration that an earlier run stored for a unit that has now failed, because it is out of date."""
     unit_file(folder, unit).unlink(missing_ok=True)
 
 

@@ -73,7 +73,7 @@ class CrossCovariance(Summarised):
     pvalues : mapping of pair to (J,) array
         p-values of zero correlation, adjusted for all levels and pairs; NaN for levels that are not tested.
     delays : mapping of pair to int
-        Pairs of which the second signal is late, by this number of samples; negative if it is early.
+        Delay of the second signal of each pair that is not aligned, in samples; negative if it is early.
     size, confidence : float
         Significance level of the test, and confidence level of the limits.
     efficiency : float or None

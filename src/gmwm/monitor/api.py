@@ -156,7 +156,7 @@ class Monitor:
 
     @property
     def resting(self) -> bool:
-        """Whether the charts rest because the unit was moved and is not still yet."""
+        """Whether the charts rest, because the unit was moved and is not yet still."""
         return self._moved is not None
 
     @property

@@ -44,8 +44,9 @@ def regress_axis(
 ) -> Regression:
     """Regress an axis on covariates.
 
-    Each wavelet level is weighted by the variance of the noise, which is estimated from the residuals together with the
-    coefficients. Standard errors account for this noise, so that two independent random walks do not follow each other.
+    Each wavelet level is weighted by the inverse of the noise variance, which is estimated from the residuals together
+    with the coefficients. Standard errors account for this noise, so that independent random walks are not mistaken for
+    related ones.
 
     Parameters
     ----------
