@@ -52,15 +52,15 @@ time assumes the speed of a plain copy of as many samples (a copy reads 8 bytes 
 - **The running sum** is the step of the wavelet variance that memory limits. For 10⁷ samples it takes {sum:.1f} times
   as long as a copy of as many bytes, and {fresh:.0f} % of that is for pages that the system provides and zeroes at
   every call. `np.cumsum` is slower, because each addition waits for the previous one.
-- **The levels** read one running sum and write nothing. A tile of 4096 samples (32 KiB) passes five levels at
-  once, which share their reads. Samples at the lags h and 2h are in a near cache up to h of about 10⁵ samples. A
-  sample is therefore read from memory once, and from a cache for each of the 19 levels (10⁶ samples) or 23 (10⁷).
-  This takes {near:.2f} ns per sample and level at 10⁶ for reads and arithmetic (one and a half loads and three or four operations per vector of
-  coefficients).
+- **The levels** read one running sum and write nothing. A tile of 4096 samples (32 KiB) passes five levels at once,
+  which share their reads. Samples at the lags h and 2h are in a near cache up to h of about 10⁵ samples. A sample is
+  therefore read from memory once, and from a cache for each of the 19 levels (10⁶ samples) or 23 (10⁷). This takes
+  {near:.2f} ns per sample and level at 10⁶ for reads and arithmetic (one and a half loads and three or four
+  operations per vector of coefficients).
 - **Beyond the caches** (10⁷ samples, a running sum of 80 MB) the lags of the coarsest levels exceed the last cache.
-  Each such level is another stream from memory, and the levels take {far:.2f} ns per sample and level
-  instead of {near:.2f}. In chunks these levels use only every τ/64-th coefficient and need no such streams:
-  {chunks:.1f} ns per sample in all, of which the memory traffic alone would need {memory:.1f}.
+  Each such level is another stream from memory, and the levels take {far:.2f} ns per sample and level instead of
+  {near:.2f}. In chunks these levels use only every τ/64-th coefficient and need no such streams: {chunks:.1f} ns per
+  sample in all, of which the memory traffic alone would need {memory:.1f}.
 - **Possible improvement**: with all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
   {real:.1f}. This would need coarse levels from every τ/64-th coefficient, as in a stream. In memory gmwm uses every
   coefficient, as the definition does.
