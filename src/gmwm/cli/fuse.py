@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm fuse array.csv --output virtual.csv --plot virtual.png",
-    "gmwm fuse imu0.csv imu1.csv imu2.csv --horizon 10s --axis gyro --plot virtual.png",
-    "gmwm fuse static.csv --horizon 60s --apply drive.csv --output drive_virtual.csv",
+    "gmwm fuse imu0.csv imu1.csv imu2.csv --horizon 10s --plot virtual.png",
+    "gmwm fuse static.csv --horizon 60s --apply drive.csv --output fused.csv",
 )
 
 

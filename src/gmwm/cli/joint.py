@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm joint static.csv --axis gyro --model 'shared(RW) + WN'",
-    "gmwm joint static.csv --model 'common(GM) + GM + RW + WN' --levels 9-17 --plot joint.png --json",
+    "gmwm joint static.csv --model 'common(GM) + RW + WN' --plot joint.png",
 )
 
 

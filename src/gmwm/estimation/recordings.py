@@ -225,7 +225,7 @@ def _parts(fit: Fit, names: list[str]) -> list[_Part]:
         curve, scatter, slopes = known[key]
         mean = fit.wavelet_variance.variance[: design.levels.size]
         variance = wv.variance[used]
-        parts.append(_Part(k, curve, variance - curve, variance - mean, scatter, slopes))
+        parts.append(_Part(k, curve, left=variance - curve, apart=variance - mean, scatter=scatter, slopes=slopes))
     return parts
 
 

@@ -44,7 +44,7 @@ class Sample:
 
 
 class Reading:
-    """The table of a fleet, with units and axes as indices of arrays (axes, units)."""
+    """The table of a fleet as arrays (axes, units): one row for each axis, one column for each unit."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
         import polars

@@ -88,7 +88,7 @@ class Curve:
         logs = np.log(ends)
         logs = logs - logs.mean(axis=1, keepdims=True)
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(logs, axis=0), axis=1))])
-        return cls(kind, branch, u[::2], length, controls, margin)
+        return cls(kind, branch, nodes=u[::2], length=length, controls=controls, margin=margin)
 
     def cells(self, low: float, high: float) -> NDArray[np.int64]:
         """Cells that an interval of lengths touches."""

@@ -147,7 +147,12 @@ def least_squares(
     _, hessian = barrier.at(s, mu)
     hessian = (hessian + quadratic) / np.outer(unit, unit) * size**2
     return Conic(
-        cone.matrices(s * unit), value * size**2, 2 * rank * mu * size**2, hessian, steps, cone.matrices(inside * unit)
+        sigmas=cone.matrices(s * unit),
+        objective=value * size**2,
+        gap=2 * rank * mu * size**2,
+        hessian=hessian,
+        steps=steps,
+        warm=cone.matrices(inside * unit),
     )
 
 

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, null_space
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.joint.state_space import factor
@@ -54,7 +53,8 @@ class DifferenceFilter:
     def static(cls, weights: Vector) -> DifferenceFilter:
         """Static weights as a filter without states."""
         d = weights.size
-        return cls(weights, np.zeros((d - 1, d)), np.zeros((0, 0)), np.zeros((0, d - 1)), np.zeros(0))
+        empty = np.zeros((0, 0))
+        return cls(weights, np.zeros((d - 1, d)), A=empty, K=np.zeros((0, d - 1)), C=np.zeros(0))
 
     @property
     def memory(self) -> int:
@@ -136,6 +136,8 @@ class ArrayNoise:
 
     def filter(self) -> DifferenceFilter:
         """The Kalman filter on differences."""
+        from scipy.linalg import block_diag, null_space
+
         white = self.white
         d = len(white)
         inverse = np.linalg.solve(white, np.ones(d))
@@ -150,7 +152,7 @@ class ArrayNoise:
         R = differences @ white @ differences.T
         ahead = _steady(F, Q, H, R)
         K = np.linalg.solve(H @ ahead @ H.T + R, H @ ahead).T
-        return DifferenceFilter(weights, differences, (np.eye(len(F)) - K @ H) @ F, K, C)
+        return DifferenceFilter(weights, differences, A=(np.eye(len(F)) - K @ H) @ F, K=K, C=C)
 
     @staticmethod
     def _seen(
@@ -170,6 +172,8 @@ class ArrayNoise:
         The states of the filter are ξ = G z + e, with z the states without a stationary distribution, G their constant
         response and e stationary. For random walks z, e_t = A e_{t−1} − A G w_{t−1} + K B (other noise at t).
         """
+        from scipy.linalg import block_diag
+
         parts = [(space, factor(sigma)) for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]
         F = block_diag(*(np.kron(space.F, np.eye(root.shape[1])) for space, root in parts))
         Q = block_diag(*(np.kron(space.Q, np.eye(root.shape[1])) for space, root in parts))

@@ -76,7 +76,9 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
         raise DataError("a signal has no noise at some scales", argument="x")
     unit = np.exp(-0.5 * np.mean(np.log(variances), axis=0))
     moments = stacked(gamma * np.outer(unit, unit))
-    problem = JointProblem(terms, moments, _first_root(gamma * np.outer(unit, unit), design), design, unit.size)
+    problem = JointProblem(
+        terms, moments, root=_first_root(gamma * np.outer(unit, unit), design), design=design, d=unit.size
+    )
     found = search(problem)
     implied = _implied(problem, found)
     for k in range(ROUNDS):
@@ -88,7 +90,9 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
         before, implied = implied, _implied(problem, found)
         if k > 1 and float(np.max(np.abs(implied / before - 1))) < SETTLED:
             break
-    return Settled(problem, found, unit, lag_products(problem.processes(found.u), design), measured)
+    return Settled(
+        problem, found, unit=unit, products=lag_products(problem.processes(found.u), design), measured=measured
+    )
 
 
 def _implied(problem: JointProblem, found: Found) -> Matrix:

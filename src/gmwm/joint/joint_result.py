@@ -256,7 +256,7 @@ class JointFit(Summarised):
         )  # fmt: skip
 
     def shared(self, term: str) -> SharedTerm:
-        """Test whether a term is shared: against the model in which the signals have it independently.
+        """Test the null hypothesis that each signal has a term independently, so that its correlations are zero.
 
         Raises
         ------

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import least_squares as levenberg_marquardt
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.joint.conic import Cone, Conic, least_squares
@@ -166,6 +165,8 @@ def _newton(curvature: Matrix, gradient: Vector) -> Vector:
 
 def polish(problem: JointProblem, found: Found) -> Found:
     """The optimum with common terms of rank one, from the one with any rank, by the factors of all matrices."""
+    from scipy.optimize import least_squares as levenberg_marquardt
+
     if not any(term.kind == "common" for term in problem.terms):
         return found
     factors = _Factors(problem)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import block_diag
 
 from gmwm._arrays import Matrix, freeze
 from gmwm.processes.base import Process
@@ -146,6 +145,8 @@ def continuous(
 
 def _kronecker(parts: Sequence[tuple[Any, Matrix]], d: int, names: tuple[str, ...]) -> dict[str, Any]:
     """Block-diagonal matrices by name, with H and the start of the states."""
+    from scipy.linalg import block_diag
+
     wide = [(space, root) for space, root in parts if space.states and root.size]
     out: dict[str, Any] = {
         name: block_diag(*(np.kron(getattr(space, name), np.eye(root.shape[1])) for space, root in wide))

@@ -52,9 +52,10 @@ FORMAT = "gmwm-monitor"
 class Monitor:
     """Monitor a sensor at rest, and report when its noise or its level changes.
 
-    The samples of each axis pass the Kalman filter of its calibrated model. CUSUM charts watch the mean squares of the
+    The samples of each axis pass through the Kalman filter of its model. CUSUM charts watch the mean squares of the
     Haar coefficients of its standardised innovations, and their block means, at all scales. Further charts watch single
-    innovations and equal samples. An alarm is reported after one second, in which the fault is named.
+    innovations and equal samples. An event is reported one second after the alarm, or up to a minute
+    for a slow change of the level; in this time its kind is determined.
 
     The events do not depend on how the samples are cut into chunks. A monitor can be pickled, or written as JSON with
     `to_dict`, and goes on where it was.
@@ -69,7 +70,7 @@ class Monitor:
     rate : float, optional
         Sampling rate (Hz); that of the calibration by default.
     baseline : mapping of axis to Baseline, or None, optional
-        What the innovations are while the sensor is good; by default what the calibration has. None compares with the
+        Statistics of the innovations of the good sensor; by default those in the calibration. None compares with the
         model alone, which a real sensor never follows exactly.
     axes : sequence of str, optional
         The axes to monitor; all by default.
