@@ -202,3 +202,13 @@ def test_three_units_are_compared_and_the_changed_one_is_named(folder, tmp_path)
     assert json.loads(found.stdout)["events"] == []
     for words in ((*paths[:2],), (*paths, "--plot", "a.png"), (*paths, "--follow")):
         assert invoke(*words, "--from-fits", folder).exit_code == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cut", [(), ("--start", "100s")])
+def test_times_count_from_the_first_sample_of_the_recording(folder, tmp_path, cut):
+    bad = library.read(folder / "bad.csv")
+    arrays = {axis: bad[axis].values for axis in AXES}
+    library.Imu.from_arrays(arrays, rate=RATE, start=1.7e9).write(tmp_path / "clock.csv")
+    found = invoke(tmp_path / "clock.csv", "--from-fits", folder, *cut)
+    assert found.stdout.startswith("150.0 s  gyro_x  level jumped")

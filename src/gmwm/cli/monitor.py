@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -266,10 +267,14 @@ def _models(path: Path) -> Mapping[str, Any]:
 
 
 def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
-    """Yield the events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end."""
+    """Yield the events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end.
+
+    Times count from the first sample of the recording, as those of the other commands.
+    """
+    origin = stream.time_base.start - stream.time_base.left
     try:
         for chunk in stream:
-            yield from trace.update(chunk)
+            yield from trace.update(replace(chunk, start=chunk.start - origin))
     except KeyboardInterrupt:
         pass
     yield from trace.finish()
