@@ -188,14 +188,15 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
     return finder.result()
 
 
-def burst_ranges(values: Vector, rate: float, step: float, *, small: bool = False) -> Ranges:
-    """Return index ranges (k, 2) of the samples in bursts, ordered and without overlap; see `find_bursts`.
+def burst_ranges(panel: Vector, rate: float, step: float, *, small: bool = False) -> Ranges:
+    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap.
 
     A burst at a level is left out if it overlaps one of a finer level, where its place is known better.
 
     Parameters
     ----------
-    values : (N,) array
+    panel : (N,) array
+        At most `panel_length` samples.
     rate : float
         Sampling rate (Hz).
     step : float
@@ -203,16 +204,13 @@ def burst_ranges(values: Vector, rate: float, step: float, *, small: bool = Fals
     small : bool
         Also find bursts of coefficients that are large for this noise, though less than `LARGE`.
     """
-    length, found = panel_length(rate), list[list[int]]()
-    for begin in range(0, values.size, length):
-        own = np.empty((0, 2), dtype=np.int64)
-        for k, _, bursts in _of_levels(values[begin : begin + length], _levels(rate), rate, step, small=small):
-            new = np.stack([bursts.first << k, (bursts.last + 2) << k], axis=1)
-            new = new[np.searchsorted(own[:, 0], new[:, 1]) == np.searchsorted(own[:, 1], new[:, 0], side="right")]
-            own = np.concatenate([own, new])
-            own = own[np.argsort(own[:, 0])]
-        found += (own + begin).tolist()
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    found = np.empty((0, 2), dtype=np.int64)
+    for k, _, bursts in _of_levels(panel, _levels(rate), rate, step, small=small):
+        new = np.stack([bursts.first << k, (bursts.last + 2) << k], axis=1)
+        new = new[np.searchsorted(found[:, 0], new[:, 1]) == np.searchsorted(found[:, 1], new[:, 0], side="right")]
+        found = np.concatenate([found, new])
+        found = found[np.argsort(found[:, 0])]
+    return found
 
 
 def _levels(rate: float) -> int:

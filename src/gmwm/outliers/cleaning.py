@@ -73,15 +73,17 @@ def cleaned(x: Signal) -> Cleaned:
     (1, '2.4, 1.0')
     """
     spikes = find_spikes(x)
-    knocks = _knocks(repaired(x, spikes).values, x.rate)
-    present = _outside(knocks, len(x))
+    signal = repaired(x, spikes)
+    knocks = _knocks(signal.values, x.rate)
     if knocks.size:
         # Knocks hide the tails of the noise from the search for spikes.
         spikes = find_spikes(replace(x, values=_mirrored(x.values, knocks)))
-    present[spikes.indices] = False
+        present = _outside(knocks, len(x))
+        present[spikes.indices] = False
+        signal = replace(x, values=drawn(x.values, present))
     times = times_of(knocks.ravel(), x.rate, x.segments, x.starts).reshape(-1, 2)
     return Cleaned(
-        signal=x if np.all(present) else replace(x, values=drawn(x.values, present)),
+        signal=signal,
         knocks=knocks,
         replaced=Replaced(
             spikes=len(spikes),
