@@ -7,12 +7,24 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from gmwm.errors import OptionError
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
-    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
+    from gmwm.readers.growing_files import GrowingFile, GrowingPipe, Lines
+
+Idle = Annotated[
+    str | None,
+    typer.Option(
+        help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
+        metavar="LENGTH",
+        show_default=False,
+    ),
+]
 
 
 @contextmanager
@@ -33,6 +45,12 @@ def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]
         yield take, Path("standard input" if file == "-" else file)
     finally:
         take.close()
+
+
+def remarks_on_end(take: GrowingFile | GrowingPipe, name: Path, lines: Lines) -> tuple[Remark, ...]:
+    """Return what a user needs to know about the end of a text."""
+    found = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
+    return (*found, *([Remark.of("last-line-left-out", str(name))] if lines.rest else []))
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import typer
 
 from gmwm._text import counted
 from gmwm.cli.command import command
-from gmwm.cli.growing_source import growing_source, interruptible
+from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.options import RESULT, Json
 from gmwm.cli.output import NewFile, Outcome, file_names, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of
@@ -75,14 +75,7 @@ def monitor(
     follow: Annotated[
         bool, typer.Option("--follow", help="Wait for more data at the end of a text file that is being written.")
     ] = False,
-    idle: Annotated[
-        str | None,
-        typer.Option(
-            help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
-            metavar="LENGTH",
-            show_default=False,
-        ),
-    ] = None,
+    idle: Idle = None,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -177,11 +170,7 @@ def _opened(
 
         lines = Lines(noted, lambda: not stopped() and (idle is None or time.monotonic() - came < idle))
 
-        def ended() -> tuple[Remark, ...]:
-            found = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
-            return (*found, *([Remark.of("last-line-left-out", str(name))] if lines.rest else []))
-
-        yield growing_stream(lines, name, reading), ended
+        yield growing_stream(lines, name, reading), lambda: remarks_on_end(take, name, lines)
 
 
 def _trace(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.growing_source import growing_source, interruptible
+from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
@@ -62,14 +62,7 @@ def watch(
         typer.Option(help="Wanted relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
     ] = "0.1",
     every: Annotated[str, typer.Option(help="Time between updates: 5s, 1min.", metavar="LENGTH")] = "5s",
-    idle: Annotated[
-        str | None,
-        typer.Option(
-            help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
-            metavar="LENGTH",
-            show_default=False,
-        ),
-    ] = None,
+    idle: Idle = None,
     datasheet: Datasheet = False,
     json: Json = False,
 ) -> Outcome:
@@ -101,16 +94,16 @@ def watch(
         source = growing_stream(lines, name, reading, patience=min(seconds, 5.0))
         measured = accumulators(source, chosen_names(source.axes, axis))
         failure = _fed(source, measured, view)
-    remarks = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
-    if lines.rest:
-        remarks.append(Remark.of("last-line-left-out", str(name)))
     curves = {one: made.result() for one, made in measured.items()}
     fits, failed = fitted(parsed, curves)
     return Outcome(
         command="watch",
         document={"file": file, "accuracy": wanted, "axes": as_dicts(curves, fits, wanted)},
         text=whole_text(curves, fits, failed=failed, accuracy=wanted, datasheet=datasheet),
-        remarks=(*remarks, *(Remark.of("not-fitted", one, reason=reason) for one, reason in failed.items())),
+        remarks=(
+            *remarks_on_end(take, name, lines),
+            *(Remark.of("not-fitted", one, reason=reason) for one, reason in failed.items()),
+        ),
         failure=failure,
     )
 

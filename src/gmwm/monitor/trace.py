@@ -136,7 +136,7 @@ class Trace:
         one = self.monitor
         length = duration_text(one.samples / one.rate)
         found = counted(len(self.events), "event") if self.events else "no event"
-        rest = "; the unit was moved and is not still yet" if one.resting else ""
+        rest = "; the unit was moved and is not yet still" if one.resting else ""
         return f"{found} in {length} ({counted(one.samples, 'sample')}) of {', '.join(one.axes)}{rest}"
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
