@@ -92,7 +92,7 @@ class JointFit(Summarised):
         Weighted squared distance of data and model at the estimate.
     lower_bound : float or None
         Proven lower bound on the objective of any parameters of this model; None without `certify`. Of a model with
-        common terms, the bound is that of the model in which they are shared.
+        common terms, the bound is the bound of the model in which they are shared.
     relaxed_bound : float or None
         The same for any number of terms of each process whose correlation time is searched.
     measured, implied : (J, d, d) arrays
@@ -293,7 +293,7 @@ class JointFit(Summarised):
         Parameters
         ----------
         rate : float, optional
-            Sampling rate (Hz); by default that of the recording. Parameters per sample are those of the recording, so
+            Sampling rate (Hz); by default the rate of the recording. Parameters per sample belong to that rate, so
             another rate is only for models whose parameters do not depend on it.
         """
         processes = self.settled.problem.processes(self.settled.found.u)

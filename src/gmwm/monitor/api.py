@@ -68,7 +68,7 @@ class Monitor:
     every : str or float
         Average time between false alarms of a good sensor, all axes together: "30d", or seconds.
     rate : float, optional
-        Sampling rate (Hz); that of the calibration by default.
+        Sampling rate (Hz); by default the rate of the calibration.
     baseline : mapping of axis to Baseline, or None, optional
         Statistics of the innovations of the good sensor; by default those in the calibration. None compares with the
         model alone, which a real sensor never follows exactly.
@@ -280,7 +280,7 @@ class Monitor:
         expected = self._now
         late = round((chunk.start - expected) * self.rate)
         if chunk.start < expected - 0.5 / self.rate:
-            # The time after the step is that of the new stamps.
+            # After the step, the time is the time of the new stamps.
             event = Event(kind="clock", time=expected, began=expected, size=expected - chunk.start, unit="s")
             return [*events, event, *self._after_gap(chunk.start, None, told=True)]
         return events + self._after_gap(chunk.start, late if late >= 1 else None)

@@ -17,7 +17,7 @@ NAMING = 1.0
 """Time (s) from the first alarm to its report, in which the kind is named and axes that change together are joined."""
 SLOWNESS, LONGEST_NAMING = 8.0, 60.0
 """A change of level is named after SLOWNESS times its duration up to the alarm, and after LONGEST_NAMING (s) at most.
-Then 9 of 10 excursions of slow noise are told from jumps (validation/study_monitor.py)."""
+9 of 10 excursions of slow noise are then not taken for jumps (validation/study_monitor.py)."""
 MOVED_RATIO = 2.0
 """Ratio of standard deviations above which more noise counts as motion, not as a fault of the noise."""
 LINE_CHANCE = 1e-4

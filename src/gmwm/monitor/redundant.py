@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gmwm.signals import Imu
 
 LEAST = 3
-"""Number of units from which on the one that has changed can be named."""
+"""Fewest units among which the changed unit can be named."""
 REFERENCE = 0.1
 """Share of the recordings from which the baseline is measured, their beginning."""
 BLOCK = 1 << 11
