@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from gmwm import Calibration
 from gmwm.simulation import simulate
+from tests.readers.rosbag_files import START, STEP, imu, numbers, store_of, written
 
 DAYS = ("monday", "tuesday", "wednesday")
 
@@ -73,3 +75,44 @@ def test_files_of_one_name_have_the_names_of_their_folders(gmwm, files, tmp_path
         (tmp_path / day / "static.csv").write_bytes(Path(file).read_bytes())
     found = gmwm("calibrate", tmp_path / "cold/static.csv", tmp_path / "warm/static.csv", "--within", "WN", "--json")
     assert list(json.loads(found.out)["recordings"]) == ["cold", "warm"]
+
+
+@pytest.fixture
+def two_clocks(tmp_path):
+    """A bag as RealSense cameras write it: gyroscopes at 200 Hz and accelerometers at 100 Hz, a topic each."""
+    store, data = store_of("mcap"), numbers(4000)
+    gyro, accel = data.copy(), data.copy()
+    gyro[:, 3:] = accel[:, :3] = 0
+    topics = {
+        f"/camera/{name}/sample": (
+            "sensor_msgs/msg/Imu",
+            [(START + k * step, imu(store, START + k * step, row)) for k, row in rows],
+        )
+        for name, rows, step in (("gyro", enumerate(gyro), STEP), ("accel", enumerate(accel[:2000]), 2 * STEP))
+    }
+    return written(tmp_path, "mcap", topics)
+
+
+@pytest.mark.slow
+def test_gyroscopes_and_accelerometers_with_a_topic_each_are_one_unit(gmwm, two_clocks, tmp_path):
+    outcome = gmwm("calibrate", two_clocks, "--within", "WN", "--output", tmp_path / "both", "--json")
+    assert outcome.code == 0, outcome.err
+    assert list(outcome.json["axes"]) == ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+    assert list(outcome.json["recordings"]) == ["/camera/gyro/sample", "/camera/accel/sample"]
+    both = Calibration.load(tmp_path / "both" / "calibration.json")
+    assert both["gyro_x"].wavelet_variance.rate == pytest.approx(200)
+    assert both["accel_x"].wavelet_variance.rate == pytest.approx(100)
+    assert "at 200 Hz and 2000 samples at 100 Hz" in (tmp_path / "both" / "imu.yaml").read_text(encoding="utf-8")
+    for sensor in ("gyro", "accel"):
+        options = ("--topic", f"/camera/{sensor}/sample", "--within", "WN", "--output", tmp_path / sensor)
+        assert gmwm("calibrate", two_clocks, *options).code == 0
+    joined = gmwm("export", tmp_path / "gyro", tmp_path / "accel")
+    assert joined.code == 0, joined.err
+    assert joined.out == both.export()
+    assert "gyro_x is in more than one" in gmwm("export", tmp_path / "gyro", tmp_path / "both").err
+
+
+@pytest.mark.slow
+def test_one_of_two_topics_can_be_chosen_by_its_axes(gmwm, two_clocks):
+    outcome = gmwm("calibrate", two_clocks, "--within", "WN", "--axis", "accel", "--json")
+    assert list(outcome.json["axes"]) == ["accel_x", "accel_y", "accel_z"]

@@ -90,12 +90,13 @@ def _failed(calibration: Calibration) -> Iterator[Remark]:
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
     """Yield remarks on the longest usable scale, and on a recording that is too short for a test."""
-    seen: set[tuple[int, float]] = set()
-    for found in calibration.axes.values():
+    shapes: dict[tuple[int, float], dict[str, WaveletVariance]] = {}
+    for axis, found in calibration.axes.items():
         wv = found.fit.wavelet_variance
-        if (wv.samples, wv.rate) not in seen:
-            seen.add((wv.samples, wv.rate))
-            yield _longest_scale(wv)
+        shapes.setdefault((wv.samples, wv.rate), {})[axis] = wv
+    for alike in shapes.values():
+        longest = _longest_scale(next(iter(alike.values())))
+        yield from [longest] if len(shapes) == 1 else [longest.about(axis) for axis in alike]
     if all(found.test is None for found in calibration.axes.values()):
         yield Remark.of("no-test")
 

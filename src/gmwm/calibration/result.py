@@ -235,6 +235,37 @@ class Calibration(Summarised, Mapping[str, Fit]):
         (path,) = paths
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
+    def combined(self, *others: Calibration) -> Calibration:
+        """Return one calibration of sensors that were calibrated apart, because their clocks or files differ.
+
+        Parameters
+        ----------
+        *others : Calibration
+            Calibrations of other axes of the same unit.
+
+        Returns
+        -------
+        Calibration
+            All axes. `recordings` describes each recording, by topic or by source; `settings` are those of `self`.
+
+        Raises
+        ------
+        DataError
+            If two calibrations have an axis in common, or their confidence levels differ.
+
+        Examples
+        --------
+        >>> import gmwm
+        >>> slow = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=200.0, samples=20_000, rng=1)
+        >>> fast = gmwm.simulate({"accel_x": "WN(sigma2=2e-5)"}, rate=250.0, samples=20_000, rng=2)
+        >>> gyro, accel = gmwm.calibrate(slow, "WN"), gmwm.calibrate(fast, "WN")
+        >>> list(gyro.combined(accel))
+        ['gyro_x', 'accel_x']
+        """
+        from gmwm.calibration.combination import combined
+
+        return combined((self, *others))
+
     def summary(self, *, every: bool = False) -> str:
         """Describe the calibration as text: verdict, a table for each sensor, and the most severe remarks.
 

@@ -201,7 +201,7 @@ def _legend(calibration: Calibration) -> list[str]:
     level = calibration.settings.confidence
     held = any(held_lines(found.fit.model) for found in calibration.axes.values())
     lines = f" {HELD}: number of lines with fixed frequency and amplitude; the datasheets list them." if held else ""
-    if calibration.recordings:
+    if any(found.replicates for found in calibration.axes.values()):
         lines += (
             " spread: standard deviation between recordings without estimation errors; intervals include it. p of "
             "equality: p-value of the test that the recordings are equal."

@@ -29,7 +29,7 @@ from gmwm.cli.options import (
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
 from gmwm.cli.read_options import INPUT, Axes, Files, chosen_names, document_of, names_of, only_file
-from gmwm.cli.topics import each_topic
+from gmwm.cli.topics import each_topic, separate_topics
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.regression.against import AUTO
@@ -104,6 +104,7 @@ def calibrate(
     K the rate random walk, R the rate ramp and Q the quantization noise; T_c and q_c describe Gauss-Markov processes,
     f_b, f_r and Q_r the filter and the resonance of the sensor.
 
+    If a file has gyroscopes and accelerometers in two topics with different clocks, both are calibrated.
     Several files are several recordings of one unit. They get one model and one fit for each axis, a test whether they
     are equal, and intervals that include the spread between them.
 
@@ -123,22 +124,47 @@ def calibrate(
         against=against,
     )  # fmt: skip
 
-    def one(reading: ReadOptions, output: Path | None) -> Outcome:
-        spread = scheduler is not None or workers is not None
-        if spread:
-            only_file(files, "--workers" if scheduler is None else "--scheduler")
-        names = names_of(files)
-        recordings = [opened(file, reading, chunked, spread=spread, whole=memory_for(against)) for file in files]
+    spread = scheduler is not None or workers is not None
+    if spread:
+        only_file(files, "--workers" if scheduler is None else "--scheduler")
+
+    def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
+        groups = [
+            [opened(file, topic, chunked, spread=spread, whole=memory_for(against)) for file in files]
+            for topic in readings
+        ]
         if output is not None:
             made_directory(output)
-        wanted = replace(asked, axes=chosen_names(list(dict.fromkeys(a for r in recordings for a in r.axes)), axis))
-        data = recordings[0] if len(files) == 1 else dict(zip(names, recordings, strict=True))
-        found = calibrated(data, wanted, scheduler=scheduler, workers=workers).of_file(*files)
+        known = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
+        wanted = replace(asked, axes=chosen_names(list(known), axis))
+        found = _united(groups, files, wanted, scheduler=scheduler, workers=workers)
         return _outcome(found, files, output, view=view, datasheet=datasheet)
 
+    apart = separate_topics(files, reading)
+    if apart:
+        return one([replace(reading, topic=topic) for topic in apart], output)
     if all_topics:
-        return each_topic(one, only_file(files, "--all-topics"), reading, output)
-    return one(reading, output)
+        return each_topic(lambda topic, folder: one([topic], folder), only_file(files, "--all-topics"), reading, output)
+    return one([reading], output)
+
+
+def _united(
+    groups: Sequence[Sequence[Imu | Stream]],
+    files: Sequence[Path],
+    options: CalibrationOptions,
+    *,
+    scheduler: str | None,
+    workers: int | None,
+) -> Calibration:
+    """Calibrate a unit whose sensors are in one group of recordings, or in a group for each sensor."""
+    found = []
+    for group in groups:
+        own = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))
+        data = group[0] if len(files) == 1 else dict(zip(names_of(files), group, strict=True))
+        if own:
+            wanted = replace(options, axes=own)
+            found.append(calibrated(data, wanted, scheduler=scheduler, workers=workers).of_file(*files))
+    return found[0].combined(*found[1:])
 
 
 def _outcome(

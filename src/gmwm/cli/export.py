@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
@@ -13,6 +13,7 @@ from gmwm.cli.command import command
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
+from gmwm.cli.read_options import document_of
 from gmwm.durations import parse_length
 from gmwm.errors import DataError, MissingTheoryError, OptionError
 from gmwm.exporters import export_formats
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm export results/calibration.json --format kalibr --output imu.yaml",
     "gmwm export results/calibration.json --format openvins --inflation 10",
+    "gmwm export gyro_results accel_results --output imu.yaml",
     "gmwm export results/calibration.json --all exported",
 )
 DEFAULT = "kalibr"
@@ -32,11 +34,12 @@ DEFAULT = "kalibr"
 
 @command
 def export(
-    calibration: Annotated[
-        Path,
+    calibrations: Annotated[
+        list[Path],
         typer.Argument(
-            help="calibration.json of gmwm calibrate --output, or its folder.",
-            metavar="CALIBRATION",
+            help="calibration.json of gmwm calibrate --output, or its folder. Give two if gyroscopes and "
+            "accelerometers were calibrated apart.",
+            metavar="CALIBRATION...",
             show_default=False,
         ),
     ],
@@ -97,12 +100,13 @@ def export(
         )
     seconds = parse_length(horizon, "horizon")
     choice: _Choice = {"axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate}
-    file = calibration_file(calibration)
-    found = Calibration.load(file)
+    files = [calibration_file(path) for path in calibrations]
+    first, *others = [Calibration.load(file) for file in files]
+    found = first.combined(*others)
     with named_as_options({"axes": "--axes"}):
         if all is not None:
-            return _all(found, file, made_directory(all, "all"), choice)
-        return _one(found, file, output=output, name=DEFAULT if format is None else format, choice=choice)
+            return _all(found, files, made_directory(all, "all"), choice)
+        return _one(found, files, output=output, name=DEFAULT if format is None else format, choice=choice)
 
 
 class _Choice(TypedDict):
@@ -114,21 +118,21 @@ class _Choice(TypedDict):
     rate: float | None
 
 
-def _one(found: Calibration, file: Path, output: Path | None, name: str, choice: _Choice) -> Outcome:
+def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _Choice) -> Outcome:
     """Write one format, or print it if there is no output file."""
     from gmwm.exporters import export as exported
 
     text = exported(found, None, name, **choice)
-    files = () if output is None else (text_file(output, text),)
+    new = () if output is None else (text_file(output, text),)
     return Outcome(
         command="export",
-        document={"file": str(file), "format": name, "text": text, "written": file_names(files)},
-        text="" if files else text,
-        files=files,
+        document={**document_of(files), "format": name, "text": text, "written": file_names(new)},
+        text="" if new else text,
+        files=new,
     )
 
 
-def _all(found: Calibration, file: Path, folder: Path, choice: _Choice) -> Outcome:
+def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choice) -> Outcome:
     """Write every format that the calibration allows; remarks give the reasons for the others."""
     from gmwm.exporters import export_all
 
@@ -136,7 +140,7 @@ def _all(found: Calibration, file: Path, folder: Path, choice: _Choice) -> Outco
     paths = tuple(written.values())
     return Outcome(
         command="export",
-        document={"file": str(file), "written": list(map(str, paths)), "left_out": left},
+        document={**document_of(files), "written": list(map(str, paths)), "left_out": left},
         written=paths,
         closing=f"\nWrote {len(paths)} of {len(paths) + len(left)} formats.",
         remarks=tuple(_reasons(left)),

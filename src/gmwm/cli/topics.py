@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,6 +62,21 @@ def each_topic(
             *(Remark.of("not-calibrated", topic, reason=reason) for topic, reason in failed.items()),
         ),
     )
+
+
+def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, ...]:
+    """Return the topics of the gyroscopes and of the accelerometers if one file holds exactly one of each.
+
+    The result is empty for several files, and if the user chose a topic or columns.
+    """
+    from gmwm.readers.topics import separate_sensors
+
+    if len(files) != 1 or reading.topic is not None or reading.columns is not None:
+        return ()
+    try:
+        return separate_sensors(files[0], reading.format) or ()
+    except (GmwmError, OSError):
+        return ()  # Opening the recording reports the error.
 
 
 def folder_of(topic: str) -> str:

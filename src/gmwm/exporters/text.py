@@ -28,8 +28,13 @@ def recording(calibration: Calibration) -> str:
     of a file."""
     source = f"{calibration.source}, " if calibration.source else ""
     one = calibration.recording
-    digests = [found.sha256 for found in ([one] if one else calibration.recordings.values()) if found.sha256]
-    extent = next(iter(calibration.values())).wavelet_variance.extent
+    found = [one] if one else list(calibration.recordings.values())
+    digests = list(dict.fromkeys(item.sha256 for item in found if item.sha256))
+    # Sensors with different clocks have different rates and lengths.
+    extents: dict[float, str] = {}
+    for fit in calibration.values():
+        extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
+    extent = " and ".join(extents.values())
     return f"Recording: {source}{extent}{f', SHA-256 {listed(digests)}' if digests else ''}.{_conditions(calibration)}"
 
 

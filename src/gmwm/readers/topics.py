@@ -67,6 +67,27 @@ def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
     return tuple(layout.topic for layout in layouts if layout.inertial or len(layouts) == 1)
 
 
+def separate_sensors(path: Source, format: str | None = None) -> tuple[str, str] | None:
+    """Return the names of the gyroscopes' and the accelerometers' recording of a file that holds exactly one of each.
+
+    Returns
+    -------
+    (gyroscopes, accelerometers), or None
+        None if the inertial recordings are others.
+
+    Raises
+    ------
+    ReadError, OptionError
+        If the file cannot be read.
+    """
+    file, reader = found_reader(path, format)
+    layouts = [layout for layout in reader.layouts(file) if layout.inertial]
+    named = {tuple(_sensors(layout)): layout.topic for layout in layouts}
+    if len(layouts) != 2 or set(named) != {("gyro",), ("accel",)}:
+        return None
+    return named["gyro",], named["accel",]
+
+
 def _readable(layout: Layout, path: Path) -> Layout:
     """Return the layout, after a check that it has columns.
 
@@ -105,10 +126,18 @@ def topic_words(layout: Layout) -> str:
     return layout.topic + (f" ({'; '.join(about)})" if about else "")
 
 
-_APART = " Gyroscopes and accelerometers with different clocks are read and calibrated one after the other."
+_APART = (
+    " Gyroscopes and accelerometers with different clocks are read one after the other. The command calibrate "
+    "calibrates both."
+)
 
 
 def _apart(layouts: Sequence[Layout]) -> bool:
     """Return whether one recording has only gyroscopes and another only accelerometers."""
-    sensors = [{channel.axis[:-2] for channel in layout.channels if channel.axis in AXES} for layout in layouts]
+    sensors = [_sensors(layout) for layout in layouts]
     return {"gyro"} in sensors and {"accel"} in sensors
+
+
+def _sensors(layout: Layout) -> set[str]:
+    """Return the sensors of a recording: gyro, accel, or both."""
+    return {channel.axis[:-2] for channel in layout.channels if channel.axis in AXES}
