@@ -103,14 +103,6 @@ def test_fits_are_written_with_it(gmwm, recording, tmp_path):
     assert "by maximum likelihood" in fit.summary()
 
 
-def test_a_model_without_states_is_refused_before_any_work(gmwm, folder):
-    outcome = gmwm("fit", folder / "none.csv", "-m", "WN + FN", "--ml")
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: --likelihood: ")
-    assert "FN" in outcome.err
-    assert outcome.err.count("\n") == 1
-
-
 @pytest.mark.slow
 def test_a_summary_without_the_record_says_what_is_missing(recording):
     signal = read(recording)["gyro_x"]

@@ -165,7 +165,7 @@ def test_a_fast_term_of_the_bias_is_remarked(gmwm, recording):
 
 CASES = {
     "no model": (["{file}"], ["--model", "--from-fits"]),
-    "no states": (["{file}", "-m", "WN + FN"], ["--model: ", "FN"]),
+    "no states": (["{file}", "-m", "PL(alpha=2.5, nu2=1e-9)"], ["PL", "from 0 to 2", "2.5"]),
     "a filter ahead": (
         ["{file}", "-m", MODEL, "--kind", "filter", "--predict", "1min"],
         ["--predict", "--kind filter"],

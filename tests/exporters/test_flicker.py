@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from gmwm import GM
-from gmwm.errors import MissingTheoryError
 from gmwm.exporters import export_formats
 from gmwm.remarks import texts
-from tests.helpers import raises
 
 from .conftest import RATE, SAMPLES, calibrated, remarks_in, words
 from .consumers import CONSUMERS
@@ -94,9 +92,9 @@ def test_ros_leaves_it_out_and_says_so(unit):
 
 
 @pytest.mark.slow
-def test_matrices_name_the_axis(unit):
-    with raises(MissingTheoryError, "gyro_x", "FN"):
-        unit.export(format="state-space")
-    assert '"matrices": null' in unit.export(format="json")
-    for format in set(export_formats()) - {"state-space"}:
+def test_matrices_state_the_error_of_the_approximation(unit):
+    found = [one for one in remarks_in(unit, "state-space") if one.code == "state-approximated"]
+    assert [(one.subject, one.facts["terms"]) for one in found] == [(axis, ("FN",)) for axis in TRUTHS]
+    assert all(one.facts["error"].value < 1.0 for one in found)
+    for format in export_formats():
         assert unit.export(format=format)

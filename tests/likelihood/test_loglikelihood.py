@@ -105,7 +105,7 @@ def test_a_free_slope_of_a_drift_is_at_its_best(text, mean, missing):
 def test_every_process_with_a_state_space_is_among_them():
     there = {p.name.partition("(")[0] for t in (*STATIONARY, *WANDERING) for p in parsed(t).processes}
     for name, process in every_class().items():
-        if process.has("state_space"):
+        if process._derives("state_space"):
             assert name.partition("(")[0] in there, name
 
 
@@ -280,13 +280,12 @@ def test_the_order_of_terms_and_missing_samples_at_the_ends_change_nothing():
     assert one.loglikelihood(padded, RATE) == pytest.approx(here, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", [n for n, p in every_class().items() if not p.has("state_space")])
-def test_a_process_without_a_state_space_is_refused(name):
-    process = every_class()[name]
-    shape = process.at_coordinates(process.scan(1000, RATE).mean(axis=1)[None, :])[0]
-    model = Model((process.standard(shape),))
-    with raises(MissingTheoryError, name.partition("(")[0], "finite state", advises=["Gauss-Markov"]):
-        model.loglikelihood(np.random.default_rng(1).standard_normal(50), RATE)
+@pytest.mark.parametrize(
+    "text", ["PL(alpha=2.5, nu2=1.0)", "FGN(hurst=0.3, sigma2=1.0)", "MAT(beta=1.0, nu=6.0, sigma2=1.0)"]
+)
+def test_values_without_a_state_space_are_refused(text):
+    with raises(MissingTheoryError, text.partition("(")[0], "state space"):
+        Model.parse(text).loglikelihood(np.random.default_rng(1).standard_normal(50), RATE)
 
 
 def test_the_error_for_a_process_of_a_user_names_the_missing_method():

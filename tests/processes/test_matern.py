@@ -170,11 +170,8 @@ def test_the_correlation_time_is_where_a_share_of_one_over_e_is_left():
     assert MAT(beta=2.0).correlation_time(RATE) is None
 
 
-def test_no_state_space_and_no_density():
-    for theory in ("state_space", "psd"):
-        assert not MAT.has(theory)
-    with raises(MissingTheoryError, process="MAT", theory="state_space"):
-        MAT(1.0, 1.5, 1.0).state_space(RATE)
+def test_no_density():
+    assert not MAT.has("psd")
 
 
 @pytest.mark.slow

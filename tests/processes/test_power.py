@@ -245,10 +245,6 @@ def test_over_a_horizon_it_counts_as_what_has_its_allan_deviation_there():
     assert found["N_eff"].low < found["N_eff"].value < found["N_eff"].high
 
 
-def test_no_state_space_and_the_way_out():
-    with raises(MissingTheoryError, process="FN", theory="state_space", advises=("Gauss-Markov",)):
-        FN(b2=1.0).state_space(RATE)
-    with raises(MissingTheoryError, advises=("Gauss-Markov",), rest="WN(sigma2=1.0)"):
-        (WN(sigma2=1.0) + FN(b2=1.0)).state_space(RATE)
+def test_a_process_that_is_not_stationary_has_no_autocovariance():
     with raises(MissingTheoryError, "not stationary", process="PL", theory="autocovariance"):
         PL(alpha=0.2, nu2=1.0).autocovariance([0, 1], RATE)

@@ -10,7 +10,7 @@ import typer
 
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fitted_conditions, require_unused
-from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text, require_states
+from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
 from gmwm.cli.measuring import Chunked, measured_together, memory_for, needs_memory, opened_together
 from gmwm.cli.options import (
@@ -117,8 +117,7 @@ def fit(
         bool,
         typer.Option(
             *LIKELIHOOD,
-            help="Also fit by maximum likelihood, starting from the wavelet fit. Outliers affect this fit. Every "
-            "process needs a state-space form; FN, PL, FGN and MAT do not have one.",
+            help="Also fit by maximum likelihood, starting from the wavelet fit. Outliers affect this fit.",
             rich_help_panel="Estimation",
         ),
     ] = False,
@@ -202,7 +201,6 @@ def fit(
             weighting=weighting, robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
         )  # fmt: skip
     if likelihood:
-        require_states(parsed, argument="likelihood")
         only_file(files, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)
     whole = LIKELIHOOD[0] if likelihood else needs_memory(filter, transform)

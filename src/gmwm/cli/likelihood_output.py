@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gmwm.errors import MissingTheoryError
 from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
@@ -29,33 +28,6 @@ class Judged:
     intervals: Mapping[str, Interval]
     missing: Remark | None
     residuals: Residuals
-
-
-def require_states(model: Model, *, argument: str = "", subject: str = "") -> None:
-    """Check that every process of a model has a state-space form.
-
-    Parameters
-    ----------
-    model : Model
-    argument : str
-        Argument that holds the model or needs it, for the error.
-    subject : str
-        Origin of the model, for the error.
-
-    Raises
-    ------
-    MissingTheoryError
-        If a process has none.
-    """
-    from gmwm.likelihood.system import require_state
-
-    for process in model.processes:
-        try:
-            require_state(process)
-        except MissingTheoryError as error:
-            error.prefix = argument
-            error.about(subject)
-            raise
 
 
 def likelihood_fits(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.cli.likelihood_output import LIKELIHOOD, likelihood_fits, require_states
+from gmwm.cli.likelihood_output import LIKELIHOOD, likelihood_fits
 from gmwm.errors import OptionError, ReadError
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ ModelText = Annotated[
     typer.Option(
         "--model",
         "-m",
-        help="Sum of processes, as for gmwm fit; every process needs a state-space form. If all parameters have "
-        "values, these are used; otherwise the model is first fitted to each axis.",
+        help="Sum of processes, as for gmwm fit. If all parameters have values, these are used; otherwise the model is "
+        "first fitted to each axis.",
         metavar="MODEL",
         show_default=False,
     ),
@@ -120,7 +120,6 @@ def model_source(
             efficiency=efficiency,
         )
     parsed = Model.parse(str(model))
-    require_states(parsed, argument="model")
     return ModelSource(
         model=parsed,
         fits={},
@@ -186,6 +185,5 @@ def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
         fit = LikelihoodFit.from_dict(content["likelihood"])
     else:
         fit = Fit.from_dict(content)
-    require_states(fit.model, subject=f"{axis} in {source.fits_file}")
     same = source.fitted_file is not None and Path(source.fitted_file).name == file.name
     return AxisModel(fit, f"from {source.fits_file}", same)

@@ -6,19 +6,17 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from gmwm.errors import MissingTheoryError
 from gmwm.processes.model import Model
 
 
-def has_matrices(model: Model) -> bool:
-    """Return whether every term has a state-space form."""
-    return model.has("state_space")
-
-
-def require_matrices(axis: str, model: Model) -> None:
-    """Raise an error if a term has no state-space form."""
-    if not has_matrices(model):
-        missing = next(p for p in model.processes if not p.has("state_space"))
-        raise missing.missing("state_space").at(axis)
+def has_matrices(model: Model, rate: float) -> bool:
+    """Return whether every term has a state-space form at its values."""
+    try:
+        model.state_space(rate)
+    except MissingTheoryError:
+        return False
+    return True
 
 
 def rows(matrix: Iterable[Iterable[float]]) -> list[list[float]]:

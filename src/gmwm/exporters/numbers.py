@@ -65,7 +65,7 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
         },
         "datasheet": [entry.to_dict() for entry in found.datasheet.entries],
         "filter": _filter(axis, calibration, options),
-        "matrices": axis_matrices(axis, calibration) if has_matrices(fit.model) else None,
+        "matrices": axis_matrices(axis, calibration) if has_matrices(fit.model, fit.wavelet_variance.rate) else None,
     }
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
+from gmwm.errors import MissingTheoryError
 from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
 from gmwm.exporters.findings import of_ramps
-from gmwm.exporters.matrices import require_matrices, rows
+from gmwm.exporters.matrices import rows
 from gmwm.exporters.text import cautions, commented, paragraphs, plain, recording
+from gmwm.processes.ladder import approximated
 from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
@@ -96,15 +98,22 @@ class StateSpaceFile(Exporter):
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return warnings of the calibration, and remarks on its rate ramps."""
-        return (*cautions(calibration), *of_ramps(calibration))
+        states = (
+            remark
+            for axis, fit in calibration.items()
+            for remark in approximated(fit.model, fit.wavelet_variance.rate, axis)
+        )
+        return (*cautions(calibration), *of_ramps(calibration), *states)
 
 
 def axis_matrices(axis: str, calibration: Calibration) -> dict[str, Any]:
     """Return the matrices of one axis as lists, with all digits."""
     fit = calibration[axis]
-    require_matrices(axis, fit.model)
     rate = fit.wavelet_variance.rate
-    space, smooth = fit.model.state_space(rate), fit.model.continuous(rate)
+    try:
+        space, smooth = fit.model.state_space(rate), fit.model.continuous(rate)
+    except MissingTheoryError as error:
+        raise error.at(axis) from error
     return {
         "model": str(fit.model),
         "unit": plain(fit.wavelet_variance.unit),

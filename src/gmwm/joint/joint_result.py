@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix
 from gmwm._tables import headed
 from gmwm._text import Named, Summarised
-from gmwm.errors import OptionError
+from gmwm.errors import MissingTheoryError, OptionError
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.joint.fitting import Settled, settle
 from gmwm.joint.inference import (
@@ -326,7 +326,10 @@ class JointFit(Summarised):
 
     def to_dict(self) -> dict[str, Any]:
         """Return estimates, errors, tests and the state space as plain numbers, lists and strings."""
-        known = all(term.process.has("state_space") for term in self.settled.problem.terms)
+        try:
+            states = self.state_space().to_dict()
+        except MissingTheoryError:
+            states = None
         return {
             "axes": list(self.axes),
             "units": dict(self.units),
@@ -349,7 +352,7 @@ class JointFit(Summarised):
             },
             "goodness_of_fit": self.goodness_of_fit().to_dict(),
             "shared": {term: asdict(self.shared(term)) for term in self._testable},
-            "state_space": self.state_space().to_dict() if known else None,
+            "state_space": states,
         }
 
     @property

@@ -18,8 +18,9 @@ from gmwm.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
 from gmwm.likelihood.search import Maximum, Search
-from gmwm.likelihood.system import LEVEL, require_state
+from gmwm.likelihood.system import LEVEL, assemble, require_state
 from gmwm.processes.base import Process
+from gmwm.processes.ladder import approximated
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
 from gmwm.regression.against import Against, Asked
@@ -57,7 +58,7 @@ def loglikelihood(
     ModelError
         If a parameter has no value, or the model predicts a sample exactly.
     MissingTheoryError
-        If a term has no state-space form, for example flicker noise.
+        If a term has no state-space form.
     DataError, OptionError
         If the data or the rate cannot be used.
 
@@ -173,6 +174,7 @@ def fit_ml(
             f"there is nothing to estimate: every parameter of {wanted} is held",
             advice="Free a parameter by leaving out `fixed(…)`; `Model.loglikelihood` computes the likelihood.",
         )
+    assemble(problem.model, problem.rate)
     found = Search(problem, progress=progress).run(problem.start())
     if found is None:
         raise nothing_to_chance(problem.model)
@@ -284,6 +286,7 @@ def _remarks(
         if process.scale > 0 and term not in acts_as:
             found = process.remarks(term, problem.record.observed, problem.rate)
             yield from (remark.about(axis) for remark in found)
+    yield from approximated(model, problem.rate, axis)
 
 
 def _renamed(name: str, terms: dict[str, str]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.errors import ModelError, OptionError
+from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.likelihood.record import Record
 from gmwm.likelihood.system import Coordinate, Regressor, System, assemble, at_shape, is_ramp, regressors, slopes
 from gmwm.processes.model import Model
@@ -195,12 +195,15 @@ class Problem:
             model = self.at_point(z)
         except OverflowError:  # a scale can diverge along a profile
             return None
-        system = assemble(model, self.rate)
+        wanted = [self.coordinates[k] for k in active]
+        try:
+            system = assemble(model, self.rate)
+            d = slopes(model, system, wanted, self.rate)
+        except MissingTheoryError:  # power-law noise has a state space for some exponents only
+            return None
         value, level = _likelihood(system, self.series, self.regressors)
         if not math.isfinite(value):
             return None
-        wanted = [self.coordinates[k] for k in active]
-        d = slopes(model, system, wanted, self.rate)
         flat = [k for k, r in enumerate(self.regressors) if r.flat]
         rest = self.series[0] - level.values @ self.series[1:] if level.values.size else self.series[0]
         rows = np.ascontiguousarray(np.vstack([rest, *(self.series[1 + k] for k in flat)]))

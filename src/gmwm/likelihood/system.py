@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector
-from gmwm._text import is_own
 from gmwm.errors import MissingTheoryError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -82,14 +81,9 @@ def require_state(process: Process) -> None:
     MissingTheoryError
     """
     if not process.has("state_space"):
-        if not is_own(type(process)):
-            raise MissingTheoryError(
-                f"{process.name} does not define state_space, which the likelihood and the Kalman filter need",
-                advice="Define it if the process has a finite state, or fit the wavelet variance.",
-            )
         raise MissingTheoryError(
-            f"{process.name} has no finite state, which the likelihood and the Kalman filter need",
-            advice="Replace it by two or three Gauss-Markov terms, or fit the wavelet variance.",
+            f"{process.name} does not define state_space, which the likelihood and the Kalman filter need",
+            advice="Define it if the process has a finite state, or fit the wavelet variance.",
         )
 
 

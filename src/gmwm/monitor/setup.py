@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 RATE_TOLERANCE = 0.01
 """Largest relative difference of the sampling rate from that of the calibration: the charts change by less than their
 dead band."""
-MISFIT = 0.1
-"""Relative error of the wavelet variance of an approximation above which a remark says so: the dead band."""
 
 
 def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dict[str, Model]:
@@ -98,9 +96,7 @@ def baselines_of(
 def remarks_of(gains: Mapping[str, Gain], baselines: Mapping[str, Baseline], *, wanted: bool) -> Iterator[Remark]:
     """What a user needs to know about the charts."""
     for axis, gain in gains.items():
-        finite = gain.finite
-        if finite.replaced:
-            yield Remark.of("monitor-approximated", axis, terms=", ".join(finite.replaced))
+        yield from (remark.about(axis) for remark in gain.finite.remarks)
         if wanted and axis not in baselines:
             yield Remark.of("monitor-no-baseline", axis)
 

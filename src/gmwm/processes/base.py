@@ -116,6 +116,8 @@ class Process(ABC):
     """Whether a sum can contain several terms of this process. This requires shape parameters, which can differ."""
     stationary: ClassVar[bool] = True
     """Whether the process has an autocovariance."""
+    approximate: ClassVar[bool] = False
+    """Whether `state_space` is an approximation (see `ladder`), from which nothing else is derived."""
     parametrises: ClassVar[str | None] = None
     """Name of the process, if several classes parametrise it; a model may use only one of these classes."""
 
@@ -215,8 +217,7 @@ class Process(ABC):
     @classmethod
     def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
         """Return the process with scale coefficient 1 and these nonlinear parameters."""
-        names = [p.name for p in cls.nonlinear_parameters()]
-        given = dict(zip(names, map(float, nonlinear), strict=True))
+        given = dict(zip((p.name for p in cls.nonlinear_parameters()), map(float, nonlinear), strict=True))
         return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
 
     @classmethod
@@ -258,7 +259,7 @@ class Process(ABC):
         (n, J) array
         """
         wanted, made = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
-        if filter is HAAR and made and cls._gives("state_space"):
+        if filter is HAAR and made and cls._derives("state_space"):
             return haar_variances([process.state_space(rate) for process in made], wanted)
         rows = [process._variance_under(filter, wanted, rate) for process in made]
         return np.array(rows, dtype=np.float64).reshape(len(rows), wanted.size)
@@ -271,8 +272,7 @@ class Process(ABC):
         wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
         result = np.zeros((len(theta), wanted.size, theta.shape[1]))
         room = cls.room(theta)
-        for k in range(theta.shape[1]):
-            step = 0.01 * room[:, k]
+        for k, step in enumerate(0.01 * room.T):
             for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
                 for sign in (1, -1):
                     moved = theta.copy()
@@ -351,7 +351,7 @@ class Process(ABC):
         """
         m, rate = np.abs(as_lags(lags)), as_rate(rate)
         self._require("running_sum_covariance")
-        if self.has("state_space"):
+        if self._derives("state_space"):
             return -0.5 * self.state_space(rate).block_variance(m)
         longest = int(m.max(initial=0))
         if longest > _LONGEST_SUM:
@@ -462,7 +462,7 @@ class Process(ABC):
         """
         self._require("simulate")
         (n, count), rate, generator = as_paths(n, paths), as_rate(rate), as_rng(rng)
-        if self.has("state_space"):
+        if self._derives("state_space"):
             out = self.state_space(rate).simulate(n, generator, count)
         else:
             roots = circulant_embedding.safe_amplitudes(
@@ -505,11 +505,13 @@ class Process(ABC):
         """
         if theory not in _SOURCES:
             raise OptionError(argument="theory", expected=f"one of {', '.join(_SOURCES)}", got=theory)
-        if cls._gives(theory):
-            return True
-        if theory in _NEEDS_STATIONARITY and not cls.stationary:
-            return False
-        return any(cls.has(source) for source in _SOURCES[theory])
+        possible = cls.stationary or theory not in _NEEDS_STATIONARITY
+        return cls._gives(theory) or (possible and any(cls._derives(source) for source in _SOURCES[theory]))
+
+    @classmethod
+    def _derives(cls, source: str) -> bool:
+        # Theory can be derived from what is defined and exact.
+        return cls.has(source) and not (source == "state_space" and cls.approximate)
 
     @classmethod
     def _gives(cls, theory: str) -> bool:
@@ -523,12 +525,11 @@ class Process(ABC):
     def missing(self, theory: str) -> MissingTheoryError:
         """Make the error for theory that the process does not define; the advice lists what it defines."""
         defined = [name for name in _SOURCES if self.has(name)]
-        if function_of(type(self).mean) is not Process.mean:
-            defined.append("mean")
+        defined += ["mean"] if function_of(type(self).mean) is not Process.mean else []
         what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
-        message = "cannot be simulated" if theory == "simulate" else f"has no {what}"
+        what = "cannot be simulated" if theory == "simulate" else f"has no {what}"
         return MissingTheoryError(
-            f"{self.name} {message}{'' if self.stationary else ' (it is not stationary)'}",
+            f"{self.name} {what}{'' if self.stationary else ' (it is not stationary)'}",
             advice="It defines {defined}.",
             theory=theory,
             process=self.name,
@@ -541,7 +542,7 @@ class Process(ABC):
         """Wavelet variance under any filter, derived from the theory that the process defines."""
         if filter is HAAR:
             return self._haar_variance(levels, rate)
-        if self._gives("state_space") and self.stationary:
+        if self._derives("state_space") and self.stationary:
             return filtered.state_space_variance(self.state_space(rate), filter, levels)
         longest = filtered.lags_needed(filter, int(levels[-1]))
         if longest > _LONGEST_SUM or not self.has("running_sum_covariance"):
@@ -563,7 +564,7 @@ class Process(ABC):
     def _haar_variance(self, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float) -> Vector:
         """Wavelet variance under the Haar filter, from a state space if there is one: differences of K can cancel,
         block sums cannot."""
-        if self._gives("state_space"):
+        if self._derives("state_space"):
             return self.state_space(rate).haar_variance(levels)
         h = 2 ** (levels - 1)
         k0 = self.running_sum_covariance(np.zeros(1, dtype=np.int64), rate)
@@ -591,8 +592,8 @@ class Process(ABC):
         return Model((self,)) if isinstance(other, int) and other == 0 else NotImplemented
 
     def __str__(self) -> str:
-        fields = {p.name: getattr(self, p.name) for p in self.parameters}
-        given = [f"{name}={value!r}" for name, value in fields.items() if value is not None]
+        fields = ((p.name, getattr(self, p.name)) for p in self.parameters)
+        given = [f"{name}={value!r}" for name, value in fields if value is not None]
         return f"{self.name}({', '.join(given)})" if given else self.name
 
     def __repr__(self) -> str:

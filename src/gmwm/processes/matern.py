@@ -10,15 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import circulant_embedding, smooth_autocovariance
 from gmwm.processes.base import Process
 from gmwm.processes.bessel import LARGEST, matern
 from gmwm.processes.haar_covariance import LagGrid
+from gmwm.processes.ladder import SMOOTHEST
+from gmwm.processes.ladder import matern as ladder
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
 from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.statespace import StateSpace
 
 _MANY = 4096
 """Number of lags from which the correlation is interpolated, which is then faster. The number does not change the
@@ -38,8 +42,8 @@ class MAT(Process):
     """Matérn process: autocovariance σ² 2^(1−ν)/Γ(ν) (β|t|)^ν K_ν(β|t|) at the time lag t (s).
 
     For ν = ½ it is a Gauss-Markov process; larger ν gives smoother paths, smaller ν rougher paths. At frequencies well
-    above β/2π its spectrum decreases as f^(−2ν−1). A finite state space exists for ν = ½, 3/2, 5/2, … only, and is not
-    implemented.
+    above β/2π its spectrum decreases as f^(−2ν−1). An exact state space exists for ν = ½, 3/2, 5/2, … only; for other ν
+    up to 5, `state_space` is an approximation.
 
     The wavelet variance is computed from the autocovariance at a few hundred lags (see `smooth_autocovariance`), for
     any filter. Its relative error is 1e-12 for the Haar filter. It is larger for long filters and small β, because such
@@ -68,6 +72,7 @@ class MAT(Process):
     """
 
     name = "MAT"
+    approximate = True
     title = "Matérn process"
     parameters = (
         Parameter("beta", "β", "inverse scale of time", time_power=-1),
@@ -185,6 +190,31 @@ class MAT(Process):
             draws = circulant_embedding.paths(self._amplitudes(n, rate), n, generator, count)
         draws *= size
         return np.asarray(draws.reshape(shape_of_paths(n, paths)))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """Return a sum of Gauss-Markov processes, which drive further ones if ν > ½; see `ladder`.
+
+        Raises
+        ------
+        MissingTheoryError
+            If ν is larger than 5.
+        """
+        return self.continuous(rate).discrete(rate)
+
+    def continuous(self, rate: float) -> ContinuousStateSpace:
+        """Return the state space in continuous time, of which `state_space` has the steps."""
+        size, nu, rate = self.scale, self.value("nu"), as_rate(rate)
+        if nu > SMOOTHEST:
+            raise MissingTheoryError(
+                f"{self.name} has a state space for a smoothness ν of at most {SMOOTHEST:g}; got {nu:g}",
+                advice="Use a smaller `nu`, or fit the wavelet variance.",
+                theory="state_space",
+                process=self.name,
+            )
+        one = ladder(self.value("beta") / rate, nu)
+        return ContinuousStateSpace(
+            A=rate * one.A, Qc=size * rate * one.Qc, H=one.H, Rc=size * one.Rc / rate, P0=size * one.P0
+        )
 
     def correlation_time(self, rate: float) -> float | None:
         """Return the lag (s) at which the autocovariance is σ²/e; None if β or ν has no value."""

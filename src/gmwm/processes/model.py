@@ -346,7 +346,7 @@ class Model(KalmanMethods):
         ModelError
             If a parameter has no value, or the model predicts a sample without error.
         MissingTheoryError
-            If a term has no state-space form, such as flicker noise.
+            If a term has no state-space form.
         DataError, OptionError
             If the data, the rate or the mean is invalid.
 

@@ -1,0 +1,204 @@
+"""Finite states for power-law noise and Matérn processes: sums of Gauss-Markov processes, one for each factor of 8.
+
+The spectrum |ω|^(−α), 0 < α < 2, is a mixture of the spectra 2bs²/(b² + ω²) of Gauss-Markov processes with all
+reciprocal correlation times b,
+
+    ∫ s²(b) 2b/(b² + ω²) db/b ∝ |ω|^(−α)   for   s²(b) ∝ b^(1−α),
+
+and (β² + ω²)^(−p), 0 < p < 1, is one with b² = β² (1 + g), in which g is distributed over all positive numbers. The
+trapezoidal rule over ln b or ln g turns the mixture into a sum. Its relative error decreases as 2 exp(−π²/h) with the
+step h of ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014). Processes
+that are faster than the samples add up to white noise, and those that are slower than the recording act as one process.
+Their sums are geometric series, so that all variances are smooth functions of α and of the smoothness.
+
+References
+----------
+Trefethen, L. N. and Weideman, J. A. C. (2014), The exponentially convergent trapezoidal rule, SIAM Review 56, 385-458.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.continuous_statespace import ContinuousStateSpace
+from gmwm.processes.self_similar import over_exponent, unit_factor
+from gmwm.remarks import Quantity, Remark
+from gmwm.statespace import StateSpace
+
+if TYPE_CHECKING:
+    from gmwm.processes.base import Process
+    from gmwm.processes.model import Model
+
+STEP = math.log(8.0)
+"""Step of ln b. A factor of 8 leaves a ripple of 0.6 % in the Allan deviation of flicker noise
+(tests/processes/test_ladder.py)."""
+FASTEST = 4.0
+"""Largest b in 1/sample: faster processes count as white noise."""
+BAND = 22
+"""The sums follow the Allan deviation up to 2^BAND samples."""
+_BEYOND = 5
+"""The slowest process has a correlation time of at least 2^_BEYOND bands, so that it acts as a random walk there."""
+SMOOTHEST = 5.0
+"""Largest smoothness of a Matérn process. A larger one has more states, which are nearly collinear."""
+_SAMPLED = 0.1
+"""Largest b in 1/sample of the processes in continuous time: samples of faster ones would add too much noise."""
+_ROUNDING = 1e-9
+"""Error of an exact state space that is a rounding error."""
+_SERIES = 1e-2
+"""b below which the variance of the mean of a step is a series, whose relative error is there below 1e-8."""
+
+
+@lru_cache(maxsize=256)
+def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
+    """Return the state space of averaged power-law noise with ν_1² = 1 for α = 1 + ε between 0 and 2, at 1 Hz.
+
+    The processes are averaged over each sampling interval, as the noise is. The mean depends on the noise within the
+    interval, which is one more state. The states are combinations of the Gauss-Markov processes with this noise, so
+    that F is diagonal. The model in continuous time has white noise instead of the fastest processes, because its steps
+    sample the states and do not average them.
+
+    Parameters
+    ----------
+    epsilon : float
+        ε = α − 1, from −1 to 1.
+    """
+    alpha = 1.0 + epsilon
+    count = 1 + math.ceil((math.log(FASTEST) + (BAND + _BEYOND) * math.log(2.0)) / STEP)
+    b = FASTEST * np.exp(-STEP * np.arange(count))
+    # The density of the mixture at which the Allan variance is 2 n^ε is κ α(1 + α)/Γ(2 − α). At the ends, α = 0 and 2,
+    # the factors α and 2 − α cancel with those of the geometric series.
+    size = float(unit_factor(np.asarray(epsilon))) * (1.0 + alpha) / math.gamma(3.0 - alpha)
+    s2 = 0.5 * size * alpha * (2.0 - alpha) * STEP * b ** (1.0 - alpha)
+    series = float(over_exponent(np.asarray(alpha - 2.0), np.asarray(STEP)))
+    s2[-1] = 0.5 * size * alpha * STEP * b[-1] ** (1.0 - alpha) / series
+    white = size * (2.0 - alpha) * STEP * FASTEST**-alpha / float(over_exponent(np.asarray(alpha), np.asarray(STEP)))
+    fast = b > _SAMPLED
+    slow, power = b[~fast], s2[~fast]
+    density = white + float(np.sum(2.0 * s2[fast] / b[fast]))
+    smooth = ContinuousStateSpace(
+        A=np.diag(-slow), Qc=np.diag(2.0 * slow * power), H=np.ones(slow.size), Rc=density, P0=np.diag(power)
+    )
+    return _averaged(b, s2, white), smooth
+
+
+def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
+    """Return the state space of the means of Gauss-Markov processes over steps of 1, with white noise."""
+    decay, lost = np.exp(-b), -np.expm1(-b)
+    mean = lost / b
+    direct = 2.0 * (b - lost) / b**2 - mean**2
+    near = b < _SERIES
+    direct[near] = b[near] * (2.0 / 3.0 - b[near] * (0.5 - b[near] * (7.0 / 30.0 - b[near] / 12.0)))
+    within, shared = float(s2 @ direct), s2 * lost**2 / b
+    # x' = e^(−b) x + w and mean = c x + v, Cov(w, v) = shared. Of w, v explains shared/within, and the state
+    # x + e^b shared/within v follows with the same decay.
+    carried = shared / (within or 1.0) / decay
+    count = b.size
+    noise, start = np.zeros((count + 1, count + 1)), np.zeros((count + 1, count + 1))
+    noise[:count, :count] = np.diag(-s2 * np.expm1(-2.0 * b)) - np.outer(shared, shared) / (within or 1.0)
+    start[:count, :count] = np.diag(s2)
+    turn = np.append(carried, 1.0)
+    for matrix in (noise, start):
+        matrix += within * np.outer(turn, turn)
+    return StateSpace(
+        F=np.diag(np.append(decay, 0.0)), Q=noise, H=np.append(mean, 1.0 - float(mean @ carried)), R=white, P0=start
+    )
+
+
+@lru_cache(maxsize=256)
+def matern(unit: float, nu: float) -> ContinuousStateSpace:
+    """Return the state space of a Matérn process of variance 1, at 1 Hz.
+
+    (β² + ω²)^(−ν−½) is the product of the mixture with 0 < p ≤ 1 and of as many factors 1/(β² + ω²) as needed. Each of
+    them is a Gauss-Markov process that is driven by the one before. For ν = ½, 3/2, 5/2, … the mixture is a single
+    process, and the state space is exact.
+
+    Parameters
+    ----------
+    unit : float
+        β per sample.
+    nu : float
+        Smoothness, at most `SMOOTHEST`.
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    chain = max(0, math.ceil(nu - 0.5))
+    p = nu + 0.5 - chain
+    top = max((FASTEST / unit) ** 2 - 1.0, 1.0)
+    step = 2.0 * STEP
+    g = top * np.exp(-step * np.arange(1 + math.ceil(math.log(top / 0.02) / step)))
+    # Powers of the reciprocal correlation time, of variance and spectral density at 0, with a common factor.
+    sine = math.sin(math.pi * p) / math.pi
+    weight = sine * step * g ** (1.0 - p)
+    # sin πp/(e^(h(1 − p)) − 1) has the limit π/h for p = 1, where all weight is at g = 0.
+    last = g[-1] ** (1.0 - p) * (step * sine / math.expm1(step * (1.0 - p)) if p < 1.0 else 1.0)
+    b = unit * np.sqrt(1.0 + np.append(g, 0.0))
+    drive = np.append(weight, last)
+    # The spectrum of each is drive/(b² + ω²) u, and the white noise has the sum of drive/b² of all faster ones.
+    white = sine * step * g[0] ** -p / math.expm1(step * p) if p < 1.0 else 0.0
+    # For p = 1, sin πp is a rounding error.
+    kept = drive > 1e-12 * last
+    b, drive = b[kept], drive[kept]
+    count = b.size + chain
+    a, density, seen = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
+    a[: b.size, : b.size] = np.diag(-b)
+    density[: b.size, : b.size] = np.diag(drive * unit**2)
+    for k in range(b.size, count):
+        a[k, k] = -unit
+        a[k, (slice(0, b.size) if k == b.size else k - 1)] = unit
+    if chain:
+        density[b.size, b.size] = white * unit**2
+        seen[-1] = 1.0
+    else:
+        seen[:] = 1.0
+    start = solve_continuous_lyapunov(a, -density)
+    # The faster processes are white at the samples: the variance of each is drive β²/2b.
+    rest = 0.0 if chain or p == 1.0 else _fast_variance(sine, step, top=float(g[0]), p=p, unit=unit)
+    total = float(seen @ start @ seen) + rest
+    return ContinuousStateSpace(A=a, Qc=density / total, H=seen, Rc=rest / total, P0=(start + start.T) / (2.0 * total))
+
+
+def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: float) -> float:
+    """Return the variance of all processes with g > `top`, for which b = β √g."""
+    return 0.5 * unit * sine * step * math.pow(top, 0.5 - p) / math.expm1(step * (p - 0.5))
+
+
+def state_space_error(process: Process, rate: float) -> float:
+    """Return the largest relative error of the Allan deviation of a state space, at 1, 2, 4, …, 2^22 samples.
+
+    It is 0 if the state space is exact.
+
+    >>> from gmwm import FN
+    >>> round(state_space_error(FN(b2=1.0), rate=100.0), 4)
+    0.0055
+    """
+    if not process.approximate or process.scale == 0:
+        return 0.0
+    found = 2.0 * process.state_space(rate).haar_variance(BAND + 1)
+    error = float(np.max(np.abs(np.sqrt(found / process.allan_variance(2 ** np.arange(BAND + 1), rate)) - 1.0)))
+    return error if error > _ROUNDING else 0.0
+
+
+def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
+    """Return a remark on the terms of a model whose state space is an approximation, with its largest error.
+
+    Parameters
+    ----------
+    model : Model
+        With all values.
+    rate : float
+        Samples per second (Hz).
+    axis : str
+        Name of the axis.
+    """
+    named = zip(model.terms, model.processes, strict=True)
+    errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
+    if not errors:
+        return ()
+    share = Quantity(100.0 * max(errors.values()), "%")
+    longest = Quantity(2.0**BAND / rate, "s")
+    return (Remark.of("state-approximated", axis, terms=tuple(errors), error=share, longest=longest),)
