@@ -267,3 +267,25 @@ def test_a_level_that_changed_over_a_gap_is_no_step():
     assert found.steps == ()
     (step,) = look(values, axes=("gyro_x",)).steps
     assert step.time == pytest.approx(300, abs=0.1)
+
+
+def test_a_jump_at_a_short_gap_is_a_restart_and_another_one_is_not():
+    rng = np.random.default_rng(8)
+    values = rng.normal(size=60_000)
+    values[30_000:] += 2.0
+    lost = rng.random(60_000) < 0.001
+    lost[29_990:30_000] = True
+    lost[[29_989, 30_000]] = False
+
+    def found(x):
+        return gmwm.inspect(gmwm.Imu({"gyro_x": gmwm.Signal.from_missing(x, 100.0, "rad/s", "gyro_x")}))
+
+    (step,) = found(np.where(lost, np.nan, values)).steps
+    assert step.at_gap
+    assert step.time == pytest.approx(300.0, abs=0.2)
+    remarks = found(np.where(lost, np.nan, values)).remarks
+    assert "level-steps" not in codes(remarks)
+    assert only(remarks, "restarts", "gyro_x").facts["count"] == 1
+    lost[29_500:30_500] = False
+    (step,) = found(np.where(lost, np.nan, values)).steps
+    assert not step.at_gap

@@ -77,12 +77,19 @@ class Batch:
         Whether no sample is missing between this batch and the one before.
     temperature : (n,) array or None
         Temperature (°C), if the recording has one.
+    parted : frozenset of str
+        Axes that do not continue although the batch does: a gap before the batch was filled on the other axes only.
     """
 
     signals: Mapping[str, Signal]
     first: int = 0
     continues: bool = False
     temperature: Vector | None = None
+    parted: frozenset[str] = frozenset()
+
+    def continues_on(self, axis: str) -> bool:
+        """Return whether the first sample of an axis continues the batch before."""
+        return self.continues and axis not in self.parted
 
     def __len__(self) -> int:
         return len(next(iter(self.signals.values())))
@@ -297,26 +304,27 @@ def joined(parts: Sequence[Batch]) -> Batch:
     """Consecutive batches as one."""
     if len(parts) == 1:
         return parts[0]
+    return Batch({axis: _one(parts, axis) for axis in parts[0].signals}, parts[0].first, parts[0].continues)
+
+
+def _one(parts: Sequence[Batch], axis: str) -> Signal:
+    """Return an axis of consecutive batches."""
     segments, starts, size = list[tuple[int, int]](), list[float](), 0
     for k, part in enumerate(parts):
-        one = next(iter(part.signals.values()))
+        one, continues = part.signals[axis], k > 0 and part.continues_on(axis)
         moved = [(first + size, last + size) for first, last in one.segments]
-        if k and part.continues:
+        if continues:
             segments[-1] = segments[-1][0], moved.pop(0)[1]
         segments += moved
-        starts += one.starts[k > 0 and part.continues :]
-        size += len(part)
-    signals = {
-        axis: replace(
-            signal,
-            values=freeze(np.concatenate([part.signals[axis].values for part in parts])),
-            segments=tuple(segments),
-            starts=tuple(starts),
-            filled=sum(part.signals[axis].filled for part in parts),
-        )
-        for axis, signal in parts[0].signals.items()
-    }
-    return Batch(signals, parts[0].first, parts[0].continues)
+        starts += one.starts[continues:]
+        size += len(one)
+    return replace(
+        parts[0].signals[axis],
+        values=freeze(np.concatenate([part.signals[axis].values for part in parts])),
+        segments=tuple(segments),
+        starts=tuple(starts),
+        filled=sum(part.signals[axis].filled for part in parts),
+    )
 
 
 def cut(signal: Signal, first: int, last: int) -> Signal:

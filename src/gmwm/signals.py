@@ -257,7 +257,9 @@ class Signal:
 
         The wavelet variance of the result is unbiased at every level. The seeds are fixed. A gap of g ≤ 8192 samples is
         filled if 3/4 of the max(32 g, 1024) samples on each side are known, as far as the recording goes: at least
-        2 g, and 16 g for a gap of more than 64 samples. Other gaps stay, and all gaps whose lengths are not known.
+        2 g, and 16 g for a gap of more than 64 samples. Other gaps stay, and all gaps whose lengths are not known. A
+        gap also stays if the mean behind it differs by more than 6 standard deviations of such differences at other
+        places: the sensor has restarted with another offset.
 
         >>> x = np.random.default_rng(1).normal(size=4000)
         >>> x[100:110] = x[2500] = np.nan
@@ -267,7 +269,7 @@ class Signal:
         """
         from gmwm.filling import fill_gaps
 
-        return fill_gaps(self)
+        return fill_gaps({self.axis: self})[self.axis]
 
     def longest(self) -> Signal:
         """Return the longest segment as a signal without gaps."""

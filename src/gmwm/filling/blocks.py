@@ -7,35 +7,40 @@ therefore does not depend on the parts in which a recording arrives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, freeze
 from gmwm._threads import in_threads
 from gmwm.batches import Batch, joined
 from gmwm.filling import gaps
 from gmwm.filling.drawing import drawn
+from gmwm.filling.restarts import restarts
 from gmwm.signals import Signal
 
 
-def fill_gaps(signal: Signal) -> Signal:
-    """Fill the short gaps of a signal: see `Signal.fill_gaps`."""
-    return joined(list(filled([Batch({signal.axis: signal})]))).signals[signal.axis]
+def fill_gaps(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Fill the short gaps of synchronous signals: see `Signal.fill_gaps`. They are cut at the restarts of any of them,
+    so that they stay synchronous."""
+    return dict(joined(list(filled([Batch(signals)], together=True))).signals)
 
 
 def filled(
-    batches: Iterable[Batch], threads: int | None = None, *, block: int = 0, context: int = 0
+    batches: Iterable[Batch], threads: int | None = None, *, block: int = 0, context: int = 0, together: bool = False
 ) -> Iterator[Batch]:
     """Fill the short gaps of a recording: see `Signal.fill_gaps`. The axes of a batch are filled in threads.
+
+    Each axis is cut at its own restarts; `together`, at the restarts of any axis.
 
     Samples without short gaps are passed on as they come. Others wait until their block is complete, with the context
     after it. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.
     """
     block, context = block or gaps.BLOCK, context or gaps.CONTEXT
-    window = _Window(block, context)
+    window = _Window(block, context, together)
     passed = 0  # number of samples that were passed on
     for batch in batches:
         waited = passed < window.stop
@@ -57,8 +62,8 @@ def filled(
 class _Window:
     """The batches that a block may need. Samples are counted from the first one of the first batch."""
 
-    def __init__(self, block: int, context: int) -> None:
-        self._block, self._context = block, context
+    def __init__(self, block: int, context: int, together: bool) -> None:
+        self._block, self._context, self._together = block, context, together
         self._parts: list[Batch] = []
         self._first = self.stop = 0
 
@@ -86,16 +91,34 @@ class _Window:
         end = (number + 1) * self._block + self._context
         self._parts = [joined(self._parts)]
         part = self._parts[0].between(begin - self._first, end - self._first)
-        one = next(iter(part.signals.values()))
-        filling = Filling(one.rate, one.segments, one.starts, first=first - begin, last=last - begin, seed=number)
+        lost = self._lost(part.signals, threads)
 
-        def fill(_: str, signal: Signal) -> Signal:
-            values = freeze(filling.of(signal.values))
-            return replace(
-                signal, values=values, segments=filling.segments, starts=filling.starts, filled=filling.filled
-            )
+        def fill(axis: str, signal: Signal) -> Filling:
+            return Filling(signal, lost[axis], first=first - begin, last=last - begin, seed=number)
 
-        return Batch(in_threads(fill, part.signals, threads=threads), first, filling.continues)
+        plans = in_threads(fill, part.signals, threads=threads)
+        signals = in_threads(lambda _, plan: plan.signal(), plans, threads=threads)
+        continues = any(plan.continues for plan in plans.values())
+        parted = frozenset(axis for axis, plan in plans.items() if continues and not plan.continues)
+        return Batch(signals, first, continues, parted=parted)
+
+    def _lost(self, signals: Mapping[str, Signal], threads: int | None) -> Mapping[str, NDArray[np.int64]]:
+        """Return for each axis the number of samples to fill in before each segment but the first."""
+        one = next(iter(signals.values()))
+        ranges = np.array(one.segments, dtype=np.int64)
+        begins, lost = ranges[1:, 0], gaps.lost_samples(one.rate, ranges, one.starts)
+        accepted = gaps.fillable(ranges[:, 1] - ranges[:, 0], lost)
+
+        def own(_: str, signal: Signal) -> NDArray[np.int64]:
+            again = np.zeros_like(accepted)
+            again[accepted] = restarts(signal.values, begins[accepted], lost[accepted], begins[~accepted].tolist())
+            return np.where(accepted & ~again, lost, 0)
+
+        found = in_threads(own, signals, threads=threads)
+        if not self._together:
+            return found
+        least = np.min(list(found.values()), axis=0)
+        return dict.fromkeys(signals, least)
 
     def forget(self, first: int) -> None:
         """Drop the samples before number `first`."""
@@ -111,16 +134,16 @@ class _Window:
 
 
 class Filling:
-    """Plan for filling the gaps of a block, for all axes.
+    """Plan for filling the gaps of an axis in a block.
 
     A gap belongs to the block of the sample after it.
 
     Parameters
     ----------
-    rate : float
-        Samples per second (Hz).
-    segments, starts
-        Segments of the block with its context, and the times of their first samples (s).
+    signal : Signal
+        The block with its context.
+    lost : (m,) int array
+        Number of samples to fill in before each segment but the first; 0 for gaps that stay.
     first, last : int
         Half-open range of the known samples of the block, or of the last part of them.
     seed : int
@@ -128,44 +151,43 @@ class Filling:
 
     Attributes
     ----------
-    segments : tuple of (first, last)
-        Segments of the block after it is filled.
-    starts : tuple of float
-        Times of their first samples (s).
     continues : bool
         Whether no gap is left before the first sample.
-    filled : int
-        Number of samples that stand for lost ones.
     """
 
-    def __init__(
-        self, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float], *, first: int, last: int,
-        seed: int,
-    ) -> None:  # fmt: skip
-        ranges = np.array(segments, dtype=np.int64)
-        lost, lengths = gaps.lost_samples(rate, ranges, starts), ranges[:, 1] - ranges[:, 0]
-        accepted = gaps.fillable(lengths, lost)
-        lost = np.where(accepted, lost, 0)
+    def __init__(self, signal: Signal, lost: NDArray[np.int64], *, first: int, last: int, seed: int) -> None:
+        self._signal, self._seed = signal, seed
+        ranges = np.array(signal.segments, dtype=np.int64)
+        lengths = ranges[:, 1] - ranges[:, 0]
         # Place of each segment on a timeline with the lost samples that are filled.
         places = np.concatenate([[0], np.cumsum(lengths[:-1] + lost)])
         self._known = np.arange(ranges[-1, 1]) + np.repeat(places - ranges[:, 0], lengths)
-        self._cuts, self._seed = places[1:][~accepted].tolist(), seed
+        self._cuts = places[1:][lost == 0].tolist()
         self._size, self._first, self._last = int(places[-1] + lengths[-1]), first, last
         # The gap before the first sample of the block belongs to it.
         begin = int(self._known[first - 1]) + 1 if first else 0
         self._own = slice(begin, int(self._known[last - 1]) + 1)
         here = [cut - begin for cut in self._cuts if begin < cut < self._own.stop]
         edges = [0, *here, self._own.stop - begin]
-        self.segments = tuple(pairwise(edges))
-        self.filled = edges[-1] - (last - first)
+        self._segments = tuple(pairwise(edges))
+        self._filled = edges[-1] - (last - first)
         self.continues = first > 0 and begin not in self._cuts
         at = np.searchsorted(places, np.array(edges[:-1]) + begin, side="right") - 1
-        times = np.asarray(starts)[at] + (np.array(edges[:-1]) + begin - places[at]) / rate
-        self.starts = tuple(times.tolist())
+        self._starts = np.asarray(signal.starts)[at] + (np.array(edges[:-1]) + begin - places[at]) / signal.rate
 
-    def of(self, values: Vector) -> Vector:
-        """Return the samples of the block with its gaps filled, from the samples of the block and its context."""
-        if not self.filled:
+    def signal(self) -> Signal:
+        """Return the block with its gaps filled, from its samples and its context."""
+        return replace(
+            self._signal,
+            values=freeze(self._values()),
+            segments=self._segments,
+            starts=tuple(self._starts.tolist()),
+            filled=self._filled,
+        )
+
+    def _values(self) -> Vector:
+        values = self._signal.values
+        if not self._filled:
             return values[self._first : self._last]
         present = np.zeros(self._size, dtype=np.bool_)
         present[self._known] = True

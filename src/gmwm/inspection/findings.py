@@ -93,10 +93,12 @@ def of_motion(
 
 
 def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
-    """Remarks on lasting jumps of the mean, one for each axis."""
+    """Remarks on lasting jumps of the mean, at most two for each axis."""
     for axis in dict.fromkeys(step.axis for step in steps):
-        own = [step for step in steps if step.axis == axis]
-        yield Remark.of("level-steps", axis, count=len(own), first=Quantity(own[0].time, "s"))
+        for code, at_gap in (("level-steps", False), ("restarts", True)):
+            own = [step for step in steps if step.axis == axis and step.at_gap == at_gap]
+            if own:
+                yield Remark.of(code, axis, count=len(own), first=Quantity(own[0].time, "s"))
 
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:

@@ -55,6 +55,11 @@ class Extent:
         """Index ranges that contain no gap too long to fill. Mean values and outliers do not depend on shorter gaps."""
         return joined_ranges(self.rate, self.segments, self.starts) if self.gaps_known else self.segments
 
+    def has_short_gap(self, index: int, reach: float) -> bool:
+        """Return whether a gap that may be filled is at most `reach` samples from a sample."""
+        short = np.setdiff1d([first for first, _ in self.segments], [first for first, _ in self.joined])
+        return bool(np.any(np.abs(short - index) <= reach))
+
     @property
     def filled(self) -> tuple[int, int]:
         """Number of lost samples in gaps that are filled, and number of these gaps."""

@@ -14,6 +14,7 @@ from gmwm._text import duration_text
 from gmwm.covariance.api import covariance
 from gmwm.covariance.mixture import mixture
 from gmwm.errors import DataError, OptionError
+from gmwm.filling import fill_gaps
 from gmwm.joint.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
 from gmwm.joint.fusion_result import VirtualAxis, VirtualSensor
 from gmwm.joint.matrices import WaveletMatrices, wavelet_matrices
@@ -103,7 +104,7 @@ def fuse(
         raise OptionError(argument="nonnegative", expected="given with {--horizon}", got=nonnegative)
     found = {}
     for axis, signals in like_axes(x, rate).items():
-        filled = {name: signal.fill_gaps() for name, signal in signals.items()}
+        filled = fill_gaps(signals)
         if horizon is not None and model is None:
             found[axis] = _static(axis, filled, horizon, nonnegative=nonnegative)
         else:

@@ -80,8 +80,8 @@ def units_of(own: Mapping[str, WaveletVariance]) -> dict[str, float]:
 
 
 def measured(signal: Signal, robust: bool, efficiency: float) -> WaveletVariance:
-    """The wavelet variance of a signal."""
-    return signal_wavelet_variance(signal, robust=robust, efficiency=efficiency)
+    """The wavelet variance of a signal whose short gaps are filled already."""
+    return signal_wavelet_variance(signal, robust=robust, efficiency=efficiency, fill_gaps=False)
 
 
 def product_moment(

@@ -7,6 +7,7 @@ from typing import Any
 
 from gmwm._arrays import as_rate, as_vector
 from gmwm.errors import DataError
+from gmwm.filling import fill_gaps
 from gmwm.signals import Imu, Signal
 
 
@@ -27,7 +28,7 @@ def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dic
             item = Signal(as_vector(item, name), as_rate(rate), "", name)
         elif rate is not None and as_rate(rate) != item.rate:
             raise DataError(f"rate={rate:g} contradicts the rate of {name}, {item.rate:g} Hz", argument="rate")
-        found[name] = item.fill_gaps() if fill else item
+        found[name] = item
     if len(found) < 2:
         raise DataError(argument="x", expected="at least two signals", got=list(found))
     first, *others = found
@@ -44,4 +45,4 @@ def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dic
                     f"{first} and {name} differ in their {what}", argument="x",
                     advice="Pass signals that were sampled together.",
                 )  # fmt: skip
-    return found
+    return fill_gaps(found) if fill else found

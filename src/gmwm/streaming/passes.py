@@ -61,7 +61,9 @@ def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threa
         return replace(batch, signals=signals)
 
     def add(batch: Batch) -> None:
-        in_threads(lambda axis, one: one.update(batch.signals[axis], batch.continues), measured, threads=threads)
+        in_threads(
+            lambda axis, one: one.update(batch.signals[axis], batch.continues_on(axis)), measured, threads=threads
+        )
 
     for batch in filled(map(cleaned, batches), threads):
         add(batch)
@@ -257,7 +259,7 @@ def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulat
 
     for batch in filled(batches(), 1, block=LIVE_BLOCK, context=LIVE_BLOCK // 2):
         for axis, one in measured.items():
-            one.feed(batch.signals[axis], batch.continues)
+            one.feed(batch.signals[axis], batch.continues_on(axis))
 
 
 def stream_psd(
