@@ -11,7 +11,7 @@ the tails of noise ever are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -147,9 +147,11 @@ class BurstFinder:
 
     def _add(self, panel: Vector) -> None:
         step = step_of(self._sample.values()) or 0.0
-        for k, w, found in _of_levels(panel, self.levels, self.rate, step):
+        for level in coefficients(panel, self.rate, step):
+            found, w = _bursts(level, small=False), level.w
             occupied, count = int(np.sum(found.last - found.first + 1)), found.first.size
-            self._sums[:, k] += float(np.dot(w, w)), float(found.energy.sum()), w.size, occupied, count
+            sums = float(np.dot(w, w)), float(found.energy.sum()), w.size, occupied, count
+            self._sums[:, level.number - 1] += sums
 
 
 def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
@@ -188,10 +190,18 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
     return finder.result()
 
 
-def burst_ranges(panel: Vector, rate: float, step: float, *, small: bool = False) -> Ranges:
-    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap.
+class Coefficients(NamedTuple):
+    """The coefficients of a panel at one level, half a scale apart; their sizes, and the local standard deviation of each,
+    None if one is zero."""
 
-    A burst at a level is left out if it overlaps one of a finer level, where its place is known better.
+    number: int
+    w: Vector
+    size: Vector
+    spread: Vector | None
+
+
+def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficients]:
+    """Yield the coefficients of each level at which bursts are searched.
 
     Parameters
     ----------
@@ -201,12 +211,36 @@ def burst_ranges(panel: Vector, rate: float, step: float, *, small: bool = False
         Sampling rate (Hz).
     step : float
         Quantization step of the values, 0 if there is none.
+    """
+    path = _core.running_sum(panel)
+    for k in range(_levels(rate)):
+        w = np.diff(np.diff(path))
+        if w.size < _PIECES // 2:
+            return
+        w *= 0.5 ** (k + 1)
+        size, piece = np.abs(w), max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k))
+        spread = np.maximum(_local_spread(size, piece), _ROUNDING * step * 2.0 ** (-0.5 * (k + 1)))
+        local = np.repeat(spread, piece)[: w.size] if spread.size > 1 else np.broadcast_to(spread, w.shape)
+        yield Coefficients(k + 1, w, size, local if spread.min() > 0 else None)
+        path = path[::2]
+
+
+def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
+    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap.
+
+    A burst at a level is left out if it overlaps one of a finer level, where its place is known better.
+
+    Parameters
+    ----------
+    levels : iterable of Coefficients
+        All coefficients of the panel.
     small : bool
         Also find bursts of coefficients that are large for this noise, though less than `LARGE`.
     """
     found = np.empty((0, 2), dtype=np.int64)
-    for k, _, bursts in _of_levels(panel, _levels(rate), rate, step, small=small):
-        new = np.stack([bursts.first << k, (bursts.last + 2) << k], axis=1)
+    for level in levels:
+        bursts = _bursts(level, small)
+        new = np.stack([bursts.first << level.number - 1, (bursts.last + 2) << level.number - 1], axis=1)
         new = new[np.searchsorted(found[:, 0], new[:, 1]) == np.searchsorted(found[:, 1], new[:, 0], side="right")]
         found = np.concatenate([found, new])
         found = found[np.argsort(found[:, 0])]
@@ -231,28 +265,11 @@ class _Found(NamedTuple):
 _NO_BURSTS = _Found(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
 
 
-def _of_levels(
-    panel: Vector, levels: int, rate: float, step: float, *, small: bool = False
-) -> Iterator[tuple[int, Vector, _Found]]:
-    """Yield the coefficients of a panel at each level, half a scale apart, and their bursts."""
-    path = _core.running_sum(panel)
-    for k in range(levels):
-        w = np.diff(np.diff(path))
-        if w.size < _PIECES // 2:
-            return
-        w *= 0.5 ** (k + 1)
-        least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
-        yield k, w, _bursts(w, max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k)), least, small)
-        path = path[::2]
-
-
-def _bursts(w: Vector, piece: int, least: float, small: bool) -> _Found:
+def _bursts(level: Coefficients, small: bool) -> _Found:
     """Return the bursts among the coefficients of one level of a panel."""
-    size = np.abs(w)
-    spread = np.maximum(_local_spread(size, piece), least)
-    if not spread.min() > 0:
+    w, size, limit = level.w, level.size, level.spread
+    if limit is None:
         return _NO_BURSTS
-    limit = np.repeat(spread, piece)[: w.size] if spread.size > 1 else np.broadcast_to(spread, w.shape)
     large = LARGE
     if small:
         # The share of coefficients of which `FEWEST` are neighbours, at random, in one panel of ten thousand.

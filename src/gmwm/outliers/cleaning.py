@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.filling import drawn
-from gmwm.outliers.bursts import Ranges, burst_ranges
+from gmwm.outliers.bursts import Ranges, burst_ranges, coefficients
 from gmwm.outliers.screening import Replaced
 from gmwm.outliers.spikes import find_spikes, repaired
 from gmwm.resolution import lsb
@@ -105,14 +105,14 @@ def _knocks(values: Vector, rate: float) -> Ranges:
 
 def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
     """Return the index ranges of the knocks in consecutive samples, all of which are searched together."""
-    clean, ranges = values, np.empty((0, 2), dtype=np.int64)
+    levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
     for small in [False, True]:
         for _ in range(_PASSES):
-            found = burst_ranges(clean, rate, step, small=small)
+            found = burst_ranges(levels, small=small)
             wider = _joined(np.concatenate([ranges, _widened(found, values.size)]))
             if np.array_equal(wider, ranges):
                 break
-            ranges, clean = wider, _mirrored(values, wider)
+            ranges, levels = wider, list(coefficients(_mirrored(values, wider), rate, step))
     return ranges
 
 
