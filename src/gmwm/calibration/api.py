@@ -95,8 +95,8 @@ def calibrate(
         unit. Several recordings get one model and one fit for each axis, to the mean of their curves; intervals include
         the spread between them. `calibration.axes[axis].replicates` compares them. The result is the same
         for a recording in memory and a Stream, which is read in bounded memory: twice if it has more than 2.1 million
-        samples, and once more for its temperature. The first 0.5 million samples are read again for the baseline of
-        `Monitor`.
+        samples, and once more for its temperature. If the effect of a condition is removed, the first 0.5 million
+        samples are read again for the baseline of `Monitor`.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
         rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the
@@ -227,7 +227,7 @@ def calibrate_recording(
     one = recordings.get("")
     source = one.source if isinstance(one, Imu | Stream) else ""
     return Calibration(
-        axes=with_baselines(done, recordings.values(), threads),
+        axes=with_baselines(done, parts, recordings, threads),
         failed=missing | {axis: error.reason for axis, error in failed.items()},
         settings=options,
         source=", ".join(recordings) if several else source,

@@ -2,43 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from gmwm._threads import in_threads
 from gmwm.batches import Batch, batches, cut, joined
-from gmwm.calibration.measurement import clean
+from gmwm.calibration.measurement import BEGINNING, AxisMeasurement, clean
 from gmwm.calibration.result import AxisCalibration
+from gmwm.calibration.several import Part
 from gmwm.errors import DataError, ModelError
 from gmwm.monitor import Baseline
 from gmwm.readers.streams import Stream
 from gmwm.signals import Imu, Signal
 
-LONGEST = 1 << 19
-"""Largest number of samples for a baseline; the first samples are used: 1.5 h at 100 Hz. The scatter of every chart is
-then known to some percent, and a file need not be read completely again."""
-
 
 def with_baselines(
-    done: Mapping[str, AxisCalibration], recordings: Iterable[Any], threads: int | None
+    done: Mapping[str, AxisCalibration],
+    parts: Mapping[str, Mapping[str, Part]],
+    recordings: Mapping[str, Any],
+    threads: int | None,
 ) -> dict[str, AxisCalibration]:
     """Add the baseline of each axis that was calibrated from samples.
 
-    Isolated wrong samples and knocks are replaced, as they are for the calibration: a monitor is to report them.
+    Isolated wrong samples and knocks are replaced, as they are for the calibration: a monitor is to report them. The
+    effect of conditions is not removed, because a monitor does not remove it.
 
     Parameters
     ----------
     done : mapping of axis to AxisCalibration
-    recordings : iterable of Imu, Signal, Stream, or mapping of axis to Signal
+    parts : mapping of axis to mapping of recording to Part
+        The measurements, which keep the first samples.
+    recordings : mapping of name to Imu, Signal, Stream, or mapping of axis to Signal
         What was calibrated. The baseline of several recordings is that of all of them.
     threads : int or None
         Number of axes that are measured at the same time.
     """
-    parts = [_first_samples(recording) for recording in recordings]
+    kept = {
+        (axis, name): part.item.beginning
+        for axis in done
+        for name, part in parts[axis].items()
+        if isinstance(part.item, AxisMeasurement) and part.conditions.applied(axis) is None
+    }
+    firsts = {
+        name: _first_samples(recording)
+        for name, recording in recordings.items()
+        if any(kept.get((axis, name)) is None for axis in done)
+    }
+
+    def first_samples(axis: str, name: str) -> Signal | None:
+        if (own := kept.get((axis, name))) is not None:
+            return own
+        signal = firsts[name].get(axis)
+        return None if signal is None else clean(cut(signal, 0, BEGINNING))
 
     def work(axis: str, found: AxisCalibration) -> AxisCalibration:
-        signals = [clean(cut(one[axis], 0, LONGEST)) for one in parts if axis in one]
+        signals = [one for name in recordings if (one := first_samples(axis, name)) is not None]
         if not signals:
             return found
         segments = [values for signal in signals for values in signal.segment_values()]
@@ -57,7 +76,7 @@ def _first_samples(data: Any) -> Mapping[str, Signal]:
         parts: list[Batch] = []
         for batch in batches(data):
             parts.append(batch)
-            if batch.stop >= LONGEST:
+            if batch.stop >= BEGINNING:
                 break
         return joined(parts).signals
     items = {data.axis or "signal": data} if isinstance(data, Signal) else data

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gmwm._text import duration_text
 from gmwm._threads import in_threads
-from gmwm.batches import Batch, Batches, Streamed, feed
+from gmwm.batches import Batch, Batches, Streamed, cut, feed
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import DataError, GmwmError
@@ -39,6 +39,11 @@ from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
     from distributed import Client
+
+
+BEGINNING = 1 << 19
+"""Largest number of samples for the baseline of a monitor; the first samples are used: 1.5 h at 100 Hz. The scatter of
+every chart is then known to some percent."""
 
 
 def clean(signal: Signal) -> Signal:
@@ -114,10 +119,16 @@ class AxisMeasurement:
     turn : context manager
         Held while the curves are computed. Several axes of a stream share a lock, so that only one of them at a time
         needs the memory for this.
+
+    Attributes
+    ----------
+    beginning : Signal or None
+        The first `BEGINNING` samples, without the isolated wrong samples and the knocks; None before the first batch.
     """
 
     def __init__(self, curves: AxisCurves, samples: AxisSamples, turn: AbstractContextManager[object]) -> None:
         self.curves, self.samples, self.turn = curves, samples, turn
+        self.beginning: Signal | None = None
 
     @property
     def unit(self) -> str:
@@ -126,7 +137,12 @@ class AxisMeasurement:
 
     def clean(self, signal: Signal) -> Signal:
         """Replace the isolated wrong samples and the knocks of a batch, and count them."""
-        return self.samples.clean(signal)
+        found = self.samples.clean(signal)
+        if self.beginning is None:
+            first = cut(found, 0, BEGINNING)
+            # A copy: a part of the array would keep all of it.
+            self.beginning = first if len(first) == len(found) else replace(first, values=first.values.copy())
+        return found
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add samples in the first pass."""
@@ -134,7 +150,7 @@ class AxisMeasurement:
         self.samples.update(signal, continues)
 
     def release(self) -> None:
-        """Release the samples and sums when the results are known."""
+        """Release the samples and sums when the results are known; the first samples are kept."""
         del self.curves, self.samples
 
     def pair(self, efficiency: float) -> Pair:

@@ -191,8 +191,8 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
 
 
 class Coefficients(NamedTuple):
-    """The coefficients of a panel at one level, half a scale apart; their sizes, and the local standard deviation of each,
-    None if one is zero."""
+    """The coefficients of a panel at one level, half a scale apart; their sizes, and the local standard deviation of
+    each, None if one is zero."""
 
     number: int
     w: Vector
