@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.lines import Line2D
-from matplotlib.markers import TICKDOWN, TICKLEFT
+from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
 from matplotlib.patches import Patch
 from matplotlib.scale import LinearScale, LogScale, ScaleBase, SymmetricalLogScale
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
@@ -261,7 +261,7 @@ def _minor_ticks(axis: MatplotlibAxis, places: tuple[float, ...]) -> Line2D:
     along = axis is ax.xaxis
     ticks = Line2D(
         places if along else edge, edge if along else places, linestyle="none",
-        marker=TICKDOWN if along else TICKLEFT, markersize=1.8, markeredgewidth=0.5, color="black", clip_on=False,
+        marker=MarkerStyle(TICKDOWN if along else TICKLEFT), markersize=1.8, markeredgewidth=0.5, color="black", clip_on=False,
         zorder=axis.zorder, transform=ax.get_xaxis_transform() if along else ax.get_yaxis_transform(),
     )  # fmt: skip
     ticks.set_in_layout(False)
