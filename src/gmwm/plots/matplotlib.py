@@ -261,8 +261,8 @@ def _minor_ticks(axis: MatplotlibAxis, places: tuple[float, ...]) -> Line2D:
     along = axis is ax.xaxis
     ticks = Line2D(
         places if along else edge, edge if along else places, linestyle="none",
-        marker=MarkerStyle(TICKDOWN if along else TICKLEFT), markersize=1.8, markeredgewidth=0.5, color="black", clip_on=False,
-        zorder=axis.zorder, transform=ax.get_xaxis_transform() if along else ax.get_yaxis_transform(),
+        marker=MarkerStyle(TICKDOWN if along else TICKLEFT), markersize=1.8, markeredgewidth=0.5, color="black",
+        clip_on=False, zorder=axis.zorder, transform=ax.get_xaxis_transform() if along else ax.get_yaxis_transform(),
     )  # fmt: skip
     ticks.set_in_layout(False)
     return ticks
