@@ -140,8 +140,9 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         f"Recordings of {result['samples']} samples of {result['model']}, 1 % of the samples with outliers of the "
-        "given size in standard deviations of the white noise. Found: share classified as contaminated, as one axis of "
-        "six. Excess of the classical over the robust variance: the largest of all levels, median.",
+        "given size in standard deviations of the white noise. Found: share of the recordings classified as "
+        "contaminated, where each is tested as one of the six axes of a unit. Excess of the classical over the robust "
+        "variance: the largest of the tested levels; median over the recordings.",
         "",
         "| outliers | deviations | found | excess |",
         "|---|---|---|---|",

@@ -78,7 +78,7 @@ class Inspection(Summarised):
     temperature : (lowest, highest) or None
         Range of the temperature (°C); None if it was not recorded.
     regressions : mapping of axis to Regression
-        Regressions on the temperature or on other conditions, also of axes that do not follow it.
+        Regressions on the temperature or on other conditions, also of axes that do not depend on them.
     remarks : tuple of Remark
         What affects a calibration, and how the recording was read.
     """

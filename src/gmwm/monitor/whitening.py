@@ -157,10 +157,11 @@ def _paired(roots: NDArray[Any]) -> NDArray[Any]:
 
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
-    """Covariance of the predicted state of the constant-gain filter, by doubling of the number of samples.
+    """Covariance of the predicted state of the constant-gain filter; each step doubles the number of samples.
 
-    The recursion is that of the filtered state, whose measurement noise H w + v is never small: moving averages and
-    autoregressions have no noise v.
+    The recursion is for the covariance of the filtered state. Given this state, the noise of the next sample is
+    H w + v, with the process noise w and the measurement noise v. Its variance is never small, whereas v alone is zero
+    for moving averages and autoregressions.
 
     Source: Anderson (1978), Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control
     28, 295-306.
