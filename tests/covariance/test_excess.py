@@ -9,7 +9,6 @@ from gmwm import RW, WN, fit, wavelet_variance
 from gmwm.covariance import Design, covariance
 from gmwm.covariance.api import variances
 from gmwm.errors import DataError
-from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 MODEL = WN(sigma2=4e-6) + RW(gamma2=1e-10)
@@ -40,7 +39,7 @@ def test_intervals_become_wider_and_the_statistic_smaller(curves):
 def test_it_is_stored_and_shortened(curves):
     again = WaveletVariance.from_dict(curves[1].to_dict())
     np.testing.assert_array_equal(again.excess, curves[1].excess)
-    assert shortened(again, 5).excess.shape == (5, 5)
+    assert again.first(5).excess.shape == (5, 5)
     assert curves[0].to_dict()["excess"] is None
 
 

@@ -7,7 +7,6 @@ from scipy.stats import chi2, kstest
 import gmwm
 from gmwm import GM, RW, WN
 from gmwm.inference.goodness import usable_levels
-from gmwm.variance.pooling import shortened
 from tests.helpers import raises
 
 RATE = 100.0
@@ -56,7 +55,7 @@ def test_the_statistic_under_the_inverse_covariance_is_the_criterion():
     wv = gmwm.wavelet_variance(truth.simulate(100_000, RATE, 3), RATE)
     v = gmwm.covariance.wavelet_covariance(truth, wv.samples, RATE)
     used = int(np.count_nonzero(usable_levels(wv)))
-    short = shortened(wv, used)
+    short = wv.first(used)
     for _ in range(12):
         scale = np.sqrt(np.diag(v)[:used])
         omega = np.linalg.inv(v[:used, :used] / np.outer(scale, scale)) / np.outer(scale, scale)

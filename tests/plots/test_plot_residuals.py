@@ -8,8 +8,8 @@ import pytest
 import gmwm
 from gmwm.errors import OptionError
 from gmwm.likelihood.innovations import Residuals
+from gmwm.plots.autocorrelation import LEVEL
 from gmwm.plots.residuals import (
-    LEVEL,
     correlation_panel,
     order_limits,
     plot_residuals,

@@ -12,7 +12,6 @@ from gmwm.selection.api import select_within
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.search import FELT, MOST_FREE, REJECTED, SLOW, _largest, _lines, search, within_family
 from gmwm.selection.structure import freedom
-from gmwm.variance.pooling import shortened
 
 RATE = 100.0
 OPTIONS = RankingOptions(draws=200)
@@ -203,7 +202,7 @@ def curve_with_line(frequency, amplitude):
 
 def test_the_largest_sum_has_no_more_parameters_than_levels(curve):
     assert _largest("GM + WN", curve).structure == "GM + WN"
-    short = shortened(curve, 5)
+    short = curve.first(5)
     for required in ((), (SIN(frequency=gmwm.fixed(17.3)),)):
         whole = _largest(SLOW, short, required)
         assert freedom(whole) <= 5

@@ -10,10 +10,10 @@ import pytest
 
 import gmwm
 from gmwm.covariance import Design, covariance
-from gmwm.errors import DataError
+from gmwm.errors import DataError, OptionError
 from gmwm.processes.model import Model
 from gmwm.signals import Signal
-from gmwm.variance.pooling import pooled, shortened, without
+from gmwm.variance.pooling import pooled, without
 from gmwm.variance.result import WaveletVariance
 from tests.helpers import raises
 
@@ -70,7 +70,7 @@ def test_one_recording_is_itself(days):
 
 
 def test_no_level_is_longer_than_a_recording_that_a_regression_shortened(days):
-    cut = days | {"tuesday": shortened(days["tuesday"], 9)}
+    cut = days | {"tuesday": days["tuesday"].first(9)}
     assert len(pooled(cut)) == 9
     assert len(pooled(days)) == 13
 
@@ -86,7 +86,7 @@ def test_it_is_saved_with_its_recordings(days):
     again = WaveletVariance.from_dict(json.loads(json.dumps(found.to_dict())))
     assert again.to_dict() == found.to_dict()
     assert list(again.recordings) == list(days)
-    assert len(shortened(found, 5).recordings["tuesday"]) == 5
+    assert len(found.first(5).recordings["tuesday"]) == 5
 
 
 def test_recordings_of_different_kinds_are_refused(days):
@@ -99,3 +99,24 @@ def test_recordings_of_different_kinds_are_refused(days):
     ):
         with raises(DataError, what, "monday", "later", argument="data"):
             pooled({"monday": day, "later": other})
+
+
+def test_a_curve_at_some_levels(days):
+    whole = pooled(days)
+    part = whole.only([7, 2, 3])
+    assert part.levels.tolist() == [2, 3, 7]
+    assert np.array_equal(part.variance, whole.variance[[1, 2, 6]])
+    assert all(one.levels.tolist() == [2, 3, 7] for one in part.recordings.values())
+    for levels in ([], [0], [1, 99]):
+        with raises(OptionError, "levels"):
+            whole.only(levels)
+
+
+def test_a_fit_without_a_level_does_not_depend_on_it(days):
+    wv = days["monday"]
+    spoilt = wv.variance.copy()
+    spoilt[0] *= 100
+    kept = range(2, len(wv) + 1)
+    found, same = (gmwm.fit("WN + RW", one.only(kept)) for one in (wv, replace(wv, variance=spoilt)))
+    assert found.parameters == same.parameters
+    assert found.standard_errors == same.standard_errors

@@ -28,7 +28,6 @@ from gmwm.estimation.varies import Varies, parsed
 from gmwm.estimation.weighting import precision, square_root, weighting_matrix
 from gmwm.filters import find_filter
 from gmwm.processes.model import Model
-from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 _SETTLED = 1e-9
@@ -297,7 +296,7 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
 
 def _short(stack: Stack) -> Stack:
     """Return the stack with the levels that have enough degrees of freedom for a test."""
-    curves = [shortened(wv, int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM)))
+    curves = [wv.first(int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM)))
               for wv in stack.curves]  # fmt: skip
     return replace(stack, curves=tuple(curves))
 

@@ -19,7 +19,6 @@ from gmwm.estimation.weighting import precision, square_root
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.inference.intervals import Method
 from gmwm.options import one_of
-from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -75,7 +74,9 @@ class GoodnessOfFit(Summarised):
         law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
         if self.method == "bootstrap":
             law = f"objective {self.statistic:.4g} compared with simulated recordings"
-        used = f"levels {self.levels[0]} to {self.levels[-1]}"
+        first, last = self.levels[0], self.levels[-1]
+        every = len(self.levels) == last - first + 1
+        used = f"{'' if every else f'{len(self.levels)} of '}levels {first} to {last}"
         verdict = "the model is rejected" if self.pvalue <= 0.05 else "the model is not rejected"
         sign = "" if self.pvalue_in_words.startswith("<") else "= "
         return f"{law}, {used}: p {sign}{self.pvalue_in_words}, {verdict} at the 5 % level"
@@ -123,7 +124,7 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
     free = len(fit.model.names) - len(fit.model.fixed_names)
     if used < free:
         raise _too_few(fit, free, used)
-    short = fit if used == len(wv) and fit.weighting in REWEIGHTED else refitted(fit, shortened(wv, used))
+    short = fit if used == len(wv) and fit.weighting in REWEIGHTED else refitted(fit, wv.first(used))
     statistic, count = _statistic(short)
     df = used - count
     return GoodnessOfFit(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, freeze
 from gmwm._text import Summarised
+from gmwm.autocorrelation import autocorrelation, observed_pairs
 from gmwm.errors import OptionError
 from gmwm.likelihood.problem import Problem, standardised
 from gmwm.likelihood.tracks import Modelled, posed
@@ -93,11 +94,11 @@ class Residuals(Summarised):
 
     def acf(self, lags: int | None = None) -> Vector:
         """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample are left out."""
-        return _autocorrelation(self.values, self._as_lags(lags))
+        return autocorrelation(self.values, self._as_lags(lags))
 
     def acf_error(self, lags: int | None = None) -> Vector:
         """Standard deviation (L,) of the autocorrelation of white noise at lags 1 … L: √pairs/N."""
-        return np.sqrt(_pairs(self.values, self._as_lags(lags))) / self.observed.size
+        return np.sqrt(observed_pairs(self.values, self._as_lags(lags))) / self.observed.size
 
     def ljung_box(self, lags: int | None = None) -> Check:
         """Test the residuals for autocorrelation up to a lag (Ljung-Box): Q = n(n + 2) Σ r_k²/(n − k).
@@ -129,7 +130,7 @@ class Residuals(Summarised):
         from scipy.stats import chi2
 
         count = self._as_lags(lags)
-        pairs = _pairs(self.values, count)
+        pairs = observed_pairs(self.values, count)
         seen = pairs > 0
         degrees = np.count_nonzero(seen) - (self.estimated if self.spent is None else float(np.sum(self.spent[:count])))
         if count - self.estimated < 1:
@@ -303,7 +304,7 @@ def spent(problem: Problem) -> Vector:
         step = np.zeros(z.size)
         step[k] = min(1e-2, 0.1 / math.sqrt(max(here.information[a, a], 1e-12)))
         ends = [standardised(problem, problem.at_point(z + sign * step))[0] for sign in (1.0, -1.0)]
-        rows.append((_autocorrelation(ends[0], lags) - _autocorrelation(ends[1], lags))[1:] / (2.0 * step[k]))
+        rows.append((autocorrelation(ends[0], lags) - autocorrelation(ends[1], lags))[1:] / (2.0 * step[k]))
     slopes = np.array(rows)
     size = np.sqrt(np.diag(here.information))
     size = np.where(size > 0, size, 1.0)
@@ -311,27 +312,5 @@ def spent(problem: Problem) -> Vector:
     kept = values > 1e-10 * values[-1]
     along = vectors[:, kept].T @ (slopes / size[:, None]) / np.sqrt(values[kept])[:, None]
     # If samples are missing, the variance 1/N becomes pairs/N².
-    pairs = np.maximum(_pairs(problem.record.values, lags), 1.0)
+    pairs = np.maximum(observed_pairs(problem.record.values, lags), 1.0)
     return np.asarray(problem.record.observed**2 / pairs * np.sum(np.square(along), axis=0))
-
-
-def _autocorrelation(values: Vector, lags: int) -> Vector:
-    """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample are left out."""
-    there = np.isfinite(values)
-    products = _products(np.where(there, values - np.mean(values, where=there), 0.0), lags)
-    return np.asarray(products / products[0])
-
-
-def _pairs(values: Vector, lags: int) -> Vector:
-    """Number of pairs of observed samples (L,) at lags 1 … L."""
-    there = np.isfinite(values)
-    if np.all(there):
-        return values.size - np.arange(1.0, lags + 1)
-    return np.round(_products(there.astype(np.float64), lags)[1:])
-
-
-def _products(z: Vector, lags: int) -> Vector:
-    """Σ_t z_t z_{t+k} (L + 1,) at lags 0 … L, by the Fourier transform."""
-    size = 1 << int(2 * z.size - 1).bit_length()
-    transform = np.fft.rfft(z, size)
-    return np.asarray(np.fft.irfft(transform * np.conj(transform), size)[: lags + 1])

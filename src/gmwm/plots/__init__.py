@@ -9,6 +9,8 @@ display it. With `path`, they also write the picture to a file: .png, .pdf or .s
 """
 
 from gmwm.plots.allan import plot_allan, plot_allan_axes, plot_avlr
+from gmwm.plots.autocorrelation import plot_autocorrelation
+from gmwm.plots.coefficients import plot_coefficients
 from gmwm.plots.comparison import compare
 from gmwm.plots.fit import plot_fit
 from gmwm.plots.fleet import plot_fleet
@@ -26,8 +28,10 @@ __all__ = [
     "compare",
     "plot_allan",
     "plot_allan_axes",
+    "plot_autocorrelation",
     "plot_avlr",
     "plot_candidates",
+    "plot_coefficients",
     "plot_comparison",
     "plot_components",
     "plot_fit",

@@ -11,29 +11,24 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.likelihood.innovations import Residuals
+from gmwm.plots.autocorrelation import DOTTED, EXPECTED, LEVEL, autocorrelation_panel, percent
 from gmwm.plots.axes import number_text, power_text
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.plots.labels import axis_title, model_text
 from gmwm.plots.linear import even_axis, number_at, time_unit
 from gmwm.plots.series import DOTS, PAGE
-from gmwm.plots.style import BLACK, BLUE, GREY, VERMILLION
+from gmwm.plots.style import BLUE, GREY, VERMILLION
 from gmwm.plots.trace import even_trace, isolated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-LEVEL = 0.95
-"""Confidence level of all limits."""
-FEW = 200
-"""Largest number of lags that are drawn with a dot each. Pinned by tests/plots/test_plot_residuals.py."""
 LEAST_P = 1e-6
 """Smallest p-value that is shown as a number; smaller ones are shown as "p < 10⁻⁶". Pinned by
 tests/plots/test_plot_residuals.py."""
 LINE = Stroke(BLUE, 0.5)
-DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 LIMIT = Stroke(VERMILLION, 0.9)
-EXPECTED = Stroke(BLACK, 0.8)
 
 
 # --- what is drawn, as data ---------------------------------------------------------------------------
@@ -62,7 +57,7 @@ def time_panel(residuals: Residuals) -> Panel:
     marks: list[Mark] = [Line(times, one.y, stroke=LINE, label="", layer=MIDDLE)]
     if np.any(lone):
         marks.append(Line(times[lone], one.y[lone], stroke=DOTTED, label="", layer=MIDDLE))
-    marks.append(Line(across, limits, stroke=LIMIT, label=f"{_percent(LEVEL)} limits of the largest", layer=FRONT))
+    marks.append(Line(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
     beyond = int(np.count_nonzero(np.abs(z) > largest))
     name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
     mean, spread = (number_at(round(float(value), 3), 3) for value in (np.mean(z), np.std(z)))
@@ -87,7 +82,7 @@ def quantile_panel(residuals: Residuals) -> Panel:
             upper=upper,
             colour=GREY,
             opacity=0.25,
-            label=f"{_percent(LEVEL)} limits of each point",
+            label=f"{percent(LEVEL)} limits of each point",
             layer=BAND,
         ),
         Line(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
@@ -127,29 +122,7 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
 def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
     """Make the panel of the autocorrelation from lag 1 on, with the confidence limits for uncorrelated residuals."""
     r = residuals.acf(lags)[1:]
-    lag = np.arange(1.0, r.size + 1)
-    limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * residuals.acf_error(r.size)
-    far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))
-    x = even_axis(0.0, r.size, "Lag (samples)", margin=0.02, at_most=8)
-    y = even_axis(-far, far, "Autocorrelation", margin=0.06, at_most=7)
-    ends = np.array(x.limits)
-    stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
-    marks: list[Mark] = [
-        Band(
-            x=lag,
-            lower=-limit,
-            upper=limit,
-            colour=GREY,
-            opacity=0.25,
-            label=f"{_percent(LEVEL)} limits of each point",
-            layer=BAND,
-        ),
-        Line(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
-        Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), label="", layer=MIDDLE),
-    ]
-    if r.size <= FEW:
-        marks.append(Line(lag, r, stroke=DOTTED, label="Observed", layer=FRONT))
-    return Panel(x, y, tuple(marks), _whiteness(residuals, lags))
+    return autocorrelation_panel(r, residuals.acf_error(r.size), _whiteness(residuals, lags))
 
 
 def _whiteness(residuals: Residuals, lags: int | None) -> str:
@@ -162,10 +135,6 @@ def _whiteness(residuals: Residuals, lags: int | None) -> str:
 
 def _p_text(p_value: float) -> str:
     return f"p < {power_text(LEAST_P)}" if p_value < LEAST_P else f"p = {number_text(p_value, 2)}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:g} %"
 
 
 # --- pictures -----------------------------------------------------------------------------------------

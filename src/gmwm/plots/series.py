@@ -69,7 +69,7 @@ def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
         tuple(column.get(f"{sensor}_{letter}") for sensor, column in zip(sensors, columns, strict=True))
         for letter in letters
     ] or [(panel,) for panel in columns[0].values()]
-    return Figure(_time_once(rows), width=PAGE, height=12.0 + _row_height(len(rows), 44.0) * len(rows))
+    return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 44.0) * len(rows))
 
 
 def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: float) -> list[Panel]:
@@ -106,8 +106,8 @@ def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -
         one = trace(simulated[term], shown.factor, columns)
         rows.append(_Row(one, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate)))
     panels = _panels(rows, shown)
-    stacked = _time_once([(panel,) for panel in panels])
-    return Figure(stacked, width=PAGE, height=12.0 + _row_height(len(rows), 34.0) * len(rows))
+    stacked = time_once([(panel,) for panel in panels])
+    return Figure(stacked, width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,13 +175,13 @@ def _name(unit: str) -> str:
     return NAMES[known.quantity] if known else "Signal"
 
 
-def _row_height(rows: int, usual: float) -> float:
+def row_height(rows: int, usual: float) -> float:
     """Return the height of a row (mm): all rows fit on a printed page, but each is at least 20 mm high, to be
     readable."""
     return max(min(usual, 235.0 / rows), 20.0)
 
 
-def _time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
+def time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
     """Return the panels with a time axis only below the lowest panel of each column."""
     lowest = {k: i for i, row in enumerate(rows) for k, panel in enumerate(row) if panel is not None}
     return tuple(

@@ -19,7 +19,6 @@ from gmwm.inference.intervals import parameters_by_name, with_quick_intervals
 from gmwm.joint.same import level_ratios
 from gmwm.random_effects import effects, predicted, spread_limits
 from gmwm.replicates.result import RecordingNumber, Replicates
-from gmwm.variance.pooling import shortened
 from gmwm.variance.result import WaveletVariance
 
 CONFIDENCE = 0.95
@@ -53,7 +52,7 @@ def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) ->
     """
     if not np.all(np.isfinite(apart.values[place])):
         return None
-    wv = shortened(curve, min(len(curve), len(fit.wavelet_variance)))
+    wv = curve.first(min(len(curve), len(fit.wavelet_variance)))
     parameters = parameters_by_name(fit.model)
     steps = zip(apart.names, apart.values[place].tolist(), strict=True)
     try:

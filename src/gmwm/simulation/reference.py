@@ -6,6 +6,18 @@ from gmwm.processes.markov import GM
 from gmwm.processes.model import Model
 from gmwm.processes.noise import QN, WN
 from gmwm.processes.walk import RW
+from gmwm.signals import Imu
+from gmwm.simulation.api import simulate
+
+
+def example_recording() -> Imu:
+    """Return ten minutes of the unit of `reference_imu` at rest, at 100 Hz; it is the same at each call.
+
+    >>> imu = example_recording()
+    >>> imu["gyro_y"]
+    Signal(gyro_y, 60000 samples at 100 Hz, rad/s)
+    """
+    return simulate(reference_imu(), rate=100.0, duration=600.0, rng=1)
 
 
 def reference_imu() -> dict[str, Model]:

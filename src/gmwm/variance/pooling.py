@@ -92,15 +92,7 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
 def without(wv: WaveletVariance, name: str) -> WaveletVariance:
     """Return the pooled curve of all recordings except one, with at most as many levels as the pooled curve of all."""
     rest = pooled({other: curve for other, curve in wv.recordings.items() if other != name})
-    return shortened(rest, min(len(rest), len(wv)))
-
-
-def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
-    """Return the first `count` levels of a wavelet variance and of the wavelet variances of its recordings."""
-    cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
-    excess = None if wv.excess is None else wv.excess[:count, :count].copy()
-    recordings = {name: shortened(one, min(count, len(one))) for name, one in wv.recordings.items()}
-    return replace(wv, **cut, strides=wv.strides[:count], excess=excess, recordings=recordings)
+    return rest.first(min(len(rest), len(wv)))
 
 
 def _require_alike(curves: Mapping[str, WaveletVariance]) -> None:

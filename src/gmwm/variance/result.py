@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm._text import Summarised
 from gmwm.confidence_limits import chi_square_limits
-from gmwm.errors import DataError
+from gmwm.errors import DataError, OptionError
 from gmwm.filters import find_filter
 from gmwm.options import one_of
 from gmwm.remarks import Quantity, Remark, texts
@@ -375,6 +375,50 @@ class WaveletVariance(Summarised):
 
     def __len__(self) -> int:
         return int(self.levels.size)
+
+    def only(self, levels: Iterable[int]) -> WaveletVariance:
+        """Return the same curve at some of its levels, to leave scales out of a fit or of a selection.
+
+        Parameters
+        ----------
+        levels : sequence of int
+            Levels j to keep, for example ``range(3, 15)``.
+
+        Raises
+        ------
+        OptionError
+            If no level is left, or the curve does not have one of them.
+
+        Examples
+        --------
+        >>> from gmwm import WN, fit, wavelet_variance
+        >>> wv = wavelet_variance(WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
+        >>> len(wv), fit("WN", wv.only(range(2, 8))).wavelet_variance.levels
+        (12, array([2, 3, 4, 5, 6, 7]))
+        """
+        wanted = sorted(set(levels))
+        known = self.levels.tolist()
+        if not wanted or not set(wanted) <= set(known):
+            raise OptionError(argument="levels", expected=f"some of {known[0]} to {known[-1]}", got=levels)
+        return self._at(np.searchsorted(self.levels, wanted))
+
+    def first(self, count: int) -> WaveletVariance:
+        """Return the curve at its first `count` levels."""
+        return self._at(np.arange(min(count, len(self))))
+
+    def _at(self, kept: NDArray[np.int64]) -> WaveletVariance:
+        """Return the curve at the levels with the indices `kept`."""
+        arrays = {name: getattr(self, name)[kept] for name in ("levels", "variance", "lower", "upper", "counts")}
+        diagnostics = {name: {key: [values[k] for k in kept if k < len(values)] for key, values in found.items()}
+                       if name == "robust" else found for name, found in self.diagnostics.items()}  # fmt: skip
+        return replace(
+            self,
+            **arrays,
+            diagnostics=diagnostics,
+            strides=tuple(self.strides[k] for k in kept) if self.strides else (),
+            excess=None if self.excess is None else self.excess[np.ix_(kept, kept)],
+            recordings={name: one._at(kept[kept < len(one)]) for name, one in self.recordings.items()},
+        )
 
     def plot(
         self,

@@ -1,0 +1,101 @@
+"""Plot of the autocorrelation of a signal, with the limits for white noise."""
+
+from __future__ import annotations
+
+import math
+import os
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.autocorrelation import autocorrelation, observed_pairs
+from gmwm.errors import OptionError
+from gmwm.likelihood.record import as_record
+from gmwm.options import as_whole_number
+from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.plots.labels import axis_title
+from gmwm.plots.linear import even_axis
+from gmwm.plots.series import PAGE
+from gmwm.plots.style import BLACK, BLUE, GREY
+from gmwm.signals import Signal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+LEVEL = 0.95
+"""Confidence level of the limits."""
+FEW = 200
+"""Largest number of lags that are drawn with a dot each. Pinned by tests/plots/test_plot_residuals.py."""
+DOTTED = Stroke(BLUE, 0.0, symbol="circle")
+EXPECTED = Stroke(BLACK, 0.8)
+
+
+def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
+    """Make the panel of an autocorrelation (L,) at lags 1 … L, with limits from its standard deviation (L,) for white
+    noise."""
+    lag = np.arange(1.0, r.size + 1)
+    limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
+    far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))
+    x = even_axis(0.0, r.size, "Lag (samples)", margin=0.02, at_most=8)
+    y = even_axis(-far, far, "Autocorrelation", margin=0.06, at_most=7)
+    ends = np.array(x.limits)
+    stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
+    label = f"{percent(LEVEL)} limits of each point"
+    marks: list[Mark] = [
+        Band(x=lag, lower=-limit, upper=limit, colour=GREY, opacity=0.25, label=label, layer=BAND),
+        Line(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
+        Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), label="", layer=MIDDLE),
+    ]
+    if r.size <= FEW:
+        marks.append(Line(lag, r, stroke=DOTTED, label="Observed", layer=FRONT))
+    return Panel(x, y, tuple(marks), title)
+
+
+def signal_autocorrelation_panel(signal: Signal, lags: int | None = None) -> Panel:
+    """Return the plot of `plot_autocorrelation` as data."""
+    record = as_record(signal, None)
+    most = record.observed - 1
+    count = min(int(10 * math.log10(record.observed)), most) if lags is None else as_whole_number(lags, "lags", 1)
+    if count > most:
+        raise OptionError(argument="lags", expected=f"at most {most}, the number of samples less one", got=lags)
+    r = autocorrelation(record.values, count)[1:]
+    error = np.sqrt(observed_pairs(record.values, count)) / record.observed
+    return autocorrelation_panel(r, error, f"{axis_title(signal.axis) or 'Signal'}, limits for white noise")
+
+
+def plot_autocorrelation(
+    signal: Signal, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
+) -> MatplotlibFigure:
+    """Draw the autocorrelation of a signal at lags from 1 on, with the 95 % limits of each point for white noise.
+
+    Parameters
+    ----------
+    signal : Signal
+        The signal; pairs with a missing sample are left out.
+    lags : int, optional
+        Number of lags L; 10 log₁₀ N by default.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If `lags` is not from 1 to the number of samples less one.
+    DataError, ModelError
+        If the signal has fewer than 8 samples, or all of them are equal.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(Figure(((signal_autocorrelation_panel(signal, lags),),), width=PAGE, height=70.0), path=path)
+
+
+def percent(share: float) -> str:
+    """Format a share in per cent."""
+    return f"{100 * share:g} %"

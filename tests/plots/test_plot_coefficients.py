@@ -1,0 +1,54 @@
+"""Wavelet coefficients and autocorrelation: each point at its time, and limits that hold."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.errors import OptionError
+from gmwm.plots import plot_autocorrelation, plot_coefficients
+from gmwm.plots.autocorrelation import signal_autocorrelation_panel
+from gmwm.plots.coefficients import coefficients_figure
+from gmwm.variance import dwt, modwt
+from tests.helpers import raises
+
+RATE = 50.0
+
+
+@pytest.mark.parametrize("transformed", [modwt, dwt])
+@pytest.mark.parametrize("filter", ["haar", "d4"])
+def test_a_pulse_is_drawn_where_it_happened(transformed, filter):
+    x = np.zeros(1024)
+    x[601] = 1.0
+    figure = coefficients_figure(transformed(x, filter), RATE, levels=[2, 4])
+    for (panel,), level in zip(figure.rows, (2, 4), strict=True):
+        (line,) = panel.lines
+        found = line.x[np.argmax(np.abs(line.y))]
+        assert abs(found - 601 / RATE) <= 2**level / RATE
+        assert line.x[0] >= 0
+        assert line.x[-1] <= 1024 / RATE
+
+
+def test_only_levels_that_have_coefficients_are_drawn():
+    transform = modwt(np.random.default_rng(1).normal(size=256), "d4")
+    known = [j for j, inside in transform.interior.items() if inside.start < inside.stop]
+    assert len(coefficients_figure(transform, RATE).rows) == len(known) < transform.levels
+    with raises(OptionError, "levels", str(known[-1])):
+        plot_coefficients(transform, RATE, levels=[transform.levels])
+
+
+def test_autocorrelation_of_white_noise_is_within_its_limits_so_often():
+    inside = []
+    for seed in range(40):
+        panel = signal_autocorrelation_panel(gmwm.Signal(np.random.default_rng(seed).normal(size=2000), RATE), 50)
+        (band,) = panel.bands
+        inside.append(np.mean((panel.lines[-1].y > band.lower) & (panel.lines[-1].y < band.upper)))
+    assert abs(np.mean(inside) - 0.95) < 4 * np.sqrt(0.05 * 0.95 / 2000)
+
+
+def test_autocorrelation_leaves_out_pairs_across_a_gap():
+    values = np.tile([1.0, -1.0], 100)
+    signal = gmwm.Signal.from_missing(np.where(np.arange(200) % 10 < 9, values, np.nan), RATE)
+    r = signal_autocorrelation_panel(signal, 4).lines[-1].y
+    assert np.all(np.sign(r) == [-1, 1, -1, 1])
+    with raises(OptionError, "lags"):
+        plot_autocorrelation(signal, 180)
