@@ -1,15 +1,16 @@
 """PX4 logs: made with struct by the published format, and by pyulog's own writer."""
 
 import struct
-import sys
+import tracemalloc
 
 import numpy as np
 import pytest
 
 import gmwm
 from gmwm.axis_names import AXES
-from gmwm.errors import DataError, GmwmError, MissingDependencyError, OptionError, ReadError
-from gmwm.readers import base, find_reader, read
+from gmwm.errors import DataError, GmwmError, OptionError, ReadError
+from gmwm.readers import find_reader, read, ulog_messages
+from gmwm.readers import ulog as ulog_module
 from gmwm.readers.ulog import UlogReader
 from tests.helpers import device, raises
 
@@ -156,9 +157,16 @@ def test_the_way_out_of_a_cut_log_leads_out(file, tmp_path):
         (ulog([COMBINED], [(7, 0, "sensor_combined")], []), "no-inertial-data", ["log.ulg"]),
         (ulog([COMBINED], [(7, 0, "sensor_combined")], [(7, bytes(20))] * 9), "damaged", ["log.ulg"]),
         (ulog([COMBINED], [(7, 0, "sensor_combined")], [(8, bytes(52))] * 9), "damaged", ["no subscription"]),
-        (ulog(["a:b[60000] x;", "b:c[60000] x;", "c:float x;"], [], []), "too-many", [2000]),
-        (ulog(["a:b x;", "b:a x;"], [], []), "type-recursive", []),
-        (ulog([f"t{k}:t{k + 1} x;" for k in range(3000)], [], []), "damaged", ["pyulog", "log.ulg"]),
+        (ulog(["sensor_gyro:b[60000] x;", "b:c[60000] x;", "c:"], [(1, 0, "sensor_gyro")], []), "too-many", [2000]),
+        (ulog(["sensor_gyro:b x;", "b:sensor_gyro x;"], [(1, 0, "sensor_gyro")], []), "type-recursive", []),
+        (
+            ulog(["sensor_gyro:t0 x;", *(f"t{k}:t{k + 1} x;" for k in range(3000))], [(1, 0, "sensor_gyro")], []),
+            "damaged",
+            ["nested"],
+        ),
+        (ulog(["sensor_gyro:b x;"], [(1, 0, "sensor_gyro")], []), "damaged", ["'A'"]),
+        (ulog(["sensor_gyro:nonsense;"], [(1, 0, "sensor_gyro")], []), "damaged", ["'F'"]),
+        (combined() + bytes(3), "damaged", ["a message is invalid"]),
         (
             ulog(["sensor_gyro:uint64_t timestamp;float x;"], [(1, 0, "sensor_gyro")], [(1, bytes(12))] * 9),
             "no-inertial-data",
@@ -198,12 +206,35 @@ def test_any_damage_is_a_clear_error_or_a_recording(file):
             continue
 
 
-def test_without_pyulog_the_extra_is_named(file, monkeypatch):
-    file.write_bytes(combined())
-    monkeypatch.setitem(sys.modules, "pyulog", None)
-    with raises(MissingDependencyError, advises=["'gmwm[px4]'"]):
-        read(file)
-    assert "ulog" in base._READERS
+def test_blocks_of_any_size_give_the_same_numbers(file, monkeypatch):
+    file.write_bytes(whole_log())
+    expected = read(file)
+    for block in (1 << 10, 4001, 70_000):
+        monkeypatch.setattr(ulog_messages, "_BLOCK", block)
+        found = gmwm.stream(file, chunk=333)
+        assert [remark.code for remark in found.remarks] == [remark.code for remark in expected.remarks]
+        samples = list(found.samples())
+        assert sum(1 for _ in UlogReader().chunks(file, layouts(file)["sensor_combined_0"], [0])) > 50_000 // block
+        for axis in AXES:
+            assert np.concatenate([one.values[axis] for one in samples]).tolist() == expected[axis].values.tolist()
+        heat = np.concatenate([one.temperature for one in samples])
+        np.testing.assert_array_equal(heat, expected.temperature)
+
+
+def test_memory_does_not_grow_with_the_log(file, monkeypatch):
+    """The temperatures of a sensor at full rate are thinned; both passes hold one block."""
+    monkeypatch.setattr(ulog_messages, "_BLOCK", 1 << 16)
+    monkeypatch.setattr(ulog_module, "_MOST_TEMPERATURES", 1 << 8)
+    peaks = []
+    for samples in (4000, 16_000):
+        file.write_bytes(sensors(samples))
+        tracemalloc.start()
+        (layout,) = (one for one in UlogReader().layouts(file) if one.topic == "sensor_gyro_1")
+        rows = sum(chunk[1].size for chunk in UlogReader().chunks(file, layout, range(5)))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert rows == samples
+    assert peaks[1] < 1.2 * peaks[0]
 
 
 def whole_log(selected=9):
