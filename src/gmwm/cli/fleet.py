@@ -50,7 +50,9 @@ def fleet(
     folder: Annotated[
         Path,
         typer.Argument(
-            help="Folder with one recording of each unit, including all subfolders.", metavar="DIR", show_default=False
+            help="Folder with one recording of each unit, including subfolders. Each IMU topic of a file is a unit.",
+            metavar="DIR",
+            show_default=False,
         ),
     ],
     output: Annotated[

@@ -35,7 +35,7 @@ def each_topic(
     GmwmError
         If no recording can be used.
     """
-    from gmwm.readers.topics import inertial_topics
+    from gmwm.readers.topics import inertial_topics, topic_folder
 
     if reading.topic is not None:
         raise OptionError(argument="topic", expected="left out with --all-topics", got=reading.topic)
@@ -43,7 +43,7 @@ def each_topic(
     failed: dict[str, str] = {}
     for topic in inertial_topics(file, reading.format):
         try:
-            done[topic] = one(replace(reading, topic=topic), None if output is None else output / folder_of(topic))
+            done[topic] = one(replace(reading, topic=topic), None if output is None else output / topic_folder(topic))
         except GmwmError as error:
             failed[topic] = error.reason
     if not done:
@@ -77,12 +77,3 @@ def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, .
         return separate_sensors(files[0], reading.format) or ()
     except (GmwmError, OSError):
         return ()  # Opening the recording reports the error.
-
-
-def folder_of(topic: str) -> str:
-    """Return the name of the directory for the results of a topic.
-
-    >>> folder_of("/imu0/data"), folder_of("sensor_combined_0"), folder_of("../x")
-    ('imu0_data', 'sensor_combined_0', 'x')
-    """
-    return "_".join(part for part in topic.replace("\\", "/").split("/") if part.strip(".")) or "recording"

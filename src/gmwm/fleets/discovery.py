@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
-from gmwm.errors import OptionError
+from gmwm.errors import GmwmError, OptionError
+from gmwm.options import ReadOptions
 from gmwm.readers import registered
 from gmwm.readers.base import HEAD_BYTES
+from gmwm.readers.topics import sensor_topics, topic_folder
 
 FILE = "fleet.json"
 """Name of the file that marks the output folder of a fleet."""
@@ -21,10 +23,45 @@ Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping
 
 @dataclass(frozen=True)
 class FleetUnits:
-    """The recordings of a fleet by unit, and the other files of the folder."""
+    """The recordings of a fleet by unit, and the other files of the folder.
+
+    Attributes
+    ----------
+    paths : mapping of unit to Path
+    left_out : tuple of str
+        Files that no reader knows.
+    topics : mapping of unit to str
+        The recording in the file, for the units of files that hold several.
+    """
 
     paths: Mapping[str, Path]
     left_out: tuple[str, ...] = ()
+    topics: Mapping[str, str] = field(default_factory=dict)
+
+    def by_topic(self, reading: ReadOptions) -> FleetUnits:
+        """Return the fleet with a unit for each inertial recording of a file, named `file/topic`, such as
+        `log.bin/IMU_1`. Of a file with recordings of all six axes, others are left out: they repeat some axes.
+
+        If the user chose a topic, it is the only one of each file.
+        """
+        if reading.topic is not None:
+            return self
+        paths, topics = dict[str, Path](), dict[str, str]()
+        for unit, path in self.paths.items():
+            try:
+                several = sensor_topics(path, reading.format)
+            except (GmwmError, OSError):
+                several = ()  # Reading the unit reports the error.
+            if len(several) < 2:
+                paths[unit] = path
+                continue
+            for topic in several:
+                name = f"{unit}/{topic_folder(topic)}"
+                while name in paths:
+                    name += "_"
+                paths[name], topics[name] = path, topic
+        _check_names(paths)
+        return FleetUnits(paths, self.left_out, topics)
 
 
 def find_units(recordings: Recordings, output: Path, pattern: str | None) -> FleetUnits:

@@ -70,7 +70,8 @@ def fleet(
     ----------
     recordings : folder, sequence of paths, or mapping of unit to path
         For a folder, all files below it that a reader recognizes by name or content, without hidden files. The name of
-        a unit is its path in the folder.
+        a unit is its path in the folder. Each inertial recording of a file is a unit, named "log.bin/IMU_1"; of a
+        file with recordings of all six axes, only these.
     output : path
         Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
     within, robust, weighting, criterion, confidence, efficiency, draws, rng, against, axes
@@ -153,7 +154,7 @@ def calibrate_fleet(
     unit_options = UnitOptions(options, reading)
     _check_places(scheduler, workers, retries)
     folder = Path(output).absolute()
-    found = find_units(recordings, folder, pattern)
+    found = find_units(recordings, folder, pattern).by_topic(reading)
     if folder.exists() and not folder.is_dir():
         raise OptionError(argument="output", expected="a folder", got=str(folder))
     run = _Run(folder, found, progress)
@@ -186,7 +187,7 @@ class _Run:
     """One run of a fleet: the rows kept from earlier runs, and the new ones."""
 
     def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:
-        self.folder, self.paths, self.progress = folder, found.paths, progress
+        self.folder, self.paths, self.progress, self.topics = folder, found.paths, progress, found.topics
         self.rows: dict[str, list[Row]] = {}
         self.kept = self.done = 0
 
@@ -194,9 +195,10 @@ class _Run:
         """Return the jobs of units that are not finished."""
         jobs = []
         for unit, path in self.paths.items():
-            rows = finished_rows(self.folder, unit, path, options)
+            own = options.with_topic(self.topics.get(unit))
+            rows = finished_rows(self.folder, unit, path, own)
             if rows is None:
-                jobs.append(Job(unit, str(path), options))
+                jobs.append(Job(unit, str(path), own))
             else:
                 self.rows[unit] = rows
                 self.kept += 1

@@ -87,6 +87,7 @@ def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
         "gmwm": metadata.version("gmwm"),
         **options.to_dict(),
         "units": {unit: str(path) for unit, path in found.paths.items()},
+        "topics": dict(found.topics),
         "left_out": list(found.left_out),
     }
     write_text(folder / FILE, json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n")

@@ -37,6 +37,10 @@ class UnitOptions:
     calibration: CalibrationOptions
     reading: ReadOptions
 
+    def with_topic(self, topic: str | None) -> UnitOptions:
+        """Return the options for one recording of a file that holds several."""
+        return self if topic is None else replace(self, reading=replace(self.reading, topic=topic))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the options as numbers, lists and strings, after a round trip through JSON."""
         axes = None if self.calibration.wanted is None else list(self.calibration.wanted)

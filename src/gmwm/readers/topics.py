@@ -67,6 +67,29 @@ def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
     return tuple(layout.topic for layout in layouts if layout.inertial or len(layouts) == 1)
 
 
+def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
+    """Return the names of the recordings in a file that have all six axes; if there is none, of all inertial ones.
+
+    Raises
+    ------
+    ReadError, OptionError
+        If the file cannot be read.
+    """
+    file, reader = found_reader(path, format)
+    layouts = [layout for layout in reader.layouts(file) if layout.inertial]
+    whole = [layout for layout in layouts if set(AXES) <= {channel.axis for channel in layout.channels}]
+    return tuple(layout.topic for layout in whole or layouts)
+
+
+def topic_folder(topic: str) -> str:
+    """Return the name of the directory or file for the results of a topic.
+
+    >>> topic_folder("/imu0/data"), topic_folder("sensor_combined_0"), topic_folder("../x")
+    ('imu0_data', 'sensor_combined_0', 'x')
+    """
+    return "_".join(part for part in topic.replace("\\", "/").split("/") if part.strip(".")) or "recording"
+
+
 def separate_sensors(path: Source, format: str | None = None) -> tuple[str, str] | None:
     """Return the names of the gyroscopes' and the accelerometers' recording of a file that holds exactly one of each.
 
