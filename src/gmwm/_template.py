@@ -68,7 +68,8 @@ def render(
 
     Fields of a template:
 
-    - `{name}` is a fact. Formats: `{count:#knock}` is a count with its noun, `{time:moment}` a time to the millisecond,
+    - `{name}` is a fact. Formats: `{count:#knock}` is a count with its noun, `{levels:@level}` a list after its noun
+      ("level 3", "levels 3 and 4"), `{time:moment}` a time to the millisecond,
       `{time:span}` a duration in a readable unit, `{share:percent}` a percentage; or number formats such as `.3g`.
     - `{--skip}` and `{--gaps=longest}` are options: `skip=` and `gaps='longest'` in Python, `--skip` and
       `--gaps longest` in the shell. The value of `{--start=@first}` is the fact `first`. `{--columns=time:none}` leaves
@@ -128,7 +129,12 @@ def fact_text(fact: Fact, spec: str = "") -> str:
 
     >>> fact_text(Quantity(0.25, "deg/√h")), fact_text(("gyro_x", "gyro_y")), fact_text(0.123, "percent")
     ('0.25 deg/√h', 'gyro_x and gyro_y', '12 %')
+    >>> fact_text((3, 4), "@level")
+    'levels 3 and 4'
     """
+    if spec.startswith("@"):
+        items = fact if isinstance(fact, tuple) else (fact,)
+        return f"{spec[1:]}{'s' if len(items) > 1 else ''} {fact_text(items)}"
     if isinstance(fact, tuple):
         return joined([fact_text(item, spec) for item in fact])
     if isinstance(fact, str):

@@ -89,8 +89,9 @@ class SecondPass(SegmentedAccumulator):
         """Compute the robust wavelet variance of the whole record.
 
         Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to about 1e-10. Higher levels are computed
-        from every τ/64-th coefficient. If a level has no root and more than 2^17 coefficients in the bin of its median,
-        it is accurate to 1e-7. `diagnostics["robust"]` also contains "moved", the relative change of each level in the
+        from every τ/64-th coefficient. If the estimating equation of a level has no root, its variance is
+        (MAD / 0.67449)², to 1e-7 if the bin of the sketch with the median holds more than 2^17 coefficients.
+        `diagnostics["robust"]` also contains "moved", the relative change of each level in the
         second pass.
 
         Parameters
