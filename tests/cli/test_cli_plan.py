@@ -178,3 +178,17 @@ def test_files_that_hold_no_fits(gmwm, tmp_path):
         assert outcome.code == 2
         assert outcome.err.startswith(f"error: {path} ")
     assert gmwm("plan", "--from-fits", tmp_path / "none.json", "--duration", "1h").code == 2
+
+
+@pytest.mark.slow
+def test_the_plan_has_the_gaps_of_the_pilot_recording(gmwm, fits, tmp_path):
+    content = json.loads(fits.read_text())
+    curve = content["axes"]["gyro_x"]["wavelet_variance"]
+    curve["filled"] = curve["samples"] // 5
+    (tmp_path / "fits.json").write_text(json.dumps(content))
+    given = ("--axis", "gyro_x", "--duration", "1h", "--json")
+    lossy, whole = (gmwm("plan", "--from-fits", path, *given).json for path in (tmp_path, fits))
+    assert lossy["losses"]["filled"] == pytest.approx(0.2)
+    for name, error in whole["planned"].items():
+        assert lossy["planned"][name] == pytest.approx(1.5**0.5 * error, rel=1e-6)
+    assert "20 % of the samples are filled" in gmwm("plan", "--from-fits", tmp_path, *given[:-1]).out

@@ -11,7 +11,7 @@ from gmwm import DR, GM, QN, RW, WN
 from gmwm._text import duration_text
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
-from gmwm.inference.asymptotic import sandwich
+from gmwm.inference.asymptotic import sandwich, sandwich_of
 from tests.helpers import only, raises
 
 RATE = 100.0
@@ -207,3 +207,54 @@ def test_options_that_are_none():
 def test_duration_and_rate_are_named():
     with pytest.raises(TypeError):
         gmwm.plan(MODELS["walk"], 60.0, RATE)
+
+
+def lossy(lost, samples=40_000, seed=3):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(0.0, 2e-3, samples) + np.cumsum(rng.normal(0.0, 1e-5, samples))
+    x[lost] = np.nan
+    return gmwm.Signal.from_missing(x, RATE, "rad/s", "gyro_x")
+
+
+def test_a_plan_repeats_the_gaps_of_a_pilot_recording():
+    lost = np.zeros(40_000, dtype=bool)
+    lost[100:-100:200] = True
+    lost[20_000:30_000] = True  # is not filled
+    curve = gmwm.wavelet_variance(lossy(lost))
+    assert curve.filled > 100
+    assert len(curve.segments) >= 2
+    model = MODELS["walk"]
+    plan = gmwm.plan(model, duration=curve.samples / RATE, rate=RATE, pilot=curve)
+    # The errors are those of a fit to the pilot recording.
+    design = Design.of(curve)
+    weights = np.diag(1 / np.diag(covariance(model, design)))
+    exact = np.sqrt(np.diag(sandwich_of(model, design, weights, covariance(model, design)).relative))
+    assert list(plan.at(curve.samples / RATE).values()) == pytest.approx(exact.tolist(), rel=1e-9)
+    # Four times as long: four repetitions, with half the errors, at the same scales.
+    assert list(plan.at(4 * curve.samples / RATE).values()) == pytest.approx((exact / 2).tolist(), rel=1e-4)
+    without = gmwm.plan(model, duration=curve.samples / RATE, rate=RATE)
+    assert plan.at(200.0)["RW.gamma2"] >= without.at(200.0)["RW.gamma2"]
+    assert only(plan.remarks, "plan-gaps").facts["kind"] == "cut"
+    assert plan.needed(0.3)["RW.gamma2"] >= without.needed(0.3)["RW.gamma2"]
+    assert plan.to_dict()["losses"]["segments"] == list(curve.segments)
+
+
+def test_filled_samples_count_less():
+    lost = np.random.default_rng(1).random(40_000) < 0.1
+    lost[:100] = lost[-100:] = False
+    curve = gmwm.wavelet_variance(lossy(lost))
+    assert curve.segments == ()
+    share = curve.filled / curve.samples
+    found = gmwm.plan(MODELS["walk"], duration=600.0, rate=RATE, pilot=curve)
+    plain = gmwm.plan(MODELS["walk"], duration=600.0, rate=RATE)
+    for name, error in plain.at(600.0).items():
+        assert found.at(600.0)[name] == pytest.approx(error * math.sqrt(1 + 2.5 * share), rel=1e-3)
+    assert only(found.remarks, "plan-gaps").facts["share"] == share
+
+
+def test_a_pilot_recording_of_short_segments_only_is_an_error():
+    lost = np.zeros(40_000, dtype=bool)
+    lost[np.arange(40_000) % 40 >= 12] = True
+    curve = gmwm.wavelet_variance(lossy(lost), levels=3)
+    with raises(OptionError, argument="pilot"):
+        gmwm.plan(MODELS["markov"], duration=600.0, rate=RATE, pilot=curve)

@@ -81,7 +81,8 @@ def plan(
 
     The relative standard errors of a future fit follow from the exact covariance of the wavelet variance under the
     model, without simulation. Take the values from a pilot recording (gmwm fit --output) or from a datasheet. Above
-    50 %, a recording does not determine the parameter.
+    50 %, a recording does not determine the parameter. With --from-fits, the planned recording has the gaps of the
+    pilot recording.
     """
     if (model is None) == (from_fits is None):
         raise OptionError(
@@ -92,7 +93,7 @@ def plan(
         )
     seconds, wanted = parse_length(duration), parse_share(accuracy)
     source: dict[str, Any] = {}
-    unit = ""
+    unit, curve = "", None
     if from_fits is not None:
         axis, found = pilot(from_fits, axis)
         source = {"file": str(from_fits), "axis": axis}
@@ -100,9 +101,12 @@ def plan(
         for remark in remarks:
             tell(remark)
         unit, rate = found["wavelet_variance"]["unit"], _pilot_rate(found, rate, from_fits)
+        curve = found["wavelet_variance"]
     elif axis is not None:
         raise OptionError("--axis applies only to --from-fits", argument="axis", got=axis, advice="Leave {--axis} out.")
-    made, needed = _planned(str(model), seconds, rate=rate, accuracy=wanted, weighting=weighting, unit=unit)
+    made, needed = _planned(
+        str(model), seconds, rate=rate, accuracy=wanted, weighting=weighting, unit=unit, curve=curve
+    )
     drawn = () if plot is None else (NewFile(plot, lambda path: made.plot(accuracy=wanted, path=path), "plotting"),)
     return Outcome(
         command="plan",
@@ -133,14 +137,17 @@ def _planned(
     accuracy: float,
     weighting: Literal["diagonal", "optimal"] | None,
     unit: str,
+    curve: Mapping[str, Any] | None,
 ) -> tuple[Plan, dict[str, float]]:
+    from gmwm import WaveletVariance
     from gmwm import plan as planned
     from gmwm._arrays import as_rate
     from gmwm.inference.planning import as_accuracy
 
     as_accuracy(accuracy)
     with progress("planning"):
-        made = planned(model, duration=seconds, rate=as_rate(rate), weighting=weighting, unit=unit)
+        pilot = None if curve is None else WaveletVariance.from_dict(curve)
+        made = planned(model, duration=seconds, rate=as_rate(rate), weighting=weighting, unit=unit, pilot=pilot)
         return made, made.needed(accuracy)
 
 

@@ -15,11 +15,12 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
 from gmwm._tables import aligned
 from gmwm._text import Named, Summarised, counted, duration_text
-from gmwm.covariance import Design, covariance
+from gmwm.covariance import covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.weighting import precision, usual_weighting
 from gmwm.inference.asymptotic import sandwich_of
+from gmwm.inference.losses import NONE, Losses
 from gmwm.options import one_of
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.remarks import Quantity, Remark, texts
@@ -66,6 +67,8 @@ class Plan(Summarised):
         Relative standard error of each parameter; infinite if a recording does not determine the parameter.
     unit : str
         Unit of the signal, for the summary.
+    losses : Losses
+        Gaps of the planned recording.
 
     Examples
     --------
@@ -82,6 +85,7 @@ class Plan(Summarised):
     durations: Vector
     errors: Mapping[str, Vector]
     unit: str = ""
+    losses: Losses = NONE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "errors", MappingProxyType(Named(self.errors, "parameter")))
@@ -98,6 +102,7 @@ class Plan(Summarised):
             durations=self.durations,
             errors=dict(self.errors),
             unit=self.unit,
+            losses=self.losses,
         )
         return made, ()
 
@@ -160,7 +165,7 @@ class Plan(Summarised):
         OptionError
             If the recording has too few samples for the model, or more than 2⁴⁰.
         """
-        found = self._at(samples_of(duration, self.rate, len(self.errors)))
+        found = self._at(samples_of(duration, self.rate, len(self.errors), self.losses))
         return Named(zip(self.errors, found.tolist(), strict=True), "parameter")
 
     def needed(self, accuracy: float = 0.1) -> dict[str, float]:
@@ -225,6 +230,10 @@ class Plan(Summarised):
         uncertain = [name for name, error in planned.items() if SEEN < error < math.inf]
         undetermined = [name for name, error in planned.items() if math.isinf(error)]
         duration, remarks = Quantity(self.duration, "s"), []
+        if self.losses:
+            longest = Quantity(max(self.losses.segments, default=0) / self.rate, "s")
+            kind = "cut" if self.losses.segments else "filled"
+            remarks.append(Remark.of("plan-gaps", share=self.losses.filled, longest=longest, kind=kind))
         if uncertain:
             remarks.append(Remark.of("plan-uncertain", parameters=tuple(uncertain), duration=duration, seen=SEEN))
         if undetermined:
@@ -243,6 +252,7 @@ class Plan(Summarised):
             "planned": self.at(self.duration),
             "durations": self.durations.tolist(),
             "errors": {name: curve.tolist() for name, curve in self.errors.items()},
+            "losses": {"filled": self.losses.filled, "segments": list(self.losses.segments)},
         }
 
     def __repr__(self) -> str:
@@ -258,7 +268,10 @@ class Plan(Summarised):
 
     def _at(self, samples: int) -> Vector:
         if samples not in self._known:
-            self._known[samples] = relative_errors(self.model, samples, self.rate, self.weighting)[1]
+            if samples < self.losses.shortest(1 << (len(self.errors) + 1)):
+                return np.full(len(self.errors), np.inf)
+            found = relative_errors(self.model, samples, self.rate, self.weighting, self.losses)
+            self._known[samples] = found[1]
         return self._known[samples]
 
     def _needed(self, k: int, accuracy: float) -> float:
@@ -294,6 +307,7 @@ def plan(
     rate: float,
     weighting: Literal["diagonal", "optimal"] | None = None,
     unit: str = "",
+    pilot: WaveletVariance | None = None,
 ) -> Plan:
     """Plan a recording: compute the standard error of each parameter for recordings of many lengths.
 
@@ -312,6 +326,9 @@ def plan(
         Ω of the planned fit: 1 / V_jj, or V⁻¹; the default is the default of `fit`.
     unit : str
         Unit of the signal, for example "rad/s". It is shown in the summary and changes no number.
+    pilot : WaveletVariance, optional
+        Curve of a pilot recording. The planned recording repeats its gaps: the share of filled samples, and the lengths
+        of its segments. The duration does not include the gaps. By default, there are none.
 
     Returns
     -------
@@ -338,26 +355,29 @@ def plan(
     weighting = usual_weighting(whole) if weighting is None else weighting
     one_of(weighting, "weighting", ("diagonal", "optimal"))
     free = _free(whole, rate)
-    longest = samples_of(duration, rate, free)
+    losses = Losses.of(pilot)
+    longest = samples_of(duration, rate, free, losses)
     _require_range(whole, min(int(BEYOND * longest), LONGEST), rate)
-    levels = longest.bit_length() - 1
+    levels = losses.design(longest, rate)[0].levels.size
     pose(whole, WaveletVariance.from_values(whole.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
-    shortest = 1 << (free + 1)
+    shortest = losses.shortest(1 << (free + 1))
     count = 1 + math.ceil(PER_DECADE * math.log10(longest / shortest))
     samples = np.unique(np.rint(np.geomspace(shortest, longest, count)).astype(np.int64))
-    found = [relative_errors(whole, n, rate, weighting) for n in samples.tolist()]
+    found = [relative_errors(whole, n, rate, weighting, losses) for n in samples.tolist()]
     curves = np.column_stack([errors for _, errors in found])
     errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
-    return Plan(model=whole, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit)
+    return Plan(
+        model=whole, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit, losses=losses
+    )
 
 
 def relative_errors(
-    model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"]
+    model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"], losses: Losses = NONE
 ) -> tuple[tuple[str, ...], Vector]:
     """Return the names of the free parameters, and their relative standard errors (p,), for a recording of
-    `samples`."""
-    design = Design(np.arange(1, samples.bit_length()), samples, rate)
-    wavelet = covariance(model, design)
+    `samples` with some gaps."""
+    design, share = losses.design(samples, rate)
+    wavelet = share * covariance(model, design)
     found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
     return found.names, np.sqrt(np.diag(found.relative))
 
@@ -420,13 +440,13 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
         )
 
 
-def samples_of(duration: float, rate: float, free: int) -> int:
+def samples_of(duration: float, rate: float, free: int, losses: Losses = NONE) -> int:
     """Return the number of samples of a recording of `duration` (s), which must have more levels than `free`
     parameters."""
     known = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
     if not (known and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
-    samples, least = round(float(duration) * rate), 1 << (free + 1)
+    samples, least = round(float(duration) * rate), losses.shortest(1 << (free + 1))
     if samples < least:
         raise OptionError(
             argument="duration",

@@ -1,0 +1,82 @@
+"""Gaps of a planned recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.covariance import Design
+from gmwm.errors import OptionError
+from gmwm.variance.result import WaveletVariance
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Gaps of a planned recording: those of a pilot recording, again and again.
+
+    Attributes
+    ----------
+    filled : float
+        Share of the samples that are filled.
+    segments : tuple of int
+        Lengths of the segments of the pilot recording; () if it has no gap that is not filled.
+
+    Examples
+    --------
+    >>> Losses(segments=(500, 1500)).design(1200, 100.0)[0].segments, Losses(segments=(500, 1500)).shortest(512)
+    ((500, 700), 1012)
+    """
+
+    filled: float = 0.0
+    segments: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, wv: WaveletVariance | None) -> Losses:
+        """Return the gaps of the recording of a curve."""
+        return cls() if wv is None else cls(wv.filled / wv.samples, wv.segments)
+
+    def __bool__(self) -> bool:
+        return bool(self.filled or self.segments)
+
+    def shortest(self, least: int) -> int:
+        """Return the number of samples after which a segment has `least` samples.
+
+        Raises
+        ------
+        OptionError
+            If all segments are shorter.
+        """
+        before = 0
+        for length in self.segments:
+            if length >= least:
+                return before + least
+            before += length
+        if self.segments:
+            raise OptionError(
+                argument="pilot", expected=f"a recording with a segment of {least} samples without a gap",
+                got=max(self.segments), advice="Find out why samples are lost, or use a smaller model.",
+            )  # fmt: skip
+        return least
+
+    def design(self, samples: int, rate: float) -> tuple[Design, float]:
+        """Return the design of a recording of `samples`, and a factor of its covariance.
+
+        If the segments repeat m times, the covariance is that of one repetition divided by m.
+        """
+        filled, share, segments = round(self.filled * samples), 1.0, self.segments
+        if not segments:
+            return Design(np.arange(1, samples.bit_length()), samples, rate, filled=filled), share
+        ends = np.cumsum(segments)
+        if samples >= ends[-1]:
+            share, samples = ends[-1] / samples, int(ends[-1])
+        else:
+            whole = int(np.searchsorted(ends, samples))
+            segments = (*segments[:whole], samples - int(ends[whole - 1] if whole else 0))
+        filled = round(self.filled * samples)
+        levels = np.arange(1, max(segments).bit_length())
+        return Design(levels, samples, rate, segments=segments, filled=filled), share
+
+
+NONE = Losses()
+"""No gaps."""
