@@ -270,7 +270,7 @@ class Plan(Summarised):
         if samples not in self._known:
             if samples < self.losses.shortest(1 << (len(self.errors) + 1)):
                 return np.full(len(self.errors), np.inf)
-            found = relative_errors(self.model, samples, self.rate, self.weighting, self.losses)
+            found = relative_errors(self.model, samples, self.rate, self.weighting, losses=self.losses)
             self._known[samples] = found[1]
         return self._known[samples]
 
@@ -363,7 +363,7 @@ def plan(
     shortest = losses.shortest(1 << (free + 1))
     count = 1 + math.ceil(PER_DECADE * math.log10(longest / shortest))
     samples = np.unique(np.rint(np.geomspace(shortest, longest, count)).astype(np.int64))
-    found = [relative_errors(whole, n, rate, weighting, losses) for n in samples.tolist()]
+    found = [relative_errors(whole, n, rate, weighting, losses=losses) for n in samples.tolist()]
     curves = np.column_stack([errors for _, errors in found])
     errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
     return Plan(
