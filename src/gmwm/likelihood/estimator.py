@@ -14,6 +14,7 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.errors import FitWarning, ModelError
 from gmwm.estimation import Fit, fit
 from gmwm.likelihood.conditions import Regressed
+from gmwm.likelihood.curve_test import misfit
 from gmwm.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
@@ -145,7 +146,8 @@ def fit_ml(
     Warns
     -----
     FitWarning
-        If the data do not support a term, a term acts as another process, or the search did not converge.
+        If the data do not support a term, a term acts as another process, the search did not converge, or the model
+        does not describe the wavelet variance of the recording.
 
     References
     ----------
@@ -181,6 +183,9 @@ def fit_ml(
     result = _as_fit(problem, found)
     if regressed is not None:
         result = replace(result, regression=regressed.regression(problem, found))
+    if (wrong := misfit(result)) is not None:
+        remarks = (*result.diagnostics.remarks, wrong)
+        result = replace(result, diagnostics=replace(result.diagnostics, remarks=remarks))
     for remark in result.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return result
