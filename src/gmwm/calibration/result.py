@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
+    from gmwm.budgets import Budget
     from gmwm.exporters.reduction import Rule
     from gmwm.plots.view import UnitSystem, ViewName
 
@@ -442,6 +443,42 @@ class Calibration(Summarised, Mapping[str, Fit]):
         from gmwm.exporters import export
 
         return export(self, path, format, axes=axes, inflation=inflation, horizon=horizon, rate=rate)
+
+    def budget(
+        self, duration: float | str, *, rest: float | str = 0.0, latitude: float = 45.0, level: float = 0.95
+    ) -> Budget:
+        """Compute the growth of attitude, velocity and position errors of unaided inertial navigation.
+
+        See `gmwm.budgets.budget` for the equations and their approximations.
+
+        Parameters
+        ----------
+        duration : float or str
+            Time of navigation (s), or text such as "60s" or "10min".
+        rest : float or str
+            Time at rest before the start (s).
+        latitude : float
+            Latitude (deg).
+        level : float
+            Confidence level of the intervals, from 0.5 to below 1.
+
+        Returns
+        -------
+        Budget
+            The errors over time, each with its interval and the contribution of each term.
+
+        Raises
+        ------
+        OptionError
+            If an option is out of range.
+        ModelError
+            If an axis is not in rad/s or m/s².
+        MissingTheoryError
+            If a term has no state-space form.
+        """
+        from gmwm.budgets import budget
+
+        return budget(self, duration, rest=rest, latitude=latitude, level=level)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write the calibration as one self-contained HTML page: verdict, plots, numbers, models, configuration files.

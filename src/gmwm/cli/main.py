@@ -12,6 +12,7 @@ import typer
 from gmwm.cli import (
     agree,
     allan,
+    budget,
     calibrate,
     compare,
     convert,
@@ -73,6 +74,7 @@ for _command, _examples in (
     (watch.watch, watch.EXAMPLES),
     (monitor.monitor, monitor.EXAMPLES),
     (agree.agree, agree.EXAMPLES),
+    (budget.budget, budget.EXAMPLES),
     (export.export, export.EXAMPLES),
     (plan.plan, plan.EXAMPLES),
     (convert.convert, convert.EXAMPLES),

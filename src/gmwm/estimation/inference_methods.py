@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
+    from gmwm.budgets import Budget
     from gmwm.datasheets.sheet import Datasheet
     from gmwm.estimation.result import Fit
     from gmwm.inference.asymptotic import Sandwich
@@ -353,6 +354,37 @@ class InferenceMethods:
         from gmwm.datasheets import datasheet
 
         return datasheet(self._fit, level)
+
+    def budget(self, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
+        """Compute the growth of the errors of unaided inertial navigation that the noise of this axis causes.
+
+        See `gmwm.budgets.budget` for the equations and their approximations, and for several axes.
+
+        Parameters
+        ----------
+        duration : float or str
+            Time of navigation (s), or text such as "60s" or "10min".
+        rest : float or str
+            Time at rest before the start (s).
+        level : float
+            Confidence level of the intervals, from 0.5 to below 1.
+
+        Returns
+        -------
+        Budget
+
+        Raises
+        ------
+        OptionError
+            If an option is out of range, or the axis is not named gyro_x … accel_z.
+        ModelError
+            If the axis is not in rad/s or m/s².
+        MissingTheoryError
+            If a term has no state-space form.
+        """
+        from gmwm.budgets import budget
+
+        return budget({self._fit.wavelet_variance.axis: self._fit}, duration, rest=rest, level=level)
 
     def summary(
         self,

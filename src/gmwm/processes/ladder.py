@@ -167,6 +167,20 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
     return 0.5 * unit * sine * step * math.pow(top, 0.5 - p) / math.expm1(step * (p - 0.5))
 
 
+def started(process: Process, rate: float) -> StateSpace:
+    """Return the state space of a process in which power-law noise starts at zero, as a random walk does.
+
+    Power-law noise has no stationary distribution. Its slowest states have a variance that depends on `BAND` only.
+    """
+    space = process.state_space(rate)
+    if process.stationary or not process.approximate or not process.scale:
+        return space
+    # The last state is the noise within the first sampling interval. The rest of P0 is the variance of the processes.
+    within = space.P0[:, -1]
+    size = float(within[-1]) or 1.0
+    return StateSpace(F=space.F, Q=space.Q, H=space.H, R=space.R, P0=np.outer(within, within) / size)
+
+
 def state_space_error(process: Process, rate: float) -> float:
     """Return the largest relative error of the Allan deviation of a state space, at 1, 2, 4, …, 2^22 samples.
 

@@ -1,0 +1,220 @@
+"""Compute the error budget of unaided inertial navigation from noise models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.budgets.axis import AxisNoise
+from gmwm.budgets.response import EARTH_RATE, MEAN, Response, navigation
+from gmwm.budgets.result import Budget, Growth
+from gmwm.durations import parse_length
+from gmwm.errors import OptionError
+from gmwm.estimation.result import Fit
+from gmwm.options import as_confidence
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model
+from gmwm.remarks import Remark
+from gmwm.units import STANDARD_GRAVITY
+
+GRAVITY = STANDARD_GRAVITY
+"""Gravity g (m/s²)."""
+LATITUDE = 45.0
+"""Latitude (deg)."""
+PER_DECADE = 8
+"""Number of times of a curve for each decade."""
+FIRST = 1.0
+"""First time of a curve (s), unless the duration is shorter than 10 s."""
+_ENDLESS = 300.0
+_DEGREE = math.pi / 180
+
+VERTICAL = 100.0
+"""Longest duration (s) for which vertical errors are given. Later, the second order of a tilt exceeds them
+(docs/validation/budget.md)."""
+_ERRORS = {
+    "tilt_x": ("tilt about x", "deg", {"gyro_x"}),
+    "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
+    "heading": ("heading", "deg", {"gyro_z"}),
+    "velocity_x": ("velocity along x", "m/s", {"gyro_y", "accel_x"}),
+    "velocity_y": ("velocity along y", "m/s", {"gyro_x", "accel_y"}),
+    "velocity_z": ("vertical velocity", "m/s", {"accel_z"}),
+    "position_x": ("position along x", "m", {"gyro_y", "accel_x"}),
+    "position_y": ("position along y", "m", {"gyro_x", "accel_y"}),
+    "position_z": ("height", "m", {"accel_z"}),
+}
+"""The errors, in the order of the error equations: title, unit, and the axes of which one is needed."""
+
+
+def budget(
+    noise: Mapping[str, Fit | Model | Process | str],
+    duration: float | str,
+    *,
+    rate: float | None = None,
+    rest: float | str = 0.0,
+    latitude: float = LATITUDE,
+    gravity: float = GRAVITY,
+    level: float = 0.95,
+) -> Budget:
+    """Compute the growth of attitude, velocity and position errors of unaided inertial navigation.
+
+    The vehicle is level and at rest, with x north, y east and z down. The errors start at zero, or after a rest: its
+    mean is then subtracted from the gyroscopes and from the vertical accelerometer, and the mean of the horizontal
+    accelerometers levels the vehicle. Stationary noise starts in its stationary distribution; random walks and flicker
+    noise start at zero. Constant biases and scale factors are no part of a noise model, nor of the budget.
+
+    The error equations are linear, with gravity on a tilted vehicle, the Schuler oscillation and the rotation of the
+    Earth, and without accelerations of the vehicle. Strapdown integrations of simulated sensors agree within 5 % from
+    1 s to 1 h (docs/validation/budget.md). Vertical errors are given up to 100 s: later, tilts of second order exceed
+    them.
+
+    Parameters
+    ----------
+    noise : mapping of axis to Fit or Model
+        The noise of gyro_x … accel_z, in rad/s and m/s². At least one axis.
+    duration : float or str
+        Time of navigation (s), or text such as "60s" or "10min".
+    rate : float, optional
+        Sampling rate (Hz); needed for models.
+    rest : float or str
+        Time at rest before the start (s). By default 0: nothing is known about the biases.
+    latitude : float
+        Latitude (deg).
+    gravity : float
+        Gravity (m/s²).
+    level : float
+        Confidence level of the intervals, from 0.5 to below 1.
+
+    Returns
+    -------
+    Budget
+
+    Raises
+    ------
+    OptionError
+        If there is no axis, or an option is out of range.
+    ModelError
+        If a parameter has no value.
+    MissingTheoryError
+        If a term has no state-space form.
+
+    Examples
+    --------
+    >>> found = budget({"gyro_y": "WN(sigma2=1e-6)", "accel_x": "WN(sigma2=1e-4)"}, "60s", rate=100.0)
+    >>> f"{found['tilt_y'].error[-1]:.3f} deg, {found['position_x'].error[-1]:.1f} m"
+    '0.044 deg, 1.6 m'
+
+    White noise of density N gives a tilt of N √t:
+
+    >>> np.isclose(found["tilt_y"].error[-1], np.degrees(1e-4 * 60**0.5), rtol=1e-3)
+    np.True_
+    """
+    seconds, before = _seconds(duration, "duration"), _seconds(rest, "rest", least=0.0)
+    level = as_confidence(level, "level")
+    if not -89.0 <= latitude <= 89.0:
+        raise OptionError(argument="latitude", expected="from -89 to 89 (deg)", got=latitude)
+    if not 0 < gravity < math.inf:
+        raise OptionError(argument="gravity", expected="a positive acceleration (m/s²)", got=gravity)
+    if not noise:
+        raise OptionError(argument="noise", expected="a mapping with at least one axis", got=noise)
+    axes = {axis: AxisNoise.of(axis, source, rate) for axis, source in noise.items()}
+    slowest = min(one.rate for one in axes.values())
+    times = _times(seconds, 1 / slowest)
+    made = _Maker(axes, times, rest=before, gravity=gravity, reach=NormalDist().inv_cdf((1 + level) / 2))
+    remarks = [remark for one in axes.values() for remark in one.remarks(seconds + before)]
+    missing = [f"{sensor}_{letter}" for sensor in ("gyro", "accel") for letter in "xyz"]
+    if missing := [axis for axis in missing if axis not in axes]:
+        remarks.append(Remark.of("budget-axes-missing", axes=tuple(missing)))
+    return Budget(
+        growths=made.growths(latitude * _DEGREE),
+        alignment=made.alignment(latitude * _DEGREE),
+        duration=seconds,
+        rest=before,
+        latitude=float(latitude),
+        gravity=float(gravity),
+        level=level,
+        remarks=tuple(dict.fromkeys(remarks)),
+    )
+
+
+def _seconds(given: float | str, name: str, least: float = 1e-9) -> float:
+    value = parse_length(given, name) if isinstance(given, str) else given
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= 1e7:
+        raise OptionError(argument=name, expected="a time in seconds, at most 1e7, or text such as '60s'", got=given)
+    return float(value)
+
+
+def _times(duration: float, step: float) -> Vector:
+    """Return times from 1 s, or a tenth of a short duration, to the duration; each at least one sample."""
+    if duration < step:
+        raise OptionError(argument="duration", expected=f"at least one sample, {step:g} s", got=duration)
+    first = max(min(FIRST, duration / 10), step)
+    count = 1 + math.ceil(PER_DECADE * math.log10(duration / first))
+    return np.geomspace(first, duration, max(count, 1)) if count > 1 else np.array([duration])
+
+
+@dataclass(frozen=True, eq=False)
+class _Maker:
+    """Make the curves of a budget from the noise of its axes."""
+
+    axes: Mapping[str, AxisNoise]
+    times: Vector
+    rest: float
+    gravity: float
+    reach: float
+
+    def growths(self, latitude: float) -> dict[str, Growth]:
+        """Return attitude, velocity and position errors."""
+        motions = {axis: navigation(axis, self.gravity, latitude) for axis in self.axes}
+        parts = self._parts(motions, self.rest)
+        found = {}
+        for column, (name, (title, unit, needed)) in enumerate(_ERRORS.items()):
+            if needed & self.axes.keys() and (not name.endswith("_z") or self.times[-1] <= VERTICAL):
+                size = _DEGREE if unit == "deg" else 1.0
+                found[name] = self._growth(parts, column, size, name=name, title=title, unit=unit)
+        return found
+
+    def alignment(self, latitude: float) -> dict[str, Growth]:
+        """Return the errors of levelling and of gyro-compassing against the averaging time."""
+        found = {}
+        north = EARTH_RATE * math.cos(latitude)
+        for sensor, kind, title, size in (
+            ("accel", "level", "levelling with {}", self.gravity), ("gyro", "north", "north from {}", north)
+        ):  # fmt: skip
+            for axis in (f"{sensor}_x", f"{sensor}_y"):
+                if axis in self.axes:
+                    name, parts = f"{kind}_{axis[-1]}", self._parts({axis: MEAN}, 0.0)
+                    size_of = _DEGREE * size * self.times
+                    found[name] = self._growth(parts, 0, size_of, name=name, title=title.format(axis), unit="deg")
+        return found
+
+    def _parts(self, motions: Mapping[str, Response], rest: float) -> list[tuple[dict[str, Matrix], Matrix]]:
+        """Return the mean squares of the terms of each axis, and the standard errors of their sums."""
+        found = []
+        for axis, motion in motions.items():
+            noise = self.axes[axis]
+            squares = noise.mean_squares(motion, self.times.tolist(), rest)
+            errors = noise.errors(motion, self.times.tolist(), rest, squares)
+            found.append(({f"{axis} {label}": square for label, square in squares.items()}, errors))
+        return found
+
+    def _growth(
+        self, parts: Sequence[tuple[dict[str, Matrix], Matrix]], column: int, size: float | Vector, *, name: str,
+        title: str, unit: str,
+    ) -> Growth:  # fmt: skip
+        """Return one error as a `Growth`; `size` is its unit in SI."""
+        squares = {label: square[:, column] for terms, _ in parts for label, square in terms.items()}
+        whole = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
+        error = np.sqrt(sum(errors[:, column] ** 2 for _, errors in parts))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            width = np.where(whole > 0, np.minimum(self.reach * error / (2 * whole), _ENDLESS), 0.0)
+        root = np.sqrt(whole) / size
+        kept = {label: np.sqrt(square) / size for label, square in squares.items() if np.any(square > 0)}
+        return Growth(
+            name=name, title=title, unit=unit, times=self.times.copy(), error=root, low=root * np.exp(-width),
+            high=root * np.exp(width), terms=kept,
+        )  # fmt: skip

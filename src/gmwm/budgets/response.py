@@ -1,0 +1,180 @@
+"""Error equations of unaided inertial navigation, and the second moments that noise gives them.
+
+A vehicle at rest on a rotating sphere, level, with x north, y east and z down. The errors are the attitude φ (3), the
+velocity v (3) and the position p (3), all small:
+
+    dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v,
+
+with the rotation of the Earth ω = Ω (cos L, 0, −sin L), its error δω by the position, and by the velocity over the
+radius R of the Earth, which makes the Schuler oscillation with a period of 84 minutes, the specific force
+f = (0, 0, −g), and the error of gravity δg = (0, 0, 2g/R) p_z. e_g and e_a are the errors of gyroscopes and
+accelerometers. Accelerations of the vehicle, which multiply errors of heading and scale, are left out.
+
+References
+----------
+Titterton, D. H. and Weston, J. L. (2004), Strapdown Inertial Navigation Technology, 2nd ed., chapter 12.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.axis_names import AXES
+from gmwm.processes.base import Process
+from gmwm.processes.ladder import started
+from gmwm.statespace import StateSpace
+
+RADIUS = 6.371e6
+"""Mean radius of the Earth (m)."""
+EARTH_RATE = 7.292115e-5
+"""Rotation rate of the Earth (rad/s), WGS 84."""
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A linear system that one sensor drives: dn/dt = a n + drive e.
+
+    Attributes
+    ----------
+    a : (q, q) array, in 1/s
+    drive : (q,) array
+    at_start : (q,) array
+        n at the start for an error m of the mean over the rest before it.
+    removed : bool
+        Whether the mean over the rest is subtracted from the sensor.
+    """
+
+    a: Matrix
+    drive: Vector
+    at_start: Vector
+    removed: bool
+
+    def step(self, dt: float) -> tuple[Matrix, Vector]:
+        """Return the transition over a sample and the effect of its error."""
+        from scipy.linalg import expm
+
+        q = self.drive.size
+        whole = np.zeros((q + 1, q + 1))
+        whole[:q, :q], whole[:q, q] = self.a, self.drive
+        whole = expm(whole * dt)
+        return whole[:q, :q], whole[:q, q]
+
+
+def navigation(axis: str, gravity: float, latitude: float) -> Response:
+    """Return the error equations (φ, v, p) for the sensor of an axis; the latitude in rad."""
+    sine, cosine = math.sin(latitude), math.cos(latitude)
+    earth = EARTH_RATE * np.array([cosine, 0.0, -sine])
+    a = np.zeros((9, 9))
+    a[:3, :3] = -_crossed(earth)
+    a[:3, 3:6] = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -sine / cosine, 0.0]]) / RADIUS
+    a[:3, 6] = EARTH_RATE * np.array([-sine, 0.0, -cosine]) / RADIUS
+    a[3:6, :3] = _crossed(np.array([0.0, 0.0, -gravity]))
+    a[3:6, 3:6] = -2.0 * _crossed(earth)
+    a[5, 8] = 2.0 * gravity / RADIUS
+    a[6:, 3:6] = np.eye(3)
+    place = AXES.index(axis)
+    drive, at_start = np.zeros(9), np.zeros(9)
+    drive[place] = -1.0 if place < 3 else 1.0
+    # Levelling: the tilt makes the mean of the horizontal accelerometers zero, f × φ = −m.
+    if axis == "accel_x":
+        at_start[1] = -1.0 / gravity
+    if axis == "accel_y":
+        at_start[0] = 1.0 / gravity
+    return Response(a, drive, at_start, removed=axis not in ("accel_x", "accel_y"))
+
+
+MEAN = Response(np.zeros((1, 1)), np.ones(1), np.zeros(1), removed=False)
+"""The integral of a sensor, from which its mean follows."""
+
+
+def _crossed(v: Vector) -> Matrix:
+    """Return the matrix of the vector product v × …"""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def mean_squares(process: Process, rate: float, motion: Response, steps: Sequence[int], *, rest: int = 0) -> Matrix:
+    """Return E n² of the errors (T, q) that a process causes after each number of samples.
+
+    Stationary processes start in their stationary distribution. A random walk starts at zero, and so does flicker noise
+    without a rest. After a rest, whose mean is removed, flicker noise is as old as the sensor; only the tilt by
+    levelling contains its level, and counts the flicker noise since the beginning of the rest.
+
+    Parameters
+    ----------
+    process : Process
+    rate : float
+        Samples per second (Hz).
+    motion : Response
+    steps : (T,) ascending ints
+        Numbers of samples.
+    rest : int
+        Samples at rest before the start.
+    """
+    if rest and process.approximate and not process.stationary:
+        old = _mean_squares(process.state_space(rate), rate, motion, steps, rest=rest)
+        if np.any(motion.at_start):
+            old[:, :3] = _mean_squares(started(process, rate), rate, motion, steps, rest=rest)[:, :3]
+        return old
+    return _mean_squares(started(process, rate), rate, motion, steps, rest=rest)
+
+
+def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Sequence[int], *, rest: int) -> Matrix:
+    p, q = space.states, motion.drive.size
+    moment = np.zeros((p + 1 + q, p + 1 + q))
+    moment[:p, :p] = space.P0 + np.outer(space.m0, space.m0)
+    if rest:
+        moment = _Steps(*_resting(space, rest, q)).after(moment, rest)
+        turn = np.eye(p + 1 + q)
+        turn[p + 1 :, p] = motion.at_start
+        moment = turn @ moment @ turn.T
+    moving = _Steps(*_moving(space, motion, 1.0 / rate))
+    found, at = np.empty((len(steps), q)), 0
+    for k, step in enumerate(steps):
+        moment = moving.after(moment, step - at)
+        found[k], at = np.diag(moment)[p + 1 :], step
+    return np.maximum(found, 0.0)
+
+
+def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
+    """Return transition and noise of (x, m, n) for a sample at rest, which adds to the mean m."""
+    p = space.states
+    transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
+    transition[:p, :p], transition[p, :p] = space.F, space.H[0] / rest
+    noise[:p, :p], noise[p, p] = space.Q, space.R[0, 0] / rest**2
+    return transition, noise
+
+
+def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Matrix]:
+    """Return transition and noise of (x, m, n) for a sample of navigation."""
+    p, q = space.states, motion.drive.size
+    own, drive = motion.step(dt)
+    transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
+    transition[:p, :p], transition[p + 1 :, p + 1 :] = space.F, own
+    transition[p + 1 :, :p] = np.outer(drive, space.H[0])
+    if motion.removed:
+        transition[p + 1 :, p] = -drive
+    noise[:p, :p], noise[p + 1 :, p + 1 :] = space.Q, np.outer(drive, drive) * space.R[0, 0]
+    return transition, noise
+
+
+class _Steps:
+    """Many steps of a linear system at once, by repeated squaring."""
+
+    def __init__(self, transition: Matrix, noise: Matrix) -> None:
+        self.powers = [(transition, noise)]
+
+    def after(self, moment: Matrix, count: int) -> Matrix:
+        """Return the second moment after `count` more steps."""
+        for k in range(count.bit_length()):
+            if k == len(self.powers):
+                transition, noise = self.powers[-1]
+                self.powers.append((transition @ transition, transition @ noise @ transition.T + noise))
+            if count >> k & 1:
+                transition, noise = self.powers[k]
+                moment = transition @ moment @ transition.T + noise
+        return moment

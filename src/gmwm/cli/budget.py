@@ -1,0 +1,104 @@
+"""gmwm budget: the errors of unaided inertial navigation that the noise of a sensor causes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.budgets import LATITUDE
+from gmwm.cli.command import command
+from gmwm.cli.noise_source import NoiseText, noise_of
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, file_names
+from gmwm.durations import parse_length
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.budgets import Budget
+
+EXAMPLES = (
+    "gmwm budget results/calibration.json --duration 60s",
+    "gmwm budget results/calibration.json --duration 10min --rest 60s --plot budget.png",
+    "gmwm budget results/calibration.json --duration 60s --against other/calibration.json",
+)
+_DURATION = typer.Option(
+    help="Time of navigation without corrections: 60s, 10min, 1h, or seconds.", metavar="LENGTH", show_default=False
+)
+
+
+@command
+def budget(
+    source: NoiseText,
+    duration: Annotated[str, _DURATION],
+    rest: Annotated[
+        str,
+        typer.Option(
+            help="Time at rest before the start. It levels the platform, and its mean is subtracted from the "
+            "gyroscopes and from the vertical accelerometer.",
+            metavar="LENGTH",
+        ),
+    ] = "0s",
+    latitude: Annotated[float, typer.Option(help="Latitude (deg).")] = LATITUDE,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Sampling rate (Hz), for a source without a recording.", show_default=False),
+    ] = None,
+    level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            help="Also compute the budget of this calibration, file or datasheet, and compare.",
+            metavar="SOURCE",
+            show_default=False,
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+    ] = None,
+) -> Outcome:
+    """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
+
+    The errors follow from the fitted noise models: one integration gives the attitude, two and three the velocity and
+    position, with gravity on a tilted platform. The table has the contribution of each noise process, the interval from
+    the errors of the calibration, and the error of a static alignment and of gyro-compassing against the averaging
+    time. Constant biases, scale factors and motion are not included.
+    """
+    seconds, before = parse_length(duration), parse_length(rest, "rest")
+
+    def made(text: str) -> Budget:
+        from gmwm.budgets import budget as budgeted
+
+        noise = noise_of(text, rate)
+        return budgeted(noise.axes, seconds, rate=noise.rate, rest=before, latitude=latitude, level=level)
+
+    found = made(source)
+    document = {"source": source, **found.to_dict()}
+    text = found.summary()
+    if against is not None:
+        if against == source:
+            raise OptionError(argument="against", expected="another source", got=against)
+        other = made(against)
+        document["against"] = {"source": against, **other.to_dict()}
+        text += "\n\n" + found.compare(other, (short(source), short(against)))
+    files = () if plot is None else (NewFile(plot, lambda target: found.plot(path=target)),)
+    return Outcome(
+        command="budget", document={**document, "written": file_names(files)}, text=text, files=files,
+        in_text=found.remarks,
+    )  # fmt: skip
+
+
+def short(source: str) -> str:
+    """Return a name for a source in a table: its folder or file, or the first words of a datasheet.
+
+    >>> short("monday/calibration.json"), short("gyro: N=0.15deg/√h, B=3deg/h over 100s")
+    ('monday', 'gyro: N=0.15deg/√h…')
+    """
+    path = Path(source)
+    if path.name == "calibration.json":
+        return path.parent.name or path.name
+    if ":" not in source and "=" not in source:
+        return path.stem
+    first = source.partition(",")[0]
+    return first if first == source else f"{first}…"

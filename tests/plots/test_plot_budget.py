@@ -1,0 +1,52 @@
+"""The plot of an error budget shows its numbers."""
+
+import numpy as np
+import pytest
+
+from gmwm.budgets import budget
+from gmwm.plots.budget import LEAST_SHARE, budget_figure
+
+NOISE = {
+    "gyro_x": "WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-9)", "gyro_y": "WN(sigma2=2e-6) + RW(gamma2=1e-16)",
+    "accel_x": "WN(sigma2=1e-4)", "accel_y": "WN(sigma2=1e-4)",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found():
+    return budget(NOISE, "10min", rate=100.0)
+
+
+def test_each_panel_has_the_largest_error_and_its_terms(found):
+    figure = budget_figure(found)
+    attitude, velocity, position, alignment = figure.panels
+    worst = max(("tilt_x", "tilt_y"), key=lambda name: found[name].error[-1])
+    assert attitude["total"].y == pytest.approx(found[worst].error)
+    for panel, name in ((velocity, "velocity"), (position, "position")):
+        largest = max((found[f"{name}_{axis}"] for axis in "xy"), key=lambda one: one.error[-1])
+        assert panel["total"].y == pytest.approx(largest.error)
+        drawn = [line.label for line in panel.lines if line.label != "total"]
+        shares = {label: np.max(values / largest.error) for label, values in largest.terms.items()}
+        assert drawn == [label for label, share in shares.items() if share > LEAST_SHARE]
+    assert [line.label for line in alignment.lines][:2] == ["levelling with accel_x", "levelling with accel_y"]
+
+
+def test_a_term_has_one_stroke_and_no_two_differ_by_colour_alone(found):
+    strokes = {}
+    for panel in budget_figure(found).panels[:3]:
+        for line in panel.lines:
+            assert strokes.setdefault(line.label, line.stroke) == line.stroke
+    assert len({stroke.dash for stroke in strokes.values()}) == len(strokes)
+
+
+def test_an_error_above_a_right_angle_is_not_drawn(found):
+    (line,) = [line for line in budget_figure(found).panels[-1].lines if line.label.startswith("north from gyro_y")]
+    assert np.all(np.isnan(line.y) | (line.y < 90))
+    only = budget({"gyro_x": "WN(sigma2=1.0)"}, 60.0, rate=100.0)
+    (line,) = budget_figure(only).panels[-1].lines
+    assert line.label == "north from gyro_x: above 90°"
+
+
+def test_one_axis_has_a_picture_too(tmp_path):
+    budget({"accel_z": "WN(sigma2=1e-4)"}, 60.0, rate=100.0).plot(path=tmp_path / "b.png")
+    assert (tmp_path / "b.png").stat().st_size > 1000
