@@ -1,13 +1,15 @@
-"""Write files atomically: completely or not at all."""
+"""Write files atomically: completely or not at all; and read JSON."""
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 
 @contextmanager
@@ -70,6 +72,36 @@ def written_together(folder: Path) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` to `path` in UTF-8, completely or not at all."""
+    """Write `text` to `path` in UTF-8, completely or not at all.
+
+    Bytes of file names that are not UTF-8 are written as \\udc.., which JSON reads as they were.
+    """
     with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+DEEPEST = 64
+"""Largest depth of lists and objects in a document: those of gmwm have ten. Deeper ones overflow the stack."""
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """Read a JSON file.
+
+    Raises
+    ------
+    ValueError
+        If it is not UTF-8, not JSON, or deeper than `DEEPEST`.
+    OSError
+        If it cannot be read.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError(f"lists or objects are nested more than {DEEPEST} deep") from None
+    layer = [content] if isinstance(content, dict | list) else []
+    for _ in range(DEEPEST):
+        inside = (item for one in layer for item in (one.values() if isinstance(one, dict) else one))
+        layer = [item for item in inside if isinstance(item, dict | list)]
+    if layer:
+        raise ValueError(f"lists or objects are nested more than {DEEPEST} deep")
+    return content

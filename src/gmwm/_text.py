@@ -71,6 +71,40 @@ def listed(names: Sequence[str], most: int = 6) -> str:
     return ", ".join(names) if rest < 2 else f"{', '.join(names[:most])} and {rest} others"
 
 
+LONGEST = 1000
+"""Largest number of characters of a message: names in a file can be longer."""
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """Return a text of at most `most` characters, with its beginning and its end.
+
+    >>> shortened("abcdefghij", 5)
+    'ab … ij'
+    """
+    return text if len(text) <= most else f"{text[: most // 2]} … {text[-(most // 2) :]}"
+
+
+def printable(text: str) -> str:
+    r"""Return a text with escapes for control characters, which could change the terminal, and for bytes of file names
+    that are not UTF-8.
+
+    >>> printable("gyro\x1b[2J\udcff\n")
+    'gyro\\x1b[2J\\xff\n'
+    """
+    if text.isprintable():
+        return text
+    return "".join(map(_printable, text))
+
+
+def _printable(character: str) -> str:
+    code = ord(character)
+    if 0xDC80 <= code <= 0xDCFF:  # see `os.fsdecode`
+        return f"\\x{code - 0xDC00:02x}"
+    if character in "\n\t" or character.isprintable():
+        return character
+    return f"\\x{code:02x}" if code < 0x20 or 0x7F <= code < 0xA0 else character
+
+
 class Summarised(ABC):
     """Base of results whose notebook representation is their `summary()`."""
 

@@ -11,6 +11,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from gmwm._template import Dialect, Fact, render, shell_option
+from gmwm._text import printable, shortened
 
 if TYPE_CHECKING:
     from gmwm.remarks import Remark
@@ -161,6 +162,7 @@ class GmwmError(Exception):
             message = f"{self._named(self.prefix, dialect)}: {message}"
         if self.subject:
             message = f"{self.subject}: {message}"
+        message = printable(shortened(message))
         advice = render(self.advice, self.facts, dialect, self.options)
         return f"{message}. {advice}" if advice else message
 

@@ -5,6 +5,7 @@ import json
 import pytest
 
 import gmwm as library
+from gmwm import Model
 from gmwm.durations import parse_length
 
 MODEL = "GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)"
@@ -77,12 +78,22 @@ def test_from_a_pilot_recording(gmwm, fits):
     assert content["units"]["WN.sigma2"] == "(rad/s)²"
 
 
+def of_model(document, text, acts_as):
+    """Give the document of a fit another model."""
+    model = Model.parse(text)
+    document |= {
+        "model": text,
+        "parameters": dict(model.parameters),
+        "acts_as": acts_as,
+        "decomposition": dict.fromkeys(model.terms, document["implied"]),
+    }
+
+
 @pytest.mark.slow
 def test_terms_that_the_pilot_does_not_show_are_remarked(gmwm, fits, tmp_path):
     content = json.loads(fits.read_text(encoding="utf-8"))
     one = content["axes"]["gyro_x"]
-    one["model"] = "GM(beta=1e4, sigma2=1e-9) + WN(sigma2=4e-7) + QN(q2=0.0) + RW(gamma2=1e-11)"
-    one["acts_as"] = {"GM": "WN"}
+    of_model(one, "GM(beta=1e4, sigma2=1e-9) + WN(sigma2=4e-7) + QN(q2=0.0) + RW(gamma2=1e-11)", {"GM": "WN"})
     content["axes"] = {"gyro_x": one}
     path = tmp_path / "fits.json"
     path.write_text(json.dumps(content), encoding="utf-8")
@@ -106,8 +117,7 @@ def test_terms_that_the_pilot_does_not_show_are_remarked(gmwm, fits, tmp_path):
 def test_a_term_that_acts_as_one_that_is_not_in_the_model_is_that_one(gmwm, fits, tmp_path):
     content = json.loads(fits.read_text(encoding="utf-8"))
     one = content["axes"]["gyro_x"]
-    one["model"] = "GM(beta=1e-9, sigma2=0.5) + WN(sigma2=4e-7)"
-    one["acts_as"] = {"GM": "RW"}
+    of_model(one, "GM(beta=1e-9, sigma2=0.5) + WN(sigma2=4e-7)", {"GM": "RW"})
     path = tmp_path / "fits.json"
     path.write_text(json.dumps({**content, "axes": {"gyro_x": one}}), encoding="utf-8")
     found = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json").json

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import _core
+from gmwm.errors import DataError
 from gmwm.variance.biweight import biweight
 from gmwm.variance.coefficients import HaarCoefficients, PlainCoefficients
 from gmwm.variance.robust import SAMPLE, haar_robust_variances, robust_variance, robust_variances
@@ -432,3 +433,32 @@ def test_kernel_refuses_what_would_crash():
             _core.haar_sample(total, level, 10)
         with pytest.raises(ValueError, match=r"^level "):
             _core.haar_between(total, level, 0.0, 1.0)
+
+
+# --- values beside which the others have no digits -----------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [1e17, -3.4e38, 1e155, 1e300])
+def test_a_value_that_takes_all_digits_is_refused(value):
+    x = white(20_000)
+    x[7000] = value
+    with raises(DataError, 7000, got=value):
+        measured(x)
+    live = gmwm.WaveletAccumulator(rate=1.0, robust=True)
+    live.update(white(1000))
+    with raises(DataError, got=value):
+        live.update(x)
+    assert len(live) == 1000
+    for k in range(6990, 7010):
+        live.update(x[k : k + 1])
+    with raises(DataError, got=value):
+        live.result(robust=True)
+
+
+def test_large_outliers_and_offsets_are_not_refused():
+    x = white(20_000)
+    clean = measured(x).variance
+    assert measured(x + 1e9).variance == pytest.approx(clean, rel=1e-4)
+    x[7000] = 1e9
+    assert measured(x).variance[:6] == pytest.approx(clean[:6], rel=0.02)
+    assert measured(np.where(np.arange(20_000) == 7000, 1e20, 0.0)).variance[:3].tolist() == [0, 0, 0]

@@ -7,18 +7,18 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from importlib import metadata
-from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar
 
 import numpy as np
 
+from gmwm._files import read_json
+from gmwm._kinds import Document, require_kinds
 from gmwm._text import with_article
-from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.options import AGAIN, CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.schema import AGAIN, require_kinds
 from gmwm.datasheets import Datasheet
 from gmwm.errors import ReadError
 from gmwm.estimation.result import Fit
@@ -129,7 +129,7 @@ def calibration(content: Any) -> Calibration:
             lambda: {name: Recording.from_dict(one) for name, one in parsed.get("recordings", {}).items()},
         ),
     )
-    require_kinds(found, "")
+    require_kinds(found, "", Document("calibration", AGAIN))
     return found
 
 
@@ -210,7 +210,7 @@ def read_text(path: str | os.PathLike[str]) -> Any:
         If the file is not JSON, is truncated, or is not a calibration.
     """
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = read_json(path)
     except ValueError as error:
         raise ReadError(
             f"{path} is not a calibration: it is not JSON, or it is truncated ({error})", advice=AGAIN

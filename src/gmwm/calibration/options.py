@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gmwm.calibration.schema import AGAIN
 from gmwm.errors import ModelError, OptionError, ReadError
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.regression.against import AUTO, Against, Asked
@@ -14,6 +13,8 @@ from gmwm.selection.options import RankingOptions
 from gmwm.selection.search import SLOW
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
+AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
+"""Advice if a document is not a calibration or is incomplete."""
 SEARCHED = "auto"
 """Default of `within`: a search that the data control, see `gmwm.selection.search`."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")

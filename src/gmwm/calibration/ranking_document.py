@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.calibration.schema import AGAIN
+from gmwm.calibration.options import AGAIN
 from gmwm.errors import ReadError
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.inference.criterion import Criterion

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json as json_module
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm._files import read_json
 from gmwm.cli.command import command
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress, tell
@@ -189,30 +189,63 @@ def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
             )
         (path,) = candidates
     try:
-        content = json_module.loads(path.read_text(encoding="utf-8"))
-        fits = _fits(content)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ReadError(
-            f"{path} is neither a fits.json nor a calibration.json of gmwm ({type(error).__name__}: {error})",
-            got=str(path),
-            advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
-        ) from error
+        content = read_json(path)
+    except ValueError as error:
+        raise _not_fits(path, f"it is not JSON, or it is truncated: {error}") from error
+    try:
+        file, fits = _fits(content)
+    except ReadError as error:
+        raise _not_fits(path, error.reason) from error
     if not fits:
         raise ReadError(
             f"{path} contains no fit",
             got=str(path),
             advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
         )
-    return content.get("file") or (content.get("recording") or {}).get("file"), fits
+    return file, fits
 
 
-def _fits(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fit of each axis in a fits.json or calibration.json."""
+def _not_fits(path: Path, why: str) -> ReadError:
+    return ReadError(
+        f"{path} is neither a fits.json nor a calibration.json of gmwm ({why})",
+        got=str(path),
+        advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
+    )
+
+
+def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
+    """Return the recording and the fit of each axis in a fits.json or calibration.json.
+
+    Raises
+    ------
+    ReadError
+        If any part of the document is missing or wrong.
+    """
+    from gmwm import Calibration, Fit
     from gmwm.calibration.document import FORMAT
+    from gmwm.likelihood import LikelihoodFit
 
-    if "format" in content and content["format"] == FORMAT:
-        return {axis: one["fit"] for axis, one in content["axes"].items()}
-    return dict(content["axes"]) if content["command"] == "fit" else {}
+    if not isinstance(content, Mapping):
+        raise ReadError("it is not an object")
+    if content.get("format") == FORMAT:
+        found = Calibration.from_dict(content)
+        file = None if found.recording is None else found.recording.file
+        return file, {axis: one["fit"] for axis, one in content["axes"].items()}
+    if content.get("command") != "fit":
+        raise ReadError('it has neither "format": "gmwm-calibration" nor "command": "fit"')
+    file, axes = content.get("file"), content.get("axes")
+    if not isinstance(axes, Mapping) or not all(isinstance(one, Mapping) for one in axes.values()):
+        raise ReadError("axes must be an object of fits")
+    if not isinstance(file, str | None):
+        raise ReadError("file must be a string or null")
+    for axis, one in axes.items():
+        try:
+            Fit.from_dict(one)
+            if one.get("likelihood") is not None:
+                LikelihoodFit.from_dict(one["likelihood"])
+        except ReadError as error:
+            raise error.at(axis) from error
+    return file, dict(axes)
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:

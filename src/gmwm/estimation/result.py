@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
+from gmwm._kinds import Document, require_kinds
 from gmwm._text import Named
-from gmwm.errors import ModelError, ReadError
+from gmwm.errors import ModelError
 from gmwm.estimation.inference_methods import InferenceMethods
 from gmwm.estimation.starts import Start
 from gmwm.processes.kalman_methods import KalmanMethods
@@ -229,12 +230,11 @@ class Fit(InferenceMethods, KalmanMethods):
         >>> Fit.from_dict(found.to_dict()).parameters == found.parameters
         True
         """
-        try:
-            return cls._from_dict(values)
-        except KeyError as error:
-            raise ReadError(f"not a fit: {error.args[0]!r} is missing", advice=_HOW_WRITTEN) from error
-        except (TypeError, ValueError, AttributeError) as error:
-            raise ReadError(f"not a fit: {error}".rstrip("."), advice=_HOW_WRITTEN) from error
+        document = Document("fit", _HOW_WRITTEN)
+        with document.reading():
+            found = cls._from_dict(values)
+        require_kinds(found, "", document)
+        return found
 
     @classmethod
     def _from_dict(cls, values: Mapping[str, Any]) -> Fit:

@@ -12,6 +12,7 @@ import numpy as np
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.confidence_limits import chi_square_limits
+from gmwm.errors import OptionError
 from gmwm.estimation.atoms import grid
 from gmwm.estimation.problem import Problem
 from gmwm.estimation.variable_projection import Coordinates, Point, Surface
@@ -120,7 +121,9 @@ class Start:
     def from_dict(cls, values: Mapping[str, Any]) -> Start:
         """Return the start from the values of `to_dict`."""
         default = values["default"]
-        how = next(how for how in get_args(How) if how == values["how"])
+        how: How = values["how"]
+        if how not in get_args(How):
+            raise OptionError(argument="how", expected=f"one of {', '.join(get_args(How))}", got=how)
         return cls(
             how=how,
             tried=int(values["tried"]),

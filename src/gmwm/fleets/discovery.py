@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
+from gmwm._text import printable
 from gmwm.errors import GmwmError, OptionError
 from gmwm.options import ReadOptions
 from gmwm.readers import registered
@@ -91,7 +92,9 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
     paths: dict[str, Path] = {}
     left_out: list[str] = []
     for path in _walk(folder, output):
-        unit = path.relative_to(folder).as_posix()
+        if path.exists() and not path.is_file() and not path.is_dir():
+            continue  # a pipe or a device
+        unit = printable(path.relative_to(folder).as_posix())
         if pattern is not None:
             # A pattern with a folder is matched with the path, others with the name.
             if fnmatchcase(unit if "/" in pattern else path.name, pattern):
@@ -115,7 +118,7 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
     """Yield all files below a folder, and folders that are one recording, without hidden files and outputs of
     fleets."""
     signs = {reader.folder_sign for reader in registered()} - {""}
-    for name, folders, files in os.walk(folder):
+    for name, folders, files in os.walk(folder, onerror=_raise_unreadable):
         here = Path(name)
         if here == output or FILE in files:
             folders.clear()
@@ -127,8 +130,27 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
             yield from (here / file for file in files if not file.startswith("."))
 
 
+def _raise_unreadable(error: OSError) -> None:
+    """Raise an error for a folder that cannot be listed, because its units would be left out.
+
+    Raises
+    ------
+    OptionError
+        With the folder and the reason.
+    """
+    raise OptionError(
+        f"the folder {error.filename} cannot be read: {error.strerror}",
+        argument="recordings",
+        got=str(error.filename),
+        advice="Change its permissions, or pass the recordings one by one.",
+    ) from error
+
+
 def _is_recording(path: Path) -> bool:
-    """Return whether a file is a recording, by its name or content; a text file needs a known extension."""
+    """Return whether a file is a recording, by its name or content; a text file needs a known extension.
+
+    A file that cannot be opened counts as one, so that the reason is reported.
+    """
     for reader in registered():
         # The file that marks a folder as a recording is not one itself, and .yaml may be anything.
         if path.suffix.lower() in set(reader.extensions) - {Path(reader.folder_sign).suffix}:
@@ -137,7 +159,7 @@ def _is_recording(path: Path) -> bool:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except OSError:
-        return False
+        return True
     sure = max(reader.sniff(path, head) for reader in registered())
     return sure > _PLAUSIBLE or (sure == _PLAUSIBLE and not path.suffix)
 
@@ -152,7 +174,7 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
         raise OptionError(
             "the recordings are on different drives", advice="Name the units: pass a mapping of unit to path."
         ) from error
-    named = {path.relative_to(common).as_posix(): path for path in paths}
+    named = {printable(path.relative_to(common).as_posix()): path for path in paths}
     if len(named) < len(paths):
         twice = next(str(path) for k, path in enumerate(paths) if path in paths[:k])
         raise OptionError(argument="recordings", expected="different paths", got=twice)

@@ -163,7 +163,7 @@ class Fleet(Summarised):
             table=table,
             settings=settings,
             left_out=tuple(facts["left_out"]),
-            reading=facts.get("reading", {}),
+            reading=facts["reading"],
         )
         return replace(found, kept=len(found))
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from gmwm._text import printable
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.remarks import Severity
 
@@ -23,7 +24,7 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
     """
     base: Row = {
         "unit": unit,
-        "file": path,
+        "file": printable(path),
         "cautions": sum(remark.severity < Severity.INFO for remark in found.recording_remarks),
     }
     if found.recording is not None:
@@ -34,7 +35,7 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
 
 def failed_row(unit: str, path: str, reason: str) -> Row:
     """Return the row of a unit that could not be calibrated."""
-    return {"unit": unit, "file": path, "status": "failed", "reason": reason}
+    return {"unit": unit, "file": printable(path), "status": "failed", "reason": printable(reason)}
 
 
 def plain(row: Row) -> Row:

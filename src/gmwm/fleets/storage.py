@@ -8,7 +8,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from gmwm._files import write_text
+from gmwm._files import read_json, write_text
+from gmwm._text import printable
 from gmwm.calibration.document import FORMAT as CALIBRATION
 from gmwm.calibration.document import VERSION as CALIBRATION_VERSION
 from gmwm.calibration.recording_info import Recording
@@ -55,7 +56,7 @@ def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> 
     A unit is finished if it was calibrated with the same options from the same recording.
     """
     try:
-        content = json.loads(unit_file(folder, unit).read_text(encoding="utf-8"))
+        content = read_json(unit_file(folder, unit))
         if content["format"] != CALIBRATION or content["version"] != CALIBRATION_VERSION:
             return None
         made = content[PART]
@@ -63,8 +64,8 @@ def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> 
             return None
         if not _is_same(path, made, content["recording"]):
             return None
-        return [from_plain(row) | {"unit": unit, "file": str(path)} for row in made["rows"]]
-    except (OSError, ValueError, KeyError, TypeError):
+        return [from_plain(row) | {"unit": unit, "file": printable(str(path))} for row in made["rows"]]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ReadError):
         return None  # missing, incomplete, or another file
 
 
@@ -107,7 +108,7 @@ def read_facts(folder: Path) -> Mapping[str, Any]:
             f"{folder} is not the folder of a fleet: it has no {FILE}", advice="Pass the output folder of `gmwm fleet`."
         )
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = read_json(file)
     except ValueError as error:
         raise ReadError(
             f"{file} is not the file of a fleet: it is not JSON or incomplete ({error})", advice=RUN_AGAIN
@@ -127,6 +128,21 @@ def read_facts(folder: Path) -> Mapping[str, Any]:
             f"version {VERSION}",
             advice="Install a newer gmwm: `pip install --upgrade gmwm`." if newer else "Run the fleet again.",
         )
-    if missing := [name for name in ("settings", "units", "left_out") if name not in content]:
+    if missing := [name for name in _PARTS if name not in content]:
         raise ReadError(f"{file} is incomplete: it has no {missing[0]!r}", advice=RUN_AGAIN)
+    for name, (kind, words) in _PARTS.items():
+        value = content[name]
+        texts = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
+        if not isinstance(value, kind) or (name in _TEXTS and not all(isinstance(text, str) for text in texts)):
+            raise ReadError(f"{file} is not the file of a fleet: {name} must be {words}", advice=RUN_AGAIN)
     return content
+
+
+_PARTS: Mapping[str, tuple[type, str]] = {
+    "settings": (Mapping, "an object"),
+    "units": (Mapping, "an object of strings"),
+    "left_out": (list, "a list of strings"),
+    "reading": (Mapping, "an object"),
+}
+"""Parts of fleet.json that are read, with their types."""
+_TEXTS = ("units", "left_out")

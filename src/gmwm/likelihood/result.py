@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
+from gmwm._kinds import Document, require_kinds
 from gmwm._text import Named
-from gmwm.errors import ModelError, ReadError
+from gmwm.errors import ModelError
 from gmwm.inference.asymptotic import why_no_error
 from gmwm.likelihood.record import Record
 from gmwm.processes.kalman_methods import KalmanMethods
@@ -341,7 +342,8 @@ class LikelihoodFit(KalmanMethods):
         >>> LikelihoodFit.from_dict(found.to_dict()).parameters == found.parameters
         True
         """
-        try:
+        document = Document("maximum-likelihood fit", _SOURCE)
+        with document.reading():
             model = Model.parse(values["model"])
             parameters = {name: value for name, value in model.parameters.items() if value is not None}
             if parameters != dict(values["parameters"]):
@@ -359,7 +361,7 @@ class LikelihoodFit(KalmanMethods):
                 started_at=float(values["started_at"]),
                 remarks=tuple(Remark.from_dict(remark) for remark in values["remarks"]),
             )
-            return cls(
+            found = cls(
                 model=model,
                 parameters=parameters,
                 loglikelihood=float(values["loglikelihood"]),
@@ -376,10 +378,8 @@ class LikelihoodFit(KalmanMethods):
                 diagnostics=diagnostics,
                 regression=None if values["regression"] is None else Regression.from_dict(values["regression"]),
             )
-        except KeyError as error:
-            raise ReadError(f"not a maximum-likelihood fit: {error.args[0]!r} is missing", advice=_SOURCE) from error
-        except (TypeError, ValueError, AttributeError) as error:
-            raise ReadError(f"not a maximum-likelihood fit: {error}".rstrip("."), advice=_SOURCE) from error
+        require_kinds(found, "", document)
+        return found
 
     @property
     def remarks(self) -> tuple[Remark, ...]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
+from gmwm._locks import OneAtATime, one_at_a_time
 from gmwm.chunks import Chunk
 from gmwm.errors import ReadError
 from gmwm.monitor.axis import Axis
@@ -49,7 +50,7 @@ PIECE = 1 << 16
 FORMAT = "gmwm-monitor"
 
 
-class Monitor:
+class Monitor(OneAtATime):
     """Monitor a sensor at rest, and report when its noise or its level changes.
 
     The samples of each axis pass through the Kalman filter of its model. CUSUM charts watch the mean squares of the
@@ -169,6 +170,7 @@ class Monitor:
         """Largest height of the charts of each family during the last update, as a share of the threshold, by axis."""
         return {axis: one.charts.heights() for axis, one in self._axes.items()}
 
+    @one_at_a_time
     def update(self, values: Mapping[str, ArrayLike] | Chunk) -> list[Event]:
         """Add the next samples of all axes, in rad/s and m/s².
 
@@ -224,6 +226,7 @@ class Monitor:
             yield from self.update(chunk)
         yield from self.finish()
 
+    @one_at_a_time
     def gap(self, samples: int | None = None) -> list[Event]:
         """Note that samples are missing before the next ones.
 
@@ -243,6 +246,7 @@ class Monitor:
         time = self._now
         return events + self._after_gap(time + (samples or 0) / self.rate, samples)
 
+    @one_at_a_time
     def skip(self, samples: int) -> None:
         """Pass over samples that are not to be judged, for example while the unit is moved on purpose.
 
@@ -260,6 +264,7 @@ class Monitor:
             axis.begin_again()
         self._count += samples
 
+    @one_at_a_time
     def finish(self) -> list[Event]:
         """Name a fault whose time of naming is not over yet, at the end of the samples."""
         events: list[Event] = []
@@ -370,6 +375,7 @@ class Monitor:
 
     # --- state ----------------------------------------------------------------------------------------
 
+    @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
         """The monitor with its state as dicts, lists, numbers and strings, ready for JSON."""
         return {

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,6 +85,9 @@ class Verdict(Summarised):
     dependence : Dependence or None
         The level at which the robust curve depends on its efficiency; None if it does not, or was not compared.
     """
+
+    marks_with_nan: ClassVar[bool] = True
+    """Levels without a test are NaN in the arrays."""
 
     contaminated: bool
     pvalue: float

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Reader, Rows, register
-from gmwm.readers.byte_sources import ZIP, MemberSource, PackedError, open_archive
+from gmwm.readers.byte_sources import ZIP, MemberSource, PackedError, file_names, open_archive
 from gmwm.readers.column_names import named_unit, recognise
 from gmwm.readers.compressed import packed_text
 from gmwm.readers.sensorlogger import WITHOUT_GRAVITY, SensorLoggerReader, sensor
@@ -26,6 +26,10 @@ from gmwm.readers.text import TextReader
 from gmwm.remarks import Remark
 
 _SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+
+
+MAX_TABLES = 100
+"""Largest number of tables in an archive: phones export some ten. Each is unpacked and searched for columns."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +132,13 @@ def _tables(path: Path) -> list[_Table]:
         If there is none, or a table is damaged.
     """
     with open_archive(path) as archive:
-        names = [info.filename for info in archive.infolist() if not info.is_dir()]
+        names = list(dict.fromkeys(file_names(archive)))
+    if sum(PurePosixPath(name).suffix.lower() in _SUFFIXES for name in names) > MAX_TABLES:
+        raise PackedError(
+            f"{path} holds more than {MAX_TABLES} tables",
+            code="too-many",
+            advice="Unpack it and pass the recording in it.",
+        )
     found, first_error = [], None
     for name in names:
         inside = PurePosixPath(name)

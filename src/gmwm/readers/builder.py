@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 from gmwm.axis_names import axis_quantity
 from gmwm.chunks import Samples
+from gmwm.errors import DataError
 from gmwm.readers.base import Rows
 from gmwm.readers.interpretation import TEMPERATURE, Interpretation, RowSource
-from gmwm.readers.lost_samples import about_lost, as_floats, gaps_of, sift
+from gmwm.readers.lost_samples import about_lost, as_floats, beyond_sensors, gaps_of, sift
 from gmwm.readers.running_clock import KnownClock, RunningClock, Settled
 from gmwm.readers.temperature import with_temperature
 from gmwm.remarks import Remark
@@ -38,6 +39,8 @@ class RowSummary:
         Whether there is a gap before the first sample.
     lost : int
         Number of lost samples.
+    impossible : int
+        Number of those whose values no sensor measures.
     gaps : tuple of (sample, seconds)
         For each gap, the first sample after it and its length.
     live : TimeBase or None
@@ -51,6 +54,7 @@ class RowSummary:
     start: float
     parted: bool
     lost: int = 0
+    impossible: int = 0
     gaps: tuple[tuple[int, float], ...] = ()
     live: TimeBase | None = None
     about: tuple[Remark, ...] = ()
@@ -60,7 +64,10 @@ class RowSummary:
         # A part counts its samples from the number of its first row in the file.
         shift = self.stop - later.first
         moved = tuple((sample + shift, seconds) for sample, seconds in later.gaps)
-        return replace(self, stop=later.stop + shift, gaps=self.gaps + moved, lost=self.lost + later.lost)
+        return replace(
+            self, stop=later.stop + shift, gaps=self.gaps + moved, lost=self.lost + later.lost,
+            impossible=self.impossible + later.impossible,
+        )  # fmt: skip
 
     def time_base(self, found: Interpretation) -> TimeBase:
         """Return the time base of the recording, from the time stamps of all rows."""
@@ -68,7 +75,7 @@ class RowSummary:
 
     def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
         """Return the remarks that need all rows: on lost samples, and on the time stamps of a live stream."""
-        return (*self.about, *about_lost(self.time_base(found)))
+        return (*self.about, *about_lost(self.time_base(found), self.impossible))
 
 
 class SampleBuilder:
@@ -103,6 +110,7 @@ class SampleBuilder:
         self._start: float | None = None
         # Of each break, the rows before and after it, and the sample after it.
         self._breaks, self._count = list[tuple[int, int, int]](), 0
+        self._impossible = 0
         self._cuts = {first} if lost_before else set[int]()  # rows after a row without a place
 
     def add(self, rows: Rows) -> Iterator[Samples]:
@@ -124,10 +132,17 @@ class SampleBuilder:
         cut[0] |= self._cut[-1]
         self._cut = np.concatenate([self._cut[:-1], cut])
         lost = np.zeros(size, dtype=bool) if sifted.lost is None else sifted.lost[:size]
-        self._lost = _joined(self._lost, lost)
+        impossible = None
         for role in found.roles:
             values = self._in_si(as_floats(rows[columns[role]]), found.factors.get(role, ()))
             self._waiting[role] = _joined(self._waiting[role], values)
+            beyond = beyond_sensors(values) if role in found.choice.axes else None
+            if beyond is not None:
+                impossible = beyond if impossible is None else impossible | beyond
+        if impossible is not None:
+            self._impossible += int(np.count_nonzero(impossible & ~lost))
+            lost = lost | impossible
+        self._lost = _joined(self._lost, lost)
         self._came += size
         yield from self._settled(self._live.take(rows[columns["time"]]) if self._live else self._known.take(size))
 
@@ -158,6 +173,7 @@ class SampleBuilder:
             parted=self._parted,
             gaps=gaps_of([pair for pair, _ in gaps], [k for _, k in gaps], stamped=stamped, rate=self._found.rate),
             lost=self._count,
+            impossible=self._impossible,
             live=live,
             about=() if self._live is None else tuple(self._live.remarks()),
         )
@@ -249,7 +265,17 @@ def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, r
         How they were read.
     base, remarks
         Of the recording.
+
+    Raises
+    ------
+    DataError
+        If there is no sample.
     """
+    if not parts:
+        raise DataError(
+            "the recording has no sample: each row has a value that no sensor measures",
+            advice="Check the unit with {--units} and the format with {--format}.",
+        )
     runs = list(dict(run for part in parts for run in part.runs).items())
     edges = [*(sample for sample, _ in runs), sum(len(part) for part in parts)]
 

@@ -126,7 +126,16 @@ class MemberSource(FileSource):
         """Open the decompressed bytes, with limits on their number."""
         archive = open_archive(self.path)
         info = archive.getinfo(self.member)
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            archive.close()
+            # The library unpacks blocks of the other methods as a whole: a few kB become gigabytes.
+            raise PackedError(
+                f"{self} is compressed with method {info.compress_type}; only deflate is read in zip archives",
+                code="unsupported",
+                advice="Unpack the archive and pass the file in it.",
+            )
         if info.flag_bits & 1:
+            archive.close()
             raise PackedError(f"{self} is encrypted", code="encrypted", advice="Unpack it with its password first.")
         try:
             return _bounded(archive.open(info), str(self), info.compress_size, archive)
@@ -164,6 +173,11 @@ def open_archive(path: Path) -> zipfile.ZipFile:
             advice="Unpack it and pass the recording in it.",
         )
     return archive
+
+
+def file_names(archive: zipfile.ZipFile) -> list[str]:
+    """Return the names of the files in an archive, without folders and damaged names."""
+    return [name for info in archive.infolist() if (name := info.filename) and not name.endswith("/")]
 
 
 def require_ratio(unpacked: int, packed: int, name: object) -> None:

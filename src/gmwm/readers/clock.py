@@ -270,8 +270,8 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
         away = max(last - first for first, last in segments) * abs(per_second / rate - interval)
         grave = abs(measured / rate - 1) > _RATE_TROUBLE and away > max(interval, 3 * jitter)
         remarks += _about_declared(rate, measured, grave)
-    elif remark := _about_regular(rows, lost, count, measured):
-        remarks.append(remark)
+    elif remark := _about_regular(rows, lost, count, measured) or _about_rounded(blocks, count, measured, per_second):
+        remarks = [*(one for one in remarks if one.code != "rate-from-mean"), remark]
     reliable = {0: origin / per_second} | {row: (origin + tick) / per_second for row, tick in walls.items()}
     starts = _starts(segments, dict(zip(rows.tolist(), lost.tolist(), strict=True)), reliable, used)
     base = TimeBase(
@@ -345,6 +345,20 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
         every=round(float(np.mean(apart))) + 1,
         rate=Quantity(rate, "Hz"),
         other=Quantity(rate / (1 + share), "Hz"),
+    )
+
+
+def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second: int) -> Remark | None:
+    """Return a remark if rounded time stamps of this rate could be those of a higher rate with regular losses: all are
+    multiples of the interval of most rows, and none repeats."""
+    if not all(b.exact and not b.found.rows.size and not b.duplicates for b in blocks):
+        return None
+    other = per_second / blocks[0].median
+    lost = sum(b.whole for b in blocks) / blocks[0].median - (count - 1)
+    if lost < max(_REGULAR, _REGULAR_SHARE * count):
+        return None
+    return Remark.of(
+        "rate-ambiguous", every=round(count / lost) + 1, rate=Quantity(rate, "Hz"), other=Quantity(other, "Hz")
     )
 
 

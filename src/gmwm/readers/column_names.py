@@ -50,6 +50,8 @@ _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local"
 _ELEMENT = re.compile(r"\[([012])\]")
 """An element of an array of three numbers: gyroADC[0] is the x axis."""
 
+LONGEST = 200
+"""Number of characters of a name or unit that are read. Longer names are not names, and would take minutes."""
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
 
@@ -156,6 +158,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
 
 def unit_of(text: str, axis: str) -> str:
     """Return the unit in a text if it is a unit of `axis`; otherwise ""."""
+    text = text.strip()[:LONGEST]
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
         return find_time_unit(text)
@@ -175,7 +178,7 @@ def is_unit(text: str) -> bool:
 
 def clean(name: str) -> str:
     """Return a name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
-    return name.strip().lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
+    return name.strip()[:LONGEST].lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
 
 
 def _harmless(text: str) -> bool:

@@ -19,13 +19,18 @@ from gmwm.readers.text_stamps import is_stamp, parted_stamp
 BLANKS = " "
 """The delimiter of columns that are separated by any number of blanks and tabs."""
 
+LONGEST_COMMENT = 8192
+"""Number of characters up to which a comment is searched for names and units."""
+
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
 MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>")
 """Words that programs write instead of a missing number, besides NaN and an empty cell."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?|\([^)]*\)|\[[^\]]*\]")
+_NUMBER = re.compile(r"[+-]?(\d++\.?\d*+|\.\d++)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
+"""A number with points between groups of three digits, as programs write it that use a decimal comma."""
+_NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|\[[^\]\[]*\]")
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,15 @@ def is_number(cell: str, decimal_comma: bool = False) -> bool:
     return _NUMBER.fullmatch(cell.replace(",", ".", 1) if decimal_comma else cell) is not None
 
 
+def is_grouped(cell: str) -> bool:
+    """Return whether a cell may be a number whose points separate thousands.
+
+    >>> [cell for cell in ("5.000", "1.234.567,8", "0.500", "9.81", "5,000") if is_grouped(cell)]
+    ['5.000', '1.234.567,8']
+    """
+    return _GROUPED.fullmatch(cell) is not None
+
+
 def comment_sign(line: str) -> str:
     """Return the comment sign with which a line begins, or ""."""
     text = line.lstrip()
@@ -156,7 +170,7 @@ def detect(lines: list[str], path: object) -> Dialect:
     trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
     columns = fields - trailing
     header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
-    comments = [line for line in lines[: first_line - 1] if comment_sign(line)]
+    comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= LONGEST_COMMENT]
     where = (path, first_line)
     names, units = (
         (labels, ())
@@ -194,7 +208,7 @@ def detect(lines: list[str], path: object) -> Dialect:
 
 
 _LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
-_LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*[\s,;]*){{2,}}")
+_LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*+[\s,;]*+){{2,}}")
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 
 
@@ -401,7 +415,7 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
     """Return the units that comments state for a whole sensor: "gyro in deg/s, accel in g", "units: rad/s, m/s^2"."""
     found: dict[str, str] = {}
     for line in comments:
-        text = line.casefold()
+        text = _single_blanks(line).casefold()
         said = "unit" in text
         for clause in re.split(r"[,;]|\band\b", text):
             about = "gyro" if re.search(r"gyr|angular|omega", clause) else ""
@@ -418,8 +432,14 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
 
 def _stated_rate(comments: list[str]) -> float | None:
     """Return the only sampling rate (Hz) that comments state: "// Update Rate: 100.0Hz", "#Log,Output Rate,200.0"."""
-    found = {float(number) * (1e3 if kilo else 1) for line in comments for number, kilo in _RATE.findall(line)}
+    stated = (match for line in comments for match in _RATE.findall(_single_blanks(line)))
+    found = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
     return found.pop() if len(found) == 1 and min(found) > 0 else None
+
+
+def _single_blanks(line: str) -> str:
+    """Return a line with one blank in place of several, which patterns would divide in many ways."""
+    return " ".join(line.split())
 
 
 _RATE = re.compile(

@@ -27,6 +27,9 @@ from gmwm.time_base import TimeBase
 CUT = -1
 """Key of a Boolean column among the rows: the recording is cut before a marked row, and the number of missing samples
 is unknown."""
+IMPOSSIBLE = 1e12
+"""Size of a value (rad/s, m/s²) that no sensor measures: a choice. Shock sensors end at 2e6 m/s², and counts of 32 bits
+without a scale at 2e9."""
 MISSING = int(np.iinfo(np.int64).min)
 """Value of a missing integer. It is also the missing time of NumPy (NaT)."""
 
@@ -136,10 +139,24 @@ def as_floats(column: NDArray[np.generic]) -> Vector:
     return floats
 
 
-def about_lost(base: TimeBase) -> Iterator[Remark]:
-    """Yield a remark if samples are lost."""
-    if base.lost:
-        yield Remark.of("samples-lost", count=base.lost)
+def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
+    """Return a mask of the values (rad/s or m/s²) that no sensor measures; None if there is none.
+
+    >>> beyond_sensors(np.array([0.1, -3.4e38, 9.8]))
+    array([False,  True, False])
+    """
+    if values.size == 0 or (values.max() <= IMPOSSIBLE and values.min() >= -IMPOSSIBLE):
+        return None
+    beyond = np.abs(values) > IMPOSSIBLE
+    return beyond if beyond.any() else None
+
+
+def about_lost(base: TimeBase, impossible: int) -> Iterator[Remark]:
+    """Yield the remarks on lost samples, `impossible` of them for their values."""
+    if base.lost > impossible:
+        yield Remark.of("samples-lost", count=base.lost - impossible)
+    if impossible:
+        yield Remark.of("values-impossible", count=impossible, limit=IMPOSSIBLE)
 
 
 def gaps_of(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Iterator, Sequence
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from gmwm.errors import GmwmError, ReadError
 from gmwm.readers.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
 from gmwm.readers.base import Layout, Mark, Reader, Rows, register
-from gmwm.readers.byte_sources import ZIP, MemberSource, open_archive, require_ratio
+from gmwm.readers.byte_sources import ZIP, FileSource, MemberSource, file_names, open_archive, require_ratio
 
 _MAGIC = b"\x93NUMPY"
 
@@ -37,15 +38,8 @@ class NpyReader(Reader):
             shape, order, dtype = _header(file, path)
             offset = file.tell()
         _require_size(shape, dtype, path.stat().st_size - offset, path)
-        try:
-            array = (
-                np.memmap(path, dtype, "r", offset, shape, "F" if order else "C") if np.prod(shape) else np.empty(shape)
-            )
-        except (ValueError, OSError) as error:
-            raise ReadError(
-                f"{path} cannot be mapped ({error})", code="damaged", advice="Copy the file again."
-            ) from error
-        return layouts_of(fields_of("", shape, dtype, partial(part_of, array)), path)
+        stored = _Stored(path, offset, shape, order, dtype)
+        return layouts_of(fields_of("", shape, dtype, stored), path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield rows of the memory-mapped file."""
@@ -77,7 +71,7 @@ class NpzReader(Reader):
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the recordings: arrays of the same length are the columns of one."""
         with open_archive(path) as archive:
-            members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
+            members = [archive.getinfo(name) for name in dict.fromkeys(file_names(archive)) if name.endswith(".npy")]
         require_ratio(sum(m.file_size for m in members), sum(m.compress_size for m in members), path)
         arrays = [array for member in members for array in self._member(path, member)]
         return layouts_of(arrays, path)
@@ -98,6 +92,42 @@ class NpzReader(Reader):
             _require_size(shape, dtype, member.file_size - file.tell(), source)
         packed = _Packed(source, shape, order, dtype)
         return fields_of(name, shape, dtype, packed)
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """An array in a file, read part by part. It is not mapped: if a mapped file is cut, the process is killed."""
+
+    path: Path
+    offset: int
+    shape: tuple[int, ...]
+    fortran: bool
+    dtype: np.dtype[Any]
+
+    def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
+        if not self.shape:
+            return self._values(0, 1).reshape(())
+        # The rows of consecutive numbers in the file.
+        shape = self.shape[::-1] if self.fortran else self.shape
+        along = len(shape) - 1 - axis if self.fortran else axis
+        inner, outer, size = math.prod(shape[along + 1 :]), math.prod(shape[:along]), shape[along]
+        start, stop = min(start, size), min(stop, size)
+        runs = [self._values((k * size + start) * inner, (k * size + stop) * inner) for k in range(outer)]
+        part = np.concatenate([np.empty(0, self.dtype), *runs]) if len(runs) != 1 else runs[0]
+        part = part.reshape((*shape[:along], stop - start, *shape[along + 1 :]))
+        return part.T if self.fortran else part
+
+    def _values(self, first: int, stop: int) -> NDArray[Any]:
+        """Read the numbers from one index to another, in the order of the file."""
+        size = self.dtype.itemsize
+        with FileSource(self.path).open() as file:
+            file.seek(self.offset + first * size)
+            data = file.read((stop - first) * size)
+        if len(data) < (stop - first) * size:
+            raise ReadError(
+                f"{self.path} became shorter while it was read", code="changed", advice="Copy the file again."
+            )
+        return np.frombuffer(data, self.dtype)
 
 
 class PicklesError(ReadError):
@@ -149,6 +179,12 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
             code="incomplete",
             advice="Copy the file again.",
         ) from error
+    if not all(type(size) is int and 0 <= size < 1 << 62 for size in shape):  # NumPy accepts True
+        raise ReadError(
+            f"{name} states the shape {shape}, which no array has",
+            code="header-damaged",
+            advice="Copy the file again.",
+        )
     if dtype.itemsize == 0:
         raise ReadError(
             f"{name} holds empty elements instead of numbers", code="no-numbers", advice="Save an array of numbers."

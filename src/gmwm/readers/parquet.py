@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -40,7 +42,7 @@ class ParquetReader(Reader):
         import polars as pl
 
         try:
-            scan = pl.scan_parquet(path)
+            scan = _scan(path)
             schema = scan.collect_schema()
             first = scan.head(1).collect()
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
@@ -66,7 +68,7 @@ class ParquetReader(Reader):
         """Return marks for the slices, from the number of rows that the file states."""
         import polars as pl
 
-        rows = int(pl.scan_parquet(path).select(pl.len()).collect().item())
+        rows = int(_scan(path).select(pl.len()).collect().item())
         return (*(Mark(row) for row in range(0, rows, ROWS)), Mark(rows))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
@@ -74,7 +76,7 @@ class ParquetReader(Reader):
         import polars as pl
 
         names = [layout.channels[k].name for k in wanted]
-        scan = pl.scan_parquet(path).select(names)
+        scan = _scan(path).select(names)
         row = mark.row
         while True:
             try:
@@ -90,6 +92,17 @@ class ParquetReader(Reader):
             columns = zip(wanted, names, strict=True)
             yield {k: _numbers(frame.get_column(name), path, row, layout.first_row[k]) for k, name in columns}
             row += frame.height
+
+
+def _scan(path: Path) -> pl.LazyFrame:
+    """Return the rows of a file, lazily. A name is not a pattern, and may have bytes that are not UTF-8."""
+    import polars as pl
+
+    try:
+        os.fspath(path).encode()
+    except UnicodeEncodeError:
+        return pl.scan_parquet(BytesIO(path.read_bytes()))
+    return pl.scan_parquet(path, glob=False)
 
 
 def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from gmwm.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
 from gmwm.remarks import Remark
 
-STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter", "samples-lost")
+STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter", "samples-lost", "values-impossible")
 """Codes of remarks that need all rows, and are known only at the end of a live stream."""
 
 _CATEGORIES: Mapping[str, type[GmwmWarning]] = {
@@ -16,9 +16,11 @@ _CATEGORIES: Mapping[str, type[GmwmWarning]] = {
     "unit-doubtful": GmwmWarning,
     "rate-contradicted": TimeBaseWarning,
     "losses-regular": TimeBaseWarning,
+    "rate-ambiguous": TimeBaseWarning,
     "axis-dead": GmwmWarning,
     **dict.fromkeys(STAMPS, TimeBaseWarning),
     "samples-lost": GmwmWarning,
+    "values-impossible": GmwmWarning,
 }
 """Category of the Python warning, for each remark that is also a warning."""
 

@@ -59,6 +59,8 @@ _PER_DOUBLING = 0.03
 """Increase of the coherence that is required of a block with twice the rows."""
 _BLOCKS = 12
 """Smallest number of blocks."""
+_AGREES = 0.02
+"""Relative difference up to which an interval agrees with the declared one."""
 _SLIPS = 5
 """Number of regular steps from which they are rounding at another rate, and not losses."""
 
@@ -105,9 +107,14 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     if line is not None and (resolution < _COARSE * line or np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line)):
         return Found(line, none, none, 1)
     regular = _regular(ticks, single, resolution, mean)
+    agrees = declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES
+    if agrees and regular is not None and (line is None or abs(line / regular.interval - 1) > 2 * _AGREES):
+        return regular  # the declared rate decides between rounding and regular losses
+    if regular is not None and resolution >= _COARSE * single and _is_rounding(regular, resolution, single):
+        regular = None
     if line is not None and (regular is None or _are_slips(regular)):
         return Found(line, none, none, 1)
-    if regular is not None and (declared is None or abs(regular.interval / declared - 1) < 0.02):
+    if regular is not None and (declared is None or agrees):
         return regular
     interval = mean if declared is None or abs(mean / declared - 1) > 0.05 else declared
     return _in_blocks(ticks, interval, resolution, burst)
@@ -219,12 +226,17 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
     if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE * x.size:
         return None
     level = _with_long_steps(level, np.diff(closed) / interval)
-    found = _assembled(ticks, closed, far, level, interval=interval, width=1)
-    if resolution >= _COARSE * single and found.rows.size >= _SLIPS:
-        apart = np.diff(found.rows)
-        if np.std(apart) < 0.5 * np.mean(apart) and np.median(found.lost) <= np.ceil(resolution / single):
-            return None  # rounding of another rate
-    return found
+    return _assembled(ticks, closed, far, level, interval=interval, width=1)
+
+
+def _is_rounding(found: Found, resolution: float, single: float) -> bool:
+    """Return whether the losses are so regular that they are the rounding of another rate."""
+    apart = np.diff(found.rows)
+    return bool(
+        found.rows.size >= _SLIPS
+        and np.std(apart) < 0.5 * np.mean(apart)
+        and np.median(found.lost) <= np.ceil(resolution / single)
+    )
 
 
 def _with_long_steps(level: Rows, steps: Vector) -> Rows:
@@ -264,6 +276,10 @@ def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]
     samples."""
     n = ticks.size
     some = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
+    steps = np.diff(some) / interval
+    near = steps[np.abs(steps - 1) <= 0.5]
+    # With many gaps, the median of all intervals is above the median of those without one.
+    interval *= float(np.median(near)) if near.size else 1.0
     runs = np.flatnonzero(np.abs(np.diff(some) / interval - 1) > 0.5) + 1
     within = _slope(np.arange(some.size, dtype=np.float64), some, runs)
     interval = within if abs(within / interval - 1) < 0.05 else interval

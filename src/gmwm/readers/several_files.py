@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gmwm._text import printable
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.readers.lost_samples import CUT
@@ -64,8 +65,8 @@ def source_words(path: Source) -> str:
     ('a.csv', 'a.csv and 2 more')
     """
     if isinstance(path, str | os.PathLike):
-        return str(path)
-    return f"{path[0]} and {len(path) - 1} more" if len(path) > 1 else str(path[0])
+        return printable(os.fsdecode(path))
+    return printable(f"{path[0]} and {len(path) - 1} more" if len(path) > 1 else str(path[0]))
 
 
 class SeveralFiles(Reader):

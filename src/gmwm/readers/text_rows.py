@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from io import BytesIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Rows
 from gmwm.readers.byte_sources import FileSource
-from gmwm.readers.dialect import BLANKS, MISSING_WORDS, Dialect, comment_sign, is_number, split
+from gmwm.readers.dialect import BLANKS, MISSING_WORDS, Dialect, comment_sign, is_grouped, is_number, split
 from gmwm.readers.lost_samples import MISSING
 from gmwm.readers.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 
@@ -26,10 +27,12 @@ if TYPE_CHECKING:
     import polars as pl
 
 _BIG_INTEGER = 15  # digits that float64 always holds exactly
-_BLANK_LINE, _BLANK_START = re.compile(rb"\n(?=[ \t\r]*\n)"), re.compile(rb"[ \t\r]*\n")
-_BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*\n)+")
+# Possessive, because a file may have millions of blank lines.
+_BLANK_RUN = re.compile(rb"\n(?:[ \t\r]*+\n)++")
+_BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*+\n)++")
 _GAP = b"NA"
 """Text in each cell of a row that replaces a bad line."""
+_POINT = re.compile(rb"\d\.\d{3}(?!\d)")
 _WORDS = re.compile(rb"(?i)n/?a\b|null|none")
 OR_SKIP = " To count such lines as lost samples, pass {--bad_lines=skip}."
 
@@ -60,6 +63,8 @@ class RowParser:
 
         for pattern, replacement in self.cleaning:
             block = pattern.sub(replacement, block)
+        if self.dialect.decimal_comma and _POINT.search(block):
+            self._require_no_thousands(block, line)
         frame = self._table(block, line)
         if frame is None:
             return None
@@ -86,6 +91,26 @@ class RowParser:
             times[placed] = self.midnights[k].continued(times[placed])
         return times
 
+    def _require_no_thousands(self, block: bytes, line: int) -> None:
+        """Raise an error if a number has a point before three digits, in a file with decimal commas.
+
+        Raises
+        ------
+        ReadError
+            With the line, the column and the content of the cell.
+        """
+        columns = [k for k in self.wanted if k not in self.stamps]
+        for number, text in self._lines(block, line):
+            cells = split(text, self.dialect.delimiter)
+            for k in columns:
+                if k < len(cells) and is_grouped(cells[k]):
+                    raise ReadError(
+                        f"{self.source}, line {number}: column {self._name(k)!r} holds {cells[k][:40]!r}, in which the "
+                        "point may separate thousands or decimals, because other numbers have a decimal comma",
+                        code="decimal-comma",
+                        advice="Write all numbers with decimal points, and none between thousands.",
+                    )
+
     def count(self, block: bytes, line: int) -> int:
         """Return the number of rows in a block that begins in `line`. It is parsed only if it contains quotes or
         comments."""
@@ -93,7 +118,9 @@ class RowParser:
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
         again = sum(line.strip() in self.headers for line in block.splitlines()) if self._repeats(block) else 0
-        blank = len(_BLANK_LINE.findall(block)) + (_BLANK_START.match(block) is not None)
+        begin = _BLANK_BEGIN.match(block)
+        blank = sum(run[0].count(b"\n") - 1 for run in _BLANK_RUN.finditer(block, begin.end() if begin else 0))
+        blank += begin[0].count(b"\n") if begin else 0
         ended = block.endswith(b"\n") or not block[block.rfind(b"\n") + 1 :].strip()
         return block.count(b"\n") - blank + (not ended) - again
 
@@ -115,7 +142,8 @@ class RowParser:
             return None
         try:
             # Polars finds the number of columns in the first line, even if it is blank.
-            frame = self._frame_or_none(_BLANK_BEGIN.sub(b"", block, count=1))
+            many = b"\n\n" in block or b"\n\r\n" in block
+            frame = self._frame_or_none(_without_blank_lines(block) if many else _BLANK_BEGIN.sub(b"", block, count=1))
             if frame is not None and any(series.null_count() for series in frame):
                 frame = self._frame_or_none(
                     _without_blank_lines(block if self._even(block) else self._repaired(block, line))
@@ -157,7 +185,7 @@ class RowParser:
         if self.dialect.delimiter == BLANKS or b'"' in block or (self.sign and self.sign in block):
             return False
         sign, counts = self.dialect.delimiter.encode(), {self.dialect.fields - 1, self.dialect.columns - 1}
-        return all(line.count(sign) in counts for line in block.split(b"\n") if line.strip())
+        return all(line.count(sign) in counts for line in _without_blank_lines(block).split(b"\n") if line.strip())
 
     def _repaired(self, block: bytes, line: int) -> bytes:
         """Return the block without repeated headers, and with rows of missing values for bad lines.
@@ -171,7 +199,10 @@ class RowParser:
             [_GAP] * self.dialect.columns
         )
         good = []
-        for number, raw in enumerate(block.split(b"\n"), line):
+        for number, raw in enumerate(BytesIO(block), line):
+            if raw.isspace():
+                continue
+            raw = raw.removesuffix(b"\n")
             text = _text(raw)
             if text.strip().encode() in self.headers:
                 continue
@@ -206,8 +237,8 @@ class RowParser:
 
     def _lines(self, block: bytes, line: int) -> Iterator[tuple[int, str]]:
         """Yield the rows of a block that begins in `line`, each with its line number."""
-        for number, raw in enumerate(block.split(b"\n"), line):
-            text = _text(raw)
+        for number, raw in enumerate(BytesIO(block), line):
+            text = _text(raw.removesuffix(b"\n"))
             if text.strip().encode() in self.headers:
                 continue
             if text.strip() and not comment_sign(text) == self.dialect.comment != "":
@@ -273,4 +304,4 @@ def _advice(block: bytes, line: int, number: int) -> str:
 
 def _without_blank_lines(block: bytes) -> bytes:
     """Return the block without blank lines, which Polars reads as rows of nulls."""
-    return re.sub(rb"(?m)^[ \t\r]*\n", b"", block)
+    return _BLANK_RUN.sub(b"\n", _BLANK_BEGIN.sub(b"", block, count=1))

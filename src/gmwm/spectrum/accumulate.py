@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector
+from gmwm._locks import OneAtATime, one_at_a_time
 from gmwm.errors import DataError, OptionError
 from gmwm.options import one_of
 from gmwm.spectrum.peaks import find_peaks
@@ -54,7 +55,7 @@ class _Sums:
         return _Sums(self.sums.plus(later.sums), pairs, self.first, later.last)
 
 
-class SpectrumAccumulator:
+class SpectrumAccumulator(OneAtATime):
     """Accumulator of the power spectral density, for a recording that exceeds memory or is still growing.
 
     Blocks begin at multiples of half their length, counted from the beginning of the recording, so the result does not
@@ -116,6 +117,7 @@ class SpectrumAccumulator:
         self._waiting: list[Vector] = []
         self._size = 0
 
+    @one_at_a_time
     def __len__(self) -> int:
         """Return the number of samples so far."""
         return sum(self._segments) + self._size
@@ -126,11 +128,13 @@ class SpectrumAccumulator:
         return self.start + len(self)
 
     @property
+    @one_at_a_time
     def lengths(self) -> tuple[int, ...]:
         """Lengths of the segments between gaps so far."""
         self._fold()
         return tuple(self._segments)
 
+    @one_at_a_time
     def update(self, chunk: ArrayLike) -> None:
         """Add the next samples (n,), one or more.
 
@@ -151,11 +155,13 @@ class SpectrumAccumulator:
         if self._size >= FOLD:
             self._fold()
 
+    @one_at_a_time
     def gap(self) -> None:
         """Mark a gap: samples are missing here, and the next sample begins a new segment."""
         self._fold()
         self._open, self._tail = False, np.empty(0)
 
+    @one_at_a_time
     def merge(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
         """Return an accumulator of this part and of `following`, which directly follows it.
 
@@ -184,6 +190,7 @@ class SpectrumAccumulator:
         following._fold()
         return self._joined(following)
 
+    @one_at_a_time
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
         """Return an accumulator of this recording and another, independent one; no block has samples of both.
 
@@ -196,6 +203,7 @@ class SpectrumAccumulator:
         other.gap()
         return self._joined(other)
 
+    @one_at_a_time
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
         """Return the power spectral density so far; more samples may follow.
 

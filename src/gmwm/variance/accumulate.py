@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Vector, as_rate
+from gmwm._locks import one_at_a_time
 from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
+from gmwm.variance.coefficients import require_digits
 from gmwm.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.rise import RiseSums
@@ -97,6 +99,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         self.rate, self.unit, self.axis, self.robust = as_rate(rate), unit, axis, bool(robust)
         self._thinned = ThinnedValues()
 
+    @one_at_a_time
     def merge(self, following: WaveletAccumulator) -> WaveletAccumulator:
         """Merge this part with the part that directly follows it, into a new accumulator.
 
@@ -112,6 +115,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         joint._thinned = joint._thinned.joined(following._thinned)
         return joint
 
+    @one_at_a_time
     def result(
         self, confidence: float = 0.95, *, robust: bool = False, efficiency: float = EFFICIENCY
     ) -> WaveletVariance:
@@ -149,6 +153,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             return self._curve(confidence)
         return self._curve(confidence, robust_variances(self._sketched(), efficiency), efficiency)
 
+    @one_at_a_time
     def second_pass(self, efficiency: float = EFFICIENCY, *, start: int | None = None) -> SecondPass:
         """Create a second pass over the same samples, which computes the exact robust wavelet variance.
 
@@ -244,6 +249,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     # --- state ----------------------------------------------------------------------------------------
 
+    @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
         """Return the whole state as numbers, texts and arrays, which pickle, `numpy.savez`, or JSON with lists can
         store."""
@@ -326,6 +332,10 @@ class WaveletAccumulator(SegmentedAccumulator):
         made._take_state(self)
         made._thinned = self._thinned
         return made
+
+    def _require_usable(self, x: Vector) -> None:
+        if self.robust and x.size:
+            require_digits(x)
 
     def _grow(self, x: Vector) -> None:
         """Add samples to the open segment."""

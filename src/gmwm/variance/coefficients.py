@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm import _core
-from gmwm._arrays import Vector
+from gmwm._arrays import MISSING_SAMPLES, Vector
+from gmwm.errors import DataError
 
 
 class Coefficients(Protocol):
@@ -59,10 +60,42 @@ def haar_resolution(peak: float, level: int) -> float:
     return float(np.finfo(float).eps * peak * (4 + 2 ** (level / 2)) / 2**level)
 
 
+LARGEST = 2.0**38
+"""Largest distance of a value from the median, in typical distances. With larger values, the rounding of the running
+sum exceeds 1e-4 of a typical coefficient."""
+
+
+def require_digits(x: Vector) -> None:
+    """Raise an error if a value is so large that the running sum has no digits left for the others.
+
+    Raises
+    ------
+    DataError
+        With the value and its index.
+    """
+    some = x[:: max(1, x.size // SAMPLE)]
+    middle = float(np.median(some))
+    largest = max(float(x.max()) - middle, middle - float(x.min()))
+    sizes = np.abs(some - middle)
+    if not sizes.any():
+        sizes = np.abs(x - middle)
+    typical = float(np.median(sizes[sizes > 0])) if largest > 0 else 0.0
+    if largest <= LARGEST * typical:
+        return
+    index = int(np.argmax(np.abs(x - middle)))
+    raise DataError(
+        f"the value {x[index]:.3g} at index {index} is more than {LARGEST:.0e} times as large as the others differ, so "
+        "that they have no digits beside it in double precision",
+        got=float(x[index]),
+        advice=MISSING_SAMPLES,
+    )
+
+
 class HaarCoefficients:
     """Haar MODWT coefficients, computed from one running sum of the signal."""
 
     def __init__(self, x: Vector, levels: int) -> None:
+        require_digits(x)
         self.sum = _core.running_sum(x)
         self.counts = x.size - (np.int64(1) << np.arange(1, levels + 1, dtype=np.int64)) + 1
         self._peak = max(float(self.sum.max()), -float(self.sum.min()))

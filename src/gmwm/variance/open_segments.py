@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_vector
+from gmwm._locks import OneAtATime, one_at_a_time
 from gmwm._text import with_article
 from gmwm.batches import feed
 from gmwm.errors import OptionError
@@ -39,8 +40,10 @@ LARGE = 1 << 18
 """Number of samples from which a chunk is processed without a copy."""
 
 
-class SegmentedAccumulator:
+class SegmentedAccumulator(OneAtATime):
     """Sums over the coefficients of a record that arrives in chunks. The result does not depend on the chunk sizes.
+
+    Several threads may use one accumulator: one call runs at a time, and samples are in the order of the calls.
 
     Up to `held` samples are kept as they are: all their levels are exact. With more samples, the sums are formed panel
     by panel.
@@ -78,6 +81,7 @@ class SegmentedAccumulator:
         self._held = HeldSamples()
         self._count = 0  # samples in the sums
 
+    @one_at_a_time
     def __len__(self) -> int:
         """Return the number of samples so far."""
         return self._count + len(self._held)
@@ -88,6 +92,7 @@ class SegmentedAccumulator:
         return self.start + len(self)
 
     @property
+    @one_at_a_time
     def lengths(self) -> tuple[int, ...]:
         """Lengths of the segments between gaps so far."""
         first = () if self._first is None else (self._first.count,)
@@ -101,15 +106,18 @@ class SegmentedAccumulator:
         """Whether all samples so far are held. The result is then computed as by `wavelet_variance`."""
         return self._first is None and self._last is None and not self._lengths
 
+    @one_at_a_time
     def update(self, chunk: ArrayLike) -> None:
         """Add the next samples (n,), one or more.
 
         Raises
         ------
         DataError
-            If a value is NaN or infinite. The chunk is rejected, and the earlier samples are kept.
+            If a value is NaN, infinite or, in a robust accumulator, too large for double precision beside the others.
+            The chunk is rejected, and the earlier samples are kept.
         """
         x = as_vector(chunk, "chunk", at_least=0)
+        self._require_usable(x)
         room = self.held if self.holds_all else PANEL
         if len(self._held) + x.size > room:
             self._fold()
@@ -118,6 +126,7 @@ class SegmentedAccumulator:
         elif x.size:
             self._held.add(x)
 
+    @one_at_a_time
     def feed(self, signal: Signal, continues: bool = False) -> None:
         """Add a signal. Some of its samples may be filled in for lost ones, and it may continue the last segment."""
         feed(self, signal, continues)
@@ -125,11 +134,13 @@ class SegmentedAccumulator:
         self._line = self._line.followed_by(RiseSums.of(signal))
 
     @property
+    @one_at_a_time
     def rise(self) -> float | None:
         """Mean rise per sample over all segments; None for one segment, and if the lengths of the gaps are not
         known."""
         return self._line.slope() if len(self.lengths) > 1 and self._line.number == len(self) else None
 
+    @one_at_a_time
     def gap(self) -> None:
         """Mark a gap: samples are missing here, and the next sample begins a new segment."""
         if len(self._held):
@@ -208,10 +219,16 @@ class SegmentedAccumulator:
             statistics = statistics.merge(part.all_statistics(self._collector))
         return statistics
 
+    def _require_usable(self, x: Vector) -> None:
+        """Raise an error if samples cannot be added; by default, all finite samples can."""
+
     def _fold(self) -> None:
         """Process the samples that are held."""
+        parts = self._held.joined()
+        for values in parts:
+            self._require_usable(values)
         held, self._held = self._held, HeldSamples()
-        for k, values in enumerate(held.joined()):
+        for k, values in enumerate(parts):
             if k:
                 self._end_segment()
             self._grow(values)

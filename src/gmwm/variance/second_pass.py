@@ -17,6 +17,7 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Vector
+from gmwm._locks import one_at_a_time
 from gmwm.errors import DataError, OptionError
 from gmwm.variance.biweight import REACH, Biweight, Criterion, biweight, scan
 from gmwm.variance.coefficients import SAMPLE
@@ -62,6 +63,7 @@ class SecondPass(SegmentedAccumulator):
             self._seen, self._request, winsorised=self._winsorised, start=start, efficiency=self.efficiency
         )
 
+    @one_at_a_time
     def merge(self, following: SecondPass) -> SecondPass:
         """Merge this part with the part that directly follows it.
 
@@ -85,6 +87,7 @@ class SecondPass(SegmentedAccumulator):
         joint._rise = self._rise + following._rise
         return joint
 
+    @one_at_a_time
     def result(self, confidence: float = 0.95) -> WaveletVariance:
         """Compute the robust wavelet variance of the whole record.
 
@@ -128,9 +131,10 @@ class SecondPass(SegmentedAccumulator):
         found = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
         return self._seen._curve(confidence, found, self.efficiency, self._rise)
 
+    @one_at_a_time
     def __getstate__(self) -> dict[str, Any]:
         self._fold()
-        return dict(self.__dict__)
+        return super().__getstate__()
 
     def __repr__(self) -> str:
         return f"SecondPass({self._seen.axis or 'unnamed'}, {len(self)} of {len(self._seen)} samples)"

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass
 from types import NoneType, SimpleNamespace, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from gmwm._text import with_article
 from gmwm.errors import ReadError
-from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
 
-AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
-"""Advice if a document is not a calibration or is incomplete."""
 _KEYS = {
     "intervals": "confidence_intervals", "test": "goodness_of_fit", "verdict": "contamination", "general": "fits",
     "wavelet": "wavelet_covariance", "nodes": "search_nodes",
@@ -29,11 +28,35 @@ _POSITIVE = ("rate", "samples")
 _SHARES = ("level", "confidence", "efficiency")
 
 
-def require_kinds(found: Any, where: str) -> None:
+@dataclass(frozen=True)
+class Document:
+    """What a document should be, and the advice if it is not."""
+
+    noun: str
+    advice: str
+
+    def error(self, what: str) -> ReadError:
+        """Return the error for a document that is something else."""
+        return ReadError(f"not {with_article(self.noun)}: {what}".rstrip("."), advice=self.advice)
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Convert the errors of a wrong document to a ReadError."""
+        try:
+            yield
+        except ReadError:
+            raise
+        except KeyError as error:
+            raise self.error(f"{error.args[0]!r} is missing") from error
+        except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError) as error:
+            raise self.error(str(error)) from error
+
+
+def require_kinds(found: Any, where: str, document: Document) -> None:
     """Raise an error if a field of a result does not have the type of its annotation.
 
-    An integer is allowed for a float. Arrays must not contain NaN, except in a Verdict, where NaN marks a level
-    without a test. All arrays of an object must have the same length.
+    An integer is allowed for a float. Arrays must not contain NaN, unless the class has the attribute `marks_with_nan`.
+    All arrays of an object must have the same length.
 
     Parameters
     ----------
@@ -41,6 +64,8 @@ def require_kinds(found: Any, where: str) -> None:
         The result.
     where : str
         Its name in errors.
+    document : Document
+        What was read.
 
     Raises
     ------
@@ -50,25 +75,21 @@ def require_kinds(found: Any, where: str) -> None:
     lengths = {}
     for name, kind in _hints(type(found)).items():
         value, key = getattr(found, name), f"{where}.{_KEYS.get(name, name)}".lstrip(".")
-        _require(value, kind, key)
+        _require(value, kind, key, document)
         if name in _POSITIVE and not value > 0:
-            raise ReadError(f"not a calibration: {key} must be above zero; got {value!r}", advice=AGAIN)
+            raise document.error(f"{key} must be above zero; got {value!r}")
         if name in _SHARES and value is not None and not 0 < value < 1:
-            raise ReadError(f"not a calibration: {key} must be between 0 and 1; got {value!r}", advice=AGAIN)
+            raise document.error(f"{key} must be between 0 and 1; got {value!r}")
         if isinstance(value, np.ndarray):
             if value.ndim == 0:
-                raise ReadError(
-                    f"not a calibration: {key} must be a list of numbers; got {value.tolist()!r}", advice=AGAIN
-                )
-            if np.any(np.isnan(value)) and not isinstance(found, Verdict):
-                raise ReadError(
-                    f"not a calibration: {key} must contain numbers only; got {value.tolist()!r}", advice=AGAIN
-                )
+                raise document.error(f"{key} must be a list of numbers; got {value.tolist()!r}")
+            if np.any(np.isnan(value)) and not getattr(found, "marks_with_nan", False):
+                raise document.error(f"{key} must contain numbers only; got {value.tolist()!r}")
             if value.ndim == 1:
                 lengths[key] = value.size
     if len(set(lengths.values())) > 1 or 0 in lengths.values():
         sizes = ", ".join(f"{key} has {size}" for key, size in lengths.items())
-        raise ReadError(f"not a calibration: these lists must have the same length, at least 1: {sizes}", advice=AGAIN)
+        raise document.error(f"these lists must have the same length, at least 1: {sizes}")
 
 
 def _hints(kind: type) -> Mapping[str, Any]:
@@ -79,24 +100,24 @@ def _hints(kind: type) -> Mapping[str, Any]:
     return _KINDS[kind]
 
 
-def _require(value: Any, kind: Any, key: str) -> None:
+def _require(value: Any, kind: Any, key: str, document: Document) -> None:
     if not _is(value, kind):
         shown = (
             "null" if value is None else repr(value) if isinstance(value, str | int | float) else type(value).__name__
         )
-        raise ReadError(f"not a calibration: {key} must be {_words(kind)}; got {shown}", advice=AGAIN)
+        raise document.error(f"{key} must be {_words(kind)}; got {shown}")
     if isinstance(value, Remark):  # checked when it was read
         return
     if is_dataclass(value):  # a datasheet is a mapping too
-        require_kinds(value, key)
+        require_kinds(value, key, document)
     elif isinstance(value, Mapping):
         inner = get_args(kind)[1] if get_args(kind) else Any
         for name, item in value.items():
-            _require(item, inner, f"{key}.{name}")
+            _require(item, inner, f"{key}.{name}", document)
     elif isinstance(value, tuple):
         inners = get_args(_alone(kind))
         for place, item in enumerate(value):
-            _require(item, inners[0] if inners[-1] is ... else inners[place], f"{key}[{place}]")
+            _require(item, inners[0] if inners[-1] is ... else inners[place], f"{key}[{place}]", document)
 
 
 def _is(value: Any, kind: Any) -> bool:

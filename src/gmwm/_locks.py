@@ -1,0 +1,40 @@
+"""Objects whose methods may be called from several threads: one call runs at a time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class OneAtATime:
+    """Base of a class with methods marked by `one_at_a_time`. Each object has its own lock, which is not pickled."""
+
+    _lock: threading.RLock
+
+    def __new__(cls, *_args: Any, **_options: Any) -> Self:
+        """Make an object with a lock, also when it is restored from a pickle."""
+        made = super().__new__(cls)
+        made._lock = threading.RLock()
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_lock"}
+
+
+S = TypeVar("S", bound=OneAtATime)
+
+
+def one_at_a_time(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+    """Mark a method: a call waits until calls of other threads on the same object have ended."""
+
+    @wraps(method)
+    def locked(self: S, /, *args: P.args, **options: P.kwargs) -> R:
+        with self._lock:
+            return method(self, *args, **options)
+
+    return locked

@@ -1,0 +1,175 @@
+"""Files that are made to mislead, to stop or to fill the computer: each has a right answer or one error, soon."""
+
+import bz2
+import contextlib
+import time
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.errors import DataError, ReadError
+from gmwm.readers.archive import MAX_TABLES
+from gmwm.readers.byte_sources import PackedError
+from tests.helpers import codes, only, raises, warns
+
+ROWS = 20_000
+AXES = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+UNITS = {"gyro": "rad/s", "accel": "m/s²"}
+SOON = 5.0
+"""Longest time (s) of a file of some kB: a hundred times what it needs on a quiet computer."""
+
+
+def table(path, times, values=None, header="time [s],gyro_x [deg/s]"):
+    values = np.random.default_rng(1).normal(size=len(times)) if values is None else values
+    rows = (f"{t:.6f},{v:.6f}\n" for t, v in zip(times, values, strict=True))
+    path.write_text(f"{header}\n{''.join(rows)}")
+    return path
+
+
+@pytest.fixture
+def soon():
+    """Measure the processor time of a test."""
+    begin = time.process_time()
+    yield
+    assert time.process_time() - begin < SOON
+
+
+# --- wrong answers -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("share", "jitter"), [(0.1, 1e-3), (0.2, 1e-3), (0.3, 1e-3), (0.05, 2e-3)])
+def test_random_losses_are_found_under_jitter(tmp_path, share, jitter):
+    rng = np.random.default_rng(5)
+    rows = np.flatnonzero(rng.random(ROWS) >= share)
+    path = table(tmp_path / "static.csv", rows / 100 + rng.normal(0, jitter, rows.size))
+    imu, source = gmwm.read(path), gmwm.stream(path)
+    true = np.count_nonzero(np.diff(rows) > 1)
+    assert imu.rate == pytest.approx(100, rel=1e-6) == source.rate
+    assert len(imu.time_base.gaps) == pytest.approx(true, rel=0.01) == len(source.time_base.gaps)
+
+
+def test_the_declared_rate_decides_between_rounding_and_regular_losses(tmp_path):
+    rows = np.delete(np.arange(ROWS), np.s_[7::10])
+    path = table(tmp_path / "static.csv", rows / 100)
+    with warns("rate-ambiguous"):
+        remark = only(gmwm.read(path).remarks, "rate-ambiguous")
+    assert (remark.facts["rate"].value, remark.facts["other"].value) == (pytest.approx(90), pytest.approx(100))
+    assert remark.facts["every"] == 10
+    assert len(gmwm.read(path, rate=100).time_base.gaps) == ROWS // 10
+    assert gmwm.read(path, rate=90).time_base.gaps == ()
+    assert codes(gmwm.read(path, rate=100).remarks) == ["unit-named"]
+
+
+@pytest.mark.parametrize("value", [1e17, 3.4e38, -1e300])
+def test_values_of_no_sensor_are_lost_samples(tmp_path, value):
+    values = np.random.default_rng(1).normal(size=1000)
+    values[500] = value
+    path = table(tmp_path / "static.csv", np.arange(1000) / 100, values)
+    with warns("values-impossible", count=1):
+        imu = gmwm.read(path)
+    assert imu.segments == ((0, 500), (500, 999))
+    with warns("values-impossible", count=1):
+        chunks = list(gmwm.stream(path, chunk=100))
+    assert np.concatenate([chunk["gyro_x"] for chunk in chunks]).tolist() == imu["gyro_x"].values.tolist()
+
+
+def test_a_recording_of_such_values_only_is_refused(tmp_path):
+    path = table(tmp_path / "static.csv", np.arange(100) / 100, 1e20 * np.random.default_rng(1).normal(size=100))
+    with raises(DataError):
+        gmwm.read(path)
+
+
+def test_points_in_a_file_with_decimal_commas_are_refused(tmp_path):
+    rows = [f"{10 * k:,}".replace(",", ".") + f";0,{k % 7}" for k in range(300)]
+    (path := tmp_path / "static.csv").write_text("time [ms];gyro_x [deg/s]\n" + "\n".join(rows) + "\n")
+    with raises(ReadError, "'1.000'", "line 102", code="decimal-comma"):
+        gmwm.read(path)
+
+
+# --- time and memory ---------------------------------------------------------------------------------
+
+
+def test_blocks_that_unpack_to_gigabytes_are_refused(tmp_path, soon):
+    with zipfile.ZipFile(path := tmp_path / "bomb.zip", "w", zipfile.ZIP_BZIP2) as archive:
+        archive.writestr("static.csv", b"0" * 10_000_000)
+    assert bz2.compress(b"0")[:2] in path.read_bytes()
+    with raises(PackedError, "static.csv", code="unsupported"):
+        gmwm.read(path)
+
+
+@pytest.mark.slow
+def test_blank_lines_take_no_memory(tmp_path):
+    rows = [f"{k / 100},{np.sin(k)}\n" for k in range(2000)]
+    blanks = "\n" * (1 << 23)
+    (path := tmp_path / "static.csv").write_text(
+        "".join(["time [s],gyro_x [deg/s]\n", *rows[:1000], blanks, *rows[1000:]])
+    )
+    tracemalloc.start()
+    assert len(gmwm.read(path)) == 2000
+    assert tracemalloc.get_traced_memory()[1] < 1e8  # 8 bytes for each line would be 7e7, a list of lines 3e8
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        f"time [s],gyro_x {'[' * 30_000}",
+        f"time [s],gyro_x{'aB' * 15_000}",
+        f"time [s],gyro_x [{' ' * 30_000}",
+        f"# sample rate:{' ' * 60_000}\ntime [s],gyro_x [deg/s]",
+        f"# gyro in {'(' * 60_000}\ntime [s],gyro_x [deg/s]",
+        "a:1a" * 10 + ":\ntime [s],gyro_x [deg/s]",
+        f"{'1' * 60_000}x\ntime [s],gyro_x [deg/s]",
+        f"{'1,' * 30_000}\ntime [s],gyro_x [deg/s]",
+        f'{chr(34) * 50_001}\ntime [s],gyro_x [deg/s]',
+    ],
+)  # fmt: skip
+def test_long_names_and_lines_take_no_time(tmp_path, soon, header):
+    path = table(tmp_path / "static.csv", np.arange(100) / 100, header=header)
+    with contextlib.suppress(ReadError):
+        gmwm.read(path)
+
+
+def test_an_archive_of_many_tables_is_refused(tmp_path, soon):
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        for k in range(MAX_TABLES + 1):
+            archive.writestr(f"table{k}.csv", "time [s],gyro_x [deg/s]\n0,1\n")
+    with raises(PackedError, MAX_TABLES, code="too-many"):
+        gmwm.read(path)
+
+
+def test_an_archive_with_damaged_names_is_refused_or_read(tmp_path):
+    rows = "time [s],gyro_x [deg/s]\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(100))
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("xstatic.csv", "no table")
+        archive.writestr("static.csv", rows)
+        archive.writestr("static.txt", rows)
+    path.write_bytes(path.read_bytes().replace(b"xstatic.csv", b"\0static.csv"))
+    with contextlib.suppress(ReadError):
+        gmwm.read(path)
+
+
+# --- files that change while they are read ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_an_array_that_is_cut_while_it_is_read_is_an_error(tmp_path, order):
+    np.save(path := tmp_path / "static.npy", np.asarray(np.random.default_rng(1).normal(size=(3000, 6)), order=order))
+    source = gmwm.stream(path, 100.0, AXES, UNITS)
+    with path.open("r+b") as file:
+        file.truncate(5000)
+    with raises(ReadError, path, code="changed"):
+        list(source)
+
+
+@pytest.mark.parametrize("shape", ["(True,)", "(-1, 6)", f"(0, {1 << 70})", "(3, 2.0)"])
+def test_shapes_that_no_array_has_are_refused(tmp_path, shape):
+    np.save(path := tmp_path / "static.npy", np.zeros((10, 6)))
+    head = path.read_bytes()
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    path.write_bytes(head[:10] + text.encode() + head[128:])
+    with pytest.raises(ReadError):
+        gmwm.read(path, 100.0, AXES, UNITS)
