@@ -1,6 +1,6 @@
 """Run the command line with `python -m gmwm`."""
 
-from gmwm.cli.main import run
+from gmwm.cli import start
 
 if __name__ == "__main__":
-    run()
+    start()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -24,6 +25,8 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the file cannot be written. The error names `path`, not the temporary file.
     """
     target = Path(path)
+    if target.is_symlink():
+        target = target.resolve()  # the link stays, and its file is replaced
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
     except OSError as error:
@@ -38,9 +41,11 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.replace(target)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno is not None and error.filename in (None, name):
-            # For example, the disk is full. The user knows `path`, not the temporary name.
-            raise OSError(error.errno, error.strerror, str(target)) from error
+        # For example, the disk is full. The user knows `path`, not the temporary name.
+        if isinstance(error, OSError) and error.filename in (None, name):
+            raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(target)) from error
+        if type(error).__module__.startswith("polars"):
+            raise OSError(errno.EIO, str(error).splitlines()[0], str(target)) from error
         raise
 
 

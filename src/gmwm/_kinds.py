@@ -25,7 +25,7 @@ _WORDS: Mapping[Any, str] = {
 }  # fmt: skip
 _KINDS: dict[type, Mapping[str, Any]] = {}
 _POSITIVE = ("rate", "samples")
-_SHARES = ("level", "confidence", "efficiency")
+_SHARES = ("confidence", "efficiency")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,8 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
     """Raise an error if a field of a result does not have the type of its annotation.
 
     An integer is allowed for a float. Arrays must not contain NaN, unless the class has the attribute `marks_with_nan`.
-    All arrays of an object must have the same length.
+    All arrays of an object must have the same length. The confidence, the efficiency and the fields that the attribute
+    `shares` of the class lists must be between 0 and 1.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
         _require(value, kind, key, document)
         if name in _POSITIVE and not value > 0:
             raise document.error(f"{key} must be above zero; got {value!r}")
-        if name in _SHARES and value is not None and not 0 < value < 1:
+        if name in (*_SHARES, *getattr(found, "shares", ())) and value is not None and not 0 < value < 1:
             raise document.error(f"{key} must be between 0 and 1; got {value!r}")
         if isinstance(value, np.ndarray):
             if value.ndim == 0:

@@ -1,1 +1,17 @@
 """The command line. Commands call only public functions, so Python can do everything that a command does."""
+
+
+def start() -> None:
+    """Import the commands and run the command line; the entry point of the script `gmwm`.
+
+    Ctrl-C during the imports ends the process without a traceback.
+    """
+    import signal
+
+    handler = signal.getsignal(signal.SIGINT)
+    if handler is signal.default_int_handler:  # otherwise the caller has set it to be ignored
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from gmwm.cli.main import run
+
+    signal.signal(signal.SIGINT, handler)
+    run()

@@ -26,7 +26,12 @@ _EXPECTED = {
 """Expected value of an option, by the error type of Pydantic (new versions of Typer) or the type of Click (old
 versions)."""
 
-OK, USER_ERROR, INTERRUPTED = 0, 2, 130
+OK, USER_ERROR, INTERRUPTED, TERMINATED = 0, 2, 130, 143
+
+
+class Terminated(BaseException):
+    """The signal SIGTERM was received."""
+
 
 # New versions of Typer contain Click, old ones import it. This expression gets the class in both cases.
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
@@ -35,8 +40,8 @@ _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 class OneLineErrors(TyperGroup):
     """A group of commands that prints each error in one line on stderr.
 
-    Exit codes: 0 if the command succeeded, 2 after an error that the user can correct, 130 after Ctrl-C. A bug in gmwm
-    shows a traceback.
+    Exit codes: 0 if the command succeeded, 2 after an error that the user can correct, 130 after Ctrl-C, 143 after
+    SIGTERM. A bug in gmwm shows a traceback.
     """
 
     def main(
@@ -64,23 +69,25 @@ class OneLineErrors(TyperGroup):
         except MemoryError:
             code = _print_error("there is not enough memory for a recording of this length")
         except OSError as error:
-            code = _print_error(f"{error.filename or 'file'}: {error.strerror or error}")
+            code = _print_error(f"{error.filename or 'the output'}: {error.strerror or error}")
+        except Terminated:
+            code = TERMINATED
         except (typer.Abort, KeyboardInterrupt):
             code = INTERRUPTED
-        if code == INTERRUPTED:
-            print("interrupted", file=sys.stderr)
-            _leave_threads_behind()
+        if code in (INTERRUPTED, TERMINATED):
+            print("interrupted" if code == INTERRUPTED else "terminated", file=sys.stderr)
+            _leave_threads_behind(code)
         sys.exit(code if isinstance(code, int) else OK)
 
 
-def _leave_threads_behind() -> None:
+def _leave_threads_behind(code: int) -> None:
     """Exit at once if threads are still running, because the interpreter would wait for them, possibly for minutes.
 
     No file is left incomplete: only the main thread writes files, and it has stopped.
     """
     if any("ThreadPool" in thread.name for thread in threading.enumerate()):
         _flush()
-        os._exit(INTERRUPTED)
+        os._exit(code)
 
 
 def _flush() -> None:
@@ -90,7 +97,8 @@ def _flush() -> None:
 
 
 def _print_error(message: str) -> int:
-    print(f"error: {one_line(message)}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # stderr may be closed or full
+        print(f"error: {one_line(message)}", file=sys.stderr)
     return USER_ERROR
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 import sys
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -36,7 +38,7 @@ from gmwm.cli import (
     watch,
     wv,
 )
-from gmwm.cli.errors import OneLineErrors
+from gmwm.cli.errors import OneLineErrors, Terminated
 from gmwm.cli.output import one_line
 
 app = typer.Typer(
@@ -98,7 +100,7 @@ gmwm fits a sum of noise processes to the wavelet variance, which is half the Al
 Wavelet Moments). A recording is a file with gyroscopes, accelerometers or both; many formats are read.
 
 With --json, a command prints its result as JSON on stdout and everything else on stderr. Exit codes: 0 success,
-2 error (one line on stderr), 130 interrupted."""
+2 error (one line on stderr), 130 interrupted, 143 terminated."""
 
 
 @app.callback(
@@ -128,8 +130,25 @@ def accept_all_characters(stream: io.TextIOWrapper) -> None:
     stream.reconfigure(encoding=None if keep else "utf-8", errors="replace")
 
 
+def _terminated(_number: int, _frame: FrameType | None) -> None:
+    """End as after Ctrl-C, so that temporary files are removed.
+
+    Raises
+    ------
+    Terminated
+        Always.
+    """
+    raise Terminated
+
+
 def run() -> None:
-    """Run the command line; the entry point of the script `gmwm`."""
+    """Run the command line; see `gmwm.cli.start`."""
+    # A stream that the caller has closed is None: then nothing is read or printed.
+    sys.stdin = sys.stdin or open(os.devnull, encoding="utf-8")  # noqa: SIM115
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    os.environ["MPLBACKEND"] = "agg"  # commands draw into files
+    signal.signal(signal.SIGTERM, _terminated)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             accept_all_characters(stream)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -53,6 +53,8 @@ class Datasheet(Mapping[str, Entry]):
     >>> sheet["N"].unit, sheet["N"].in_units("deg/√h")[3]
     ('rad/s/√Hz', 'deg/√h')
     """
+
+    shares: ClassVar[tuple[str, ...]] = ("level",)
 
     entries: tuple[Entry, ...]
     axis: str

@@ -52,10 +52,19 @@ class CsvTable(Exporter):
         for axis, found in calibration.axes.items():
             for entry in found.datasheet.entries:
                 rows.writerow(
-                    [axis, found.fit.model.structure, entry.symbol, entry.title, entry.term or "",
+                    [*map(_text, (axis, found.fit.model.structure, entry.symbol, entry.title, entry.term or "")),
                      *entry.in_units("si"), str(entry.upper_only).lower(), *entry.in_units("datasheet")]
                 )  # fmt: skip
         return "\n".join([*head, out.getvalue()])
+
+
+def _text(cell: str) -> str:
+    """Return a text that no spreadsheet takes for a formula.
+
+    >>> _text("=1+1"), _text("GM + WN")
+    ("'=1+1", 'GM + WN')
+    """
+    return f"'{cell}" if cell.startswith(("=", "+", "-", "@", "\t")) else cell
 
 
 @register

@@ -155,7 +155,8 @@ def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = 
         numbers = f"{axis.mean:>11.4g} {axis.sd:>11.4g} {axis.noise:>11.4g} {lsb:>11} {axis.wander:>11.4g}"
         lines.append(f"{name:<8} {numbers}  {axis.unit}")
     if found.gravity is not None:
-        lines.append(f"specific force: {found.gravity:.5g} m/s², turned by at most {found.tilt:.3g}°")
+        turned = "" if found.tilt is None else f", turned by at most {found.tilt:.3g}°"
+        lines.append(f"specific force: {found.gravity:.5g} m/s²{turned}")
     if found.temperature is not None:
         lines.append(f"temperature: {found.temperature[0]:.4g} to {found.temperature[1]:.4g} °C")
     if found.time_base.stamped:

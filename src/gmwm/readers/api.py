@@ -189,8 +189,9 @@ def stream(
 
 def read_file(path: Source, options: ReadOptions) -> Imu:
     """Read the recording in a file into memory, by options that are already checked; see `read`."""
-    opened = _Opened.of(path, options, in_memory=True)
-    imu = replace(recording_of(opened.found, opened.rows, opened.path), source=source_words(path))
+    with np.errstate(all="ignore"):  # damaged numbers are checked, not warned about
+        opened = _Opened.of(path, options, in_memory=True)
+        imu = replace(recording_of(opened.found, opened.rows, opened.path), source=source_words(path))
     warn(imu.remarks, stacklevel=3)
     if options.ranges is not None:
         imu = cut(imu, *opened.times(options))
@@ -200,7 +201,8 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
     """Open the recording in a file as a stream, by options that are already checked; see `stream`. No segment is left
     out."""
-    opened = _Opened.of(path, options, in_memory=False)
+    with np.errstate(all="ignore"):
+        opened = _Opened.of(path, options, in_memory=False)
     warn(opened.found.remarks, stacklevel=3)
     kept = None if options.ranges is None else kept_ranges(*opened.times(options))
     return Stream(source_words(path), opened.found, opened.rows, size=chunk, kept=kept)

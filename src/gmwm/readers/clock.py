@@ -20,7 +20,7 @@ from gmwm.readers.loss_levels import Rows
 from gmwm.readers.rate_check import require_one_rate, require_order
 from gmwm.readers.sampling_interval import Found, find_losses, resolution_of
 from gmwm.readers.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
-from gmwm.readers.time_stamps import Timing, about_stamps, as_stamps
+from gmwm.readers.time_stamps import Timing, about_stamps, as_stamps, require_countable
 from gmwm.remarks import Quantity, Remark
 from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
@@ -179,6 +179,7 @@ class _Window:
 
     @classmethod
     def of(cls, values: NDArray[Any], first: int | float, unit: str) -> _Window:
+        require_countable(values)
         integer, seconds = values.dtype.kind in "iu", LONG_TIME_UNITS.get(unit, 1)
         values = values.astype(np.int64, copy=False) if integer else values
         ticks = (values - first).astype(np.float64, copy=False)

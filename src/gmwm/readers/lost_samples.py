@@ -159,6 +159,18 @@ def about_lost(base: TimeBase, impossible: int) -> Iterator[Remark]:
         yield Remark.of("values-impossible", count=impossible, limit=IMPOSSIBLE)
 
 
+def whole_numbers(column: NDArray[np.generic]) -> NDArray[np.int64]:
+    """Convert numbers to int64, with `MISSING` for those that are not finite or too large.
+
+    >>> whole_numbers(np.array([3.0, np.nan, 1e30])).tolist() == [3, MISSING, MISSING]
+    True
+    """
+    if column.dtype.kind != "f":
+        return column.astype(np.int64)
+    usable = np.abs(column) < 2.0**62  # False for NaN
+    return np.where(usable, np.where(usable, column, 0.0).astype(np.int64), MISSING)
+
+
 def gaps_of(
     pairs: Sequence[tuple[int, int]], samples: Sequence[int], stamped: Sequence[tuple[int, float]], rate: float
 ) -> tuple[tuple[int, float], ...]:

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -40,10 +40,23 @@ Kept = Sequence[tuple[float, float]]
 """Ranges of time (s), in order."""
 
 
+T = TypeVar("T")
+
+
 def is_large(path: Path) -> bool:
     """Return whether commands and fleets stream a file, or several by their pattern, instead of reading it."""
     files = [Path(file) for file in files_of(path)]
     return sum(file.stat().st_size for file in files if file.is_file()) >= LARGE
+
+
+def without_float_warnings(items: Iterator[T]) -> Iterator[T]:
+    """Yield the items of a reader, without NumPy's warnings about damaged numbers: they are checked later."""
+    while True:
+        with np.errstate(all="ignore"):
+            item = next(items, None)
+        if item is None:
+            return
+        yield item
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +81,7 @@ class FileRows:
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
         """Iterate over the rows of the wanted columns."""
-        chunks = self.reader.chunks(self.path, self.layout, wanted)
+        chunks = without_float_warnings(self.reader.chunks(self.path, self.layout, wanted))
         return chunks if self.limits is None else _between(chunks, *self.limits)
 
     def first(self, choice: Choice) -> Rows:
@@ -334,7 +347,7 @@ class Stream:
         """Iterate over the samples as they are read, with the gaps between them; see `Imu.segments`."""
         found, trimmer = self._found, None if self._kept is None else Trimmer(self._kept, self.rate)
         builder = SampleBuilder(found)
-        for some in builder.samples(self._rows):
+        for some in without_float_warnings(builder.samples(self._rows)):
             part = some if trimmer is None else trimmer.take(some)
             if part is not None:
                 yield part

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm.errors import UnitError
+from gmwm.errors import ReadError, UnitError
 from gmwm.readers.stamp_order import nominal_interval
 from gmwm.remarks import Quantity, Remark
 from gmwm.time_base import TimeBase
@@ -104,6 +104,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
     UnitError
         If the unit cannot be inferred.
     """
+    require_countable(values)
     integer = values.dtype.kind in "iu"
     values = values.astype(np.int64) if integer else values
     ticks = (values - values[0]).astype(np.float64)
@@ -118,6 +119,28 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
         unit = _inferred_unit(ticks, float(values[0]), rate)
         remark = Remark.of("time-unit-inferred", unit=unit)
     return Stamps(ticks, float(values[0]), spacing, unit, integer=integer), remark
+
+
+_COUNTABLE = 1e25
+"""Size of a time stamp that no clock reaches in any unit: 300 million years in nanoseconds."""
+
+
+def require_countable(values: NDArray[Any]) -> None:
+    """Raise an error if a time stamp is larger than any clock can count.
+
+    Raises
+    ------
+    ReadError
+        With the row of the first such time stamp among the values.
+    """
+    if values.dtype.kind != "f" or not values.size or float(np.max(np.abs(values))) <= _COUNTABLE:
+        return
+    row = int(np.argmax(~(np.abs(values) <= _COUNTABLE)))
+    raise ReadError(
+        f"the time stamps hold {values[row]:.3g}, which no clock counts",
+        code="time-implausible",
+        advice="Repair the rows, or leave the time out with {--columns=time:none} and pass {--rate}.",
+    )
 
 
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:

@@ -274,6 +274,11 @@ def _plausible(times: NDArray[Any]) -> bool:
 
 def _gravity(head: bytes, kind: RecordType) -> float:
     """Return the norm of the mean specific force (m/s²) in the first records, read as this type."""
+    with np.errstate(all="ignore"):  # records of another type may overflow
+        return _mean_norm(head, kind)
+
+
+def _mean_norm(head: bytes, kind: RecordType) -> float:
     times = _times(head, kind)
     rate = 1 / float(np.median(np.diff(times))) if times.size > 1 else np.nan
     means = [float(np.mean(_column(head, kind.dtype, axis))) for axis in AXES[3:]]

@@ -19,6 +19,7 @@ import numpy as np
 from gmwm.readers.base import Channel, Layout, Mark, Rows, register
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.dialect import Dialect
+from gmwm.readers.lost_samples import MISSING, whole_numbers
 from gmwm.readers.text import Place, TextReader
 from gmwm.remarks import Quantity, Remark
 
@@ -88,14 +89,20 @@ class XsensReader(TextReader):
             out = dict(chunk)
             for k, name in names.items():
                 if name == "SampleTimeFine":
-                    out[k] = chunk[k].astype(np.int64) * _TICK_US
+                    ticks = whole_numbers(chunk[k])
+                    out[k] = np.where(ticks == MISSING, MISSING, ticks * _TICK_US)
                 elif name == "PacketCounter" and layout.channels[k].axis == "time":
-                    counter = chunk[k].astype(np.int64)
+                    counter = whole_numbers(chunk[k])
+                    there = counter != MISSING
+                    out[k] = np.full(counter.size, np.nan)
+                    if not there.any():
+                        continue
+                    counter = counter[there]
                     steps = np.diff(counter, prepend=counter[0] if last is None else last) % _WRAP
                     # A counter that was reset looks like a gap of minutes, as samples were lost there.
                     packets = (packets[-1] if packets is not None else 0) + np.cumsum(steps)
                     last = counter[-1]
-                    out[k] = packets / layout.state.rate
+                    out[k][there] = packets / layout.state.rate
             yield out
 
     @staticmethod
