@@ -1,0 +1,194 @@
+"""Small good files of each family of readers, which the fuzzer changes, and the documents that gmwm writes."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+import scipy.io
+
+import gmwm
+from gmwm.imu_records import TYPES
+from gmwm.readers.byte_sources import zstd_library
+from tests.readers import rosbag_files, test_dataflash, test_imr, test_matlab, test_ulog, test_waypoint
+
+ROWS = 300
+AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+DEVICE = Path(__file__).resolve().parents[3] / "shared" / "data" / "device"
+DEVICE_BYTES = 60_000
+"""Number of bytes of a file of a real device that are used."""
+
+Files = Iterator[tuple[str, bytes]]
+
+
+def _numbers() -> np.ndarray:
+    return np.random.default_rng(1).normal(size=(ROWS, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
+
+
+def _csv(sep: str = ",", comma: bool = False, header: str = "") -> bytes:
+    names = ["time [s]", *(f"{axis} [{'rad/s' if axis[0] == 'g' else 'm/s²'}]" for axis in AXES)]
+    rows = [[f"{k / 100:.3f}", *(f"{v:.6f}" for v in row)] for k, row in enumerate(_numbers())]
+    text = "\n".join([header + sep.join(names), *(sep.join(row) for row in rows)]) + "\n"
+    return (text.replace(".", ",") if comma else text).encode()
+
+
+def text() -> Files:
+    """Tables with several dialects, stamps and headers."""
+    yield "comma.csv", _csv()
+    yield "semicolon.csv", _csv(";", comma=True)
+    yield "blanks.txt", _csv(" ", header="# sample rate: 100 Hz\n# gyro in rad/s, accel in m/s^2\n")
+    rows = [f"2024-05-01 12:00:{k // 100:02d}.{k % 100:02d}," + ",".join(f"{v:.5f}" for v in row) for k, row in enumerate(_numbers())]  # fmt: skip
+    yield (
+        "dates.csv",
+        ("date,gx [deg/s],gy [deg/s],gz [deg/s],ax [g],ay [g],az [g]\n" + "\n".join(rows) + "\n").encode(),
+    )
+    yield "arduino.txt", "\n".join(f"12:00:{k // 100:02d}.{10 * (k % 100):03d} -> ax:{a:.3f} ay:{b:.3f} az:9.81" for k, (a, b) in enumerate(_numbers()[:, :2])).encode()  # fmt: skip
+    stamps = [f"{1_700_000_000 + k // 200},{5_000_000 * (k % 200)},{v:.6f}" for k, v in enumerate(_numbers()[:, 0])]
+    yield "ros.csv", ("header.stamp.sec,header.stamp.nanosec,angular_velocity.x\n" + "\n".join(stamps)).encode()
+    kalibr = [f"{10**18 + 5_000_000 * k}," + ",".join(map(str, row)) for k, row in enumerate(_numbers().tolist())]
+    head = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"  # fmt: skip
+    yield "kalibr.csv", (head + "\n".join(kalibr) + "\n").encode()
+    xsens = ["PacketCounter\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"]
+    xsens += [
+        f"{k}\t{100 * k}\t" + "\t".join(f"{v:.6f}" for v in row[[3, 4, 5, 0, 1, 2]]) for k, row in enumerate(_numbers())
+    ]
+    yield "xsens.txt", ("// Update Rate: 100.0Hz\n" + "\n".join(xsens) + "\n").encode()
+    for name in ("mikoff_imu0.log", "xio_sensor_data.csv"):
+        if (DEVICE / name).exists():
+            yield name, (DEVICE / name).read_bytes()[:DEVICE_BYTES]
+
+
+def packed() -> Files:
+    """Compressed tables, and archives of phones."""
+    yield "static.csv.gz", gzip.compress(_csv(), mtime=0)
+    yield "static.csv.zst", zstd_library().compress(_csv())
+    for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        with zipfile.ZipFile(buffer := io.BytesIO(), "w", method) as archive:
+            for name, columns in (("Gyroscope", slice(0, 3)), ("Accelerometer", slice(3, 6))):
+                rows = [f"{10**18 + 10**7 * k},{k / 100}," + ",".join(f"{v:.6f}" for v in row[columns]) for k, row in enumerate(_numbers())]  # fmt: skip
+                archive.writestr(f"{name}.csv", "time,seconds_elapsed,z,y,x\n" + "\n".join(rows) + "\n")
+        yield f"phone{method}.zip", buffer.getvalue()
+
+
+def arrays() -> Files:
+    """Files of NumPy."""
+    for order in "CF":
+        np.save(buffer := io.BytesIO(), np.asarray(_numbers(), order=order))
+        yield f"matrix{order}.npy", buffer.getvalue()
+    records = np.zeros(ROWS, [("t", "<f8"), *((axis, "<f4") for axis in AXES)])
+    records["t"] = np.arange(ROWS) / 100
+    for axis, column in zip(AXES, _numbers().T, strict=True):
+        records[axis] = column
+    np.save(buffer := io.BytesIO(), records)
+    yield "records.npy", buffer.getvalue()
+    for save in (np.savez, np.savez_compressed):
+        save(buffer := io.BytesIO(), time=np.arange(ROWS) / 100, gyro=_numbers()[:, :3], accel=_numbers()[:, 3:])
+        yield f"{save.__name__}.npz", buffer.getvalue()
+
+
+def matlab() -> Files:
+    """Files of MATLAB, versions 5 to 7."""
+    content = {"time": np.arange(ROWS) / 100, "gyro": _numbers()[:, :3], "accel": _numbers()[:, 3:], "fs": 100.0}
+    for packing in (False, True):
+        scipy.io.savemat(buffer := io.BytesIO(), content, do_compression=packing)
+        yield f"v{5 + 2 * packing}.mat", buffer.getvalue()
+    scipy.io.savemat(buffer := io.BytesIO(), {"imu": content})
+    yield "struct.mat", buffer.getvalue()
+
+
+def hdf5(folder: Path) -> Files:
+    """Files of HDF5, and MATLAB's version 7.3."""
+    with h5py.File(folder / "a.h5", "w") as file:
+        file["time"], file["gyro"], file["accel"] = np.arange(ROWS) / 100, _numbers()[:, :3], _numbers()[:, 3:]
+        file["gyro"].attrs["unit"], file["accel"].attrs["unit"] = "rad/s", "m/s²"
+    yield "plain.h5", (folder / "a.h5").read_bytes()
+    with h5py.File(folder / "b.h5", "w") as file:
+        group = file.create_group("imu0")
+        for axis, column in zip(AXES, _numbers().T, strict=True):
+            group.create_dataset(axis, data=column, chunks=(64,), compression="gzip", shuffle=True, fletcher32=True)
+        group.attrs["rate"] = 100.0
+    yield "chunked.h5", (folder / "b.h5").read_bytes()
+    test_matlab.newer(folder / "c.mat", {"time": np.arange(ROWS) / 100, "gyro": _numbers()[:, :3]})
+    yield "v73.mat", (folder / "c.mat").read_bytes()
+
+
+def parquet(folder: Path) -> Files:
+    """Files of Parquet."""
+    imu = gmwm.Imu.from_arrays(dict(zip(AXES, _numbers().T, strict=True)), 100.0)
+    imu.write(folder / "a.parquet")
+    yield "static.parquet", (folder / "a.parquet").read_bytes()
+    import polars as pl
+
+    frame = pl.DataFrame(
+        {"time": pl.datetime_range(pl.datetime(2024, 1, 1), pl.datetime(2024, 1, 1, 0, 0, 2), "10ms", eager=True)}
+    )
+    frame = frame.with_columns(gyro_x=pl.lit(0.1) * pl.int_range(pl.len()) % 7)
+    frame.write_parquet(folder / "b.parquet", compression="snappy")
+    yield "dates.parquet", (folder / "b.parquet").read_bytes()
+
+
+def rosbag(folder: Path) -> Files:
+    """Recordings of ROS 1 and 2, one for each container and compression."""
+    for container in rosbag_files.CONTAINERS:
+        path = rosbag_files.recorded(folder, container)
+        files = [path] if path.is_file() else sorted(file for file in path.iterdir() if file.is_file())
+        for file in files:
+            if file.suffix != ".yaml":
+                yield f"{container}{''.join(file.suffixes)}", file.read_bytes()
+
+
+def devices() -> Files:
+    """Logs of PX4 and ArduPilot, and records of NovAtel and Waypoint."""
+    yield "combined.ulg", test_ulog.combined()
+    yield "sensors.ulg", test_ulog.sensors()
+    parts = [test_dataflash.imu(k, k % 2) for k in range(ROWS)]
+    yield "log.bin", test_dataflash.log(parts)
+    yield "static.imr", test_imr.imr()
+    for kind in TYPES:
+        yield f"{kind.name}.imu", test_waypoint.packed(kind, test_waypoint.rows_of(kind, ROWS))
+    if (DEVICE / "PX4_pyulog_sample_log_small.ulg").exists():
+        yield "px4.ulg", (DEVICE / "PX4_pyulog_sample_log_small.ulg").read_bytes()[:DEVICE_BYTES]
+
+
+FAMILIES: dict[str, Callable[[Path], Files]] = {
+    "text": lambda folder: text(),
+    "packed": lambda folder: packed(),
+    "arrays": lambda folder: arrays(),
+    "matlab": lambda folder: matlab(),
+    "hdf5": hdf5,
+    "parquet": parquet,
+    "rosbag": rosbag,
+    "devices": lambda folder: devices(),
+}
+"""The families of readers, with the function that makes their files in a folder."""
+
+
+def documents(folder: Path) -> dict[str, bytes]:
+    """Return the documents that gmwm reads: a calibration, fits, a fleet, and the states of accumulators and
+    monitors."""
+    from gmwm.cli.output import json_text
+
+    x = gmwm.Model.parse("WN(sigma2=4e-7) + RW(gamma2=1e-10)").simulate(3000, 100.0, rng=1)
+    signal = gmwm.Signal(x, 100.0, "rad/s", "gyro_x")
+    found = gmwm.calibrate(signal, "WN + RW")
+    fit, likely = gmwm.fit("WN + RW", signal), gmwm.fit_ml("WN + RW", signal)
+    fits = {"file": "a.csv", "axes": {"gyro_x": fit.to_dict() | {"likelihood": likely.to_dict()}}}
+    (folder / "units").mkdir()
+    gmwm.Imu({"gyro_x": signal}).write(folder / "units" / "a.parquet")
+    gmwm.fleet(folder / "units", folder / "fleet", within="WN + RW", workers=0)
+    live = gmwm.WaveletAccumulator(rate=100.0, robust=True, held=0, exact=6, levels=6)
+    live.update(x[:500])
+    state = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in live.to_dict().items()}
+    return {
+        "calibration.json": json.dumps(found.to_dict()).encode(),
+        "fits.json": json_text("fit", fits).encode(),
+        "fleet.json": (folder / "fleet" / "fleet.json").read_bytes(),
+        "accumulator.json": json.dumps(state).encode(),
+        "monitor.json": json.dumps(gmwm.Monitor(found).to_dict()).encode(),
+    }
