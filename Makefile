@@ -18,7 +18,7 @@ export PYTHONDONTWRITEBYTECODE =
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
-.PHONY: help demo test quick bench docs stub pictures validate lint cpp-test wheel format vendor clean
+.PHONY: help demo test quick fuzz bench docs stub pictures validate lint cpp-test wheel format vendor clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
@@ -35,6 +35,11 @@ test: $(VENV)/.dev ## everything that guards main: lint, types, layers, C++ test
 
 quick: lint ## while you work: lint, types, layers and the fast Python tests, in a minute or two
 	$(PYTEST) -q -m "not (slow or docs or cluster or browser)"
+
+SECONDS := 60
+
+fuzz: $(VENV)/.dev ## change good files at random and read them, SECONDS=60 for each of nine families of readers
+	$(BIN)/python -m tests.fuzz --seconds $(SECONDS)
 
 bench: $(VENV)/.dev ## time, scaling and memory beside others (some minutes); with PAGE=1 into docs/benchmarks.md too
 	$(BIN)/python -m benchmarks --json build/benchmarks.json $(if $(PAGE),--page)

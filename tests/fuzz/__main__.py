@@ -115,9 +115,10 @@ def main() -> int:
         begin = time.monotonic()
         run.until(begin + given.seconds, given.first)
         outcomes = ", ".join(f"{count} {name}" for name, count in run.outcomes.most_common())
+        took, count = time.monotonic() - begin, sum(map(len, run.failures.values()))
         print(
-            f"{family}: {run.done} inputs in {time.monotonic() - begin:.0f} s ({outcomes}); longest {run.longest:.1f} s, "
-            f"{run.memory / 1e9:.2f} GB; {sum(map(len, run.failures.values()))} failed in {len(run.failures)} ways",
+            f"{family}: {run.done} inputs in {took:.0f} s ({outcomes}); longest {run.longest:.1f} s, "
+            f"{run.memory / 1e9:.2f} GB; {count} failed in {len(run.failures)} ways",
             flush=True,
         )
         failed |= bool(run.failures)

@@ -38,27 +38,46 @@ def _csv(sep: str = ",", comma: bool = False, header: str = "") -> bytes:
     return (text.replace(".", ",") if comma else text).encode()
 
 
+def _joined(values: np.ndarray, sep: str = ",", digits: int = 6) -> str:
+    return sep.join(f"{v:.{digits}f}" for v in values)
+
+
+def _dates() -> str:
+    times = (f"2024-05-01 12:00:{k // 100:02d}.{k % 100:02d}" for k in range(ROWS))
+    rows = (f"{time},{_joined(row)}" for time, row in zip(times, _numbers(), strict=True))
+    return "\n".join(["date,gx [deg/s],gy [deg/s],gz [deg/s],ax [g],ay [g],az [g]", *rows, ""])
+
+
+def _serial() -> str:
+    times = (f"12:00:{k // 100:02d}.{10 * (k % 100):03d}" for k in range(ROWS))
+    return "\n".join(f"{time} -> ax:{row[0]:.3f} ay:{row[1]:.3f}" for time, row in zip(times, _numbers(), strict=True))
+
+
+def _kalibr() -> str:
+    axes = [
+        f"{name}_{axis} [{unit}]" for name, unit in (("w_RS_S", "rad s^-1"), ("a_RS_S", "m s^-2")) for axis in "xyz"
+    ]
+    rows = (f"{10**18 + 5_000_000 * k},{_joined(row)}" for k, row in enumerate(_numbers()))
+    return "\n".join([f"#timestamp [ns],{','.join(axes)}", *rows, ""])
+
+
+def _xsens() -> str:
+    names = "PacketCounter SampleTimeFine Acc_X Acc_Y Acc_Z Gyr_X Gyr_Y Gyr_Z".replace(" ", "\t")
+    rows = (f"{k}\t{100 * k}\t{_joined(row[[3, 4, 5, 0, 1, 2]], chr(9))}" for k, row in enumerate(_numbers()))
+    return "\n".join(["// Update Rate: 100.0Hz", names, *rows, ""])
+
+
 def text() -> Files:
     """Tables with several dialects, stamps and headers."""
     yield "comma.csv", _csv()
     yield "semicolon.csv", _csv(";", comma=True)
     yield "blanks.txt", _csv(" ", header="# sample rate: 100 Hz\n# gyro in rad/s, accel in m/s^2\n")
-    rows = [f"2024-05-01 12:00:{k // 100:02d}.{k % 100:02d}," + ",".join(f"{v:.5f}" for v in row) for k, row in enumerate(_numbers())]  # fmt: skip
-    yield (
-        "dates.csv",
-        ("date,gx [deg/s],gy [deg/s],gz [deg/s],ax [g],ay [g],az [g]\n" + "\n".join(rows) + "\n").encode(),
-    )
-    yield "arduino.txt", "\n".join(f"12:00:{k // 100:02d}.{10 * (k % 100):03d} -> ax:{a:.3f} ay:{b:.3f} az:9.81" for k, (a, b) in enumerate(_numbers()[:, :2])).encode()  # fmt: skip
+    yield "dates.csv", _dates().encode()
+    yield "serial.txt", _serial().encode()
     stamps = [f"{1_700_000_000 + k // 200},{5_000_000 * (k % 200)},{v:.6f}" for k, v in enumerate(_numbers()[:, 0])]
-    yield "ros.csv", ("header.stamp.sec,header.stamp.nanosec,angular_velocity.x\n" + "\n".join(stamps)).encode()
-    kalibr = [f"{10**18 + 5_000_000 * k}," + ",".join(map(str, row)) for k, row in enumerate(_numbers().tolist())]
-    head = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"  # fmt: skip
-    yield "kalibr.csv", (head + "\n".join(kalibr) + "\n").encode()
-    xsens = ["PacketCounter\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"]
-    xsens += [
-        f"{k}\t{100 * k}\t" + "\t".join(f"{v:.6f}" for v in row[[3, 4, 5, 0, 1, 2]]) for k, row in enumerate(_numbers())
-    ]
-    yield "xsens.txt", ("// Update Rate: 100.0Hz\n" + "\n".join(xsens) + "\n").encode()
+    yield "ros.csv", "\n".join(["header.stamp.sec,header.stamp.nanosec,angular_velocity.x", *stamps]).encode()
+    yield "kalibr.csv", _kalibr().encode()
+    yield "xsens.txt", _xsens().encode()
     for name in ("mikoff_imu0.log", "xio_sensor_data.csv"):
         if (DEVICE / name).exists():
             yield name, (DEVICE / name).read_bytes()[:DEVICE_BYTES]
@@ -71,8 +90,8 @@ def packed() -> Files:
     for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         with zipfile.ZipFile(buffer := io.BytesIO(), "w", method) as archive:
             for name, columns in (("Gyroscope", slice(0, 3)), ("Accelerometer", slice(3, 6))):
-                rows = [f"{10**18 + 10**7 * k},{k / 100}," + ",".join(f"{v:.6f}" for v in row[columns]) for k, row in enumerate(_numbers())]  # fmt: skip
-                archive.writestr(f"{name}.csv", "time,seconds_elapsed,z,y,x\n" + "\n".join(rows) + "\n")
+                rows = (f"{10**18 + 10**7 * k},{k / 100},{_joined(row[columns])}" for k, row in enumerate(_numbers()))
+                archive.writestr(f"{name}.csv", "\n".join(["time,seconds_elapsed,z,y,x", *rows, ""]))
         yield f"phone{method}.zip", buffer.getvalue()
 
 
@@ -125,10 +144,8 @@ def parquet(folder: Path) -> Files:
     yield "static.parquet", (folder / "a.parquet").read_bytes()
     import polars as pl
 
-    frame = pl.DataFrame(
-        {"time": pl.datetime_range(pl.datetime(2024, 1, 1), pl.datetime(2024, 1, 1, 0, 0, 2), "10ms", eager=True)}
-    )
-    frame = frame.with_columns(gyro_x=pl.lit(0.1) * pl.int_range(pl.len()) % 7)
+    times = pl.datetime_range(pl.datetime(2024, 1, 1), pl.datetime(2024, 1, 1, 0, 0, 2), "10ms", eager=True)
+    frame = pl.DataFrame({"time": times, "gyro_x": np.sin(np.arange(times.len()) ** 2)})
     frame.write_parquet(folder / "b.parquet", compression="snappy")
     yield "dates.parquet", (folder / "b.parquet").read_bytes()
 
