@@ -38,7 +38,7 @@ class NpyReader(Reader):
             shape, order, dtype = _header(file, path)
             offset = file.tell()
         _require_size(shape, dtype, path.stat().st_size - offset, path)
-        stored = _Stored(path, offset, shape, order, dtype)
+        stored = _Stored(path, offset, shape=shape, fortran=order, dtype=dtype)
         return layouts_of(fields_of("", shape, dtype, stored), path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
