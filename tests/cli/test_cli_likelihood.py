@@ -2,11 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 
 import gmwm as library
 from gmwm.likelihood.summary import inference, intervals_if_known
 from gmwm.readers import read
+from gmwm.regression.against import Asked
 from gmwm.remarks import Dialect, Remark
 from tests.helpers import only
 
@@ -118,3 +120,41 @@ def test_a_summary_without_the_record_says_what_is_missing(recording):
     assert "QN.q2" in missing.facts["reason"]
     assert "residuals" not in words
     assert f"{fit.parameters['WN.sigma2']:.3e}" in words
+
+
+@pytest.fixture(scope="module")
+def heated(tmp_path_factory):
+    """A recording whose first axis follows the temperature."""
+    rng, n = np.random.default_rng(0), 12_000
+    heat = 25 + 3 * np.sin(np.arange(n) / 2400)
+    x = 1e-3 * rng.normal(size=(n, 2)) + np.cumsum(2e-6 * rng.normal(size=(n, 2)), axis=0)
+    x[:, 0] += 2e-4 * heat
+    path = tmp_path_factory.mktemp("heated") / "a.csv"
+    np.savetxt(
+        path, np.column_stack([np.arange(n) / 100, x, heat]), delimiter=",", comments="",
+        header="time [s],gyro_x [rad/s],gyro_y [rad/s],temperature [°C]",
+    )  # fmt: skip
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("against", ["auto", "temperature", "warmup"])
+def test_conditions_are_estimated_in_the_likelihood(gmwm, heated, against):
+    given = ("--model", "WN + RW", "--axis", "gyro_x", "--likelihood", "--against", against)
+    found = gmwm("fit", heated, *given, "--json").json["axes"]["gyro_x"]["likelihood"]
+    imu = library.read(heated)
+    arrays = {"temperature": imu.temperature} if "temperature" in against or against == "auto" else {}
+    terms = Asked.of("temperature" if against == "auto" else against).terms
+    expected = library.fit_ml("WN + RW", imu["gyro_x"], against=Asked(terms, arrays))
+    assert found["parameters"] == pytest.approx(dict(expected.parameters), rel=1e-4)
+    if "temperature" in arrays:
+        assert expected.regression["temperature"].value == pytest.approx(2e-4, rel=0.2)
+        # The residuals are those of the samples without the effect.
+        assert found["residuals"]["ljung_box"]["p_value"] > 1e-3
+
+
+@pytest.mark.slow
+def test_an_axis_that_does_not_follow_the_temperature_is_fitted_as_it_is(gmwm, heated):
+    found = gmwm("fit", heated, "--model", "WN + RW", "--likelihood", "--against", "auto", "--json").json["axes"]
+    assert found["gyro_x"]["likelihood"]["regression"] is not None
+    assert found["gyro_y"]["likelihood"]["regression"] is None

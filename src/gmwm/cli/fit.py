@@ -10,7 +10,7 @@ import typer
 
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fitted_conditions, require_unused
-from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text
+from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, asked_again, judged, likelihood_fits, likelihoods_text
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
 from gmwm.cli.measuring import Chunked, measured_together, memory_for, needs_memory, opened_together
 from gmwm.cli.options import (
@@ -203,8 +203,8 @@ def fit(
     if likelihood:
         only_file(files, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)
-    whole = LIKELIHOOD[0] if likelihood else needs_memory(filter, transform)
-    recordings = opened_together(files, reading, chunked, whole=memory_for(against, whole))
+    whole = memory_for(against, needs_memory(filter, transform))
+    recordings = opened_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else whole)
     if output is not None:
         made_directory(output)
     signals = measured_together(
@@ -218,7 +218,8 @@ def fit(
     _tell_curves(fits)
     carried = {}
     if likelihood and isinstance(one := next(iter(recordings.values())), Imu):
-        carried = judged(likelihood_fits(fits, chosen_axes(one, axis), parsed), confidence)
+        asked = {name: asked_again(found.regression, one.temperature) for name, found in fits.items()}
+        carried = judged(likelihood_fits(fits, chosen_axes(one, axis), parsed, asked), confidence)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(

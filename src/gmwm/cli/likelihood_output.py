@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any
 from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
+    from gmwm._arrays import Vector
     from gmwm.estimation.result import Fit
     from gmwm.inference.intervals import Interval
     from gmwm.likelihood import LikelihoodFit, Residuals
     from gmwm.processes.model import Model
+    from gmwm.regression.against import Asked
+    from gmwm.regression.result import Regression
     from gmwm.signals import Signal
 
 LIKELIHOOD = ("--likelihood", "--ml")
@@ -31,9 +34,13 @@ class Judged:
 
 
 def likelihood_fits(
-    fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None
+    fits: Mapping[str, Fit],
+    signals: Mapping[str, Signal],
+    given: Model | None = None,
+    asked: Mapping[str, Asked | None] | None = None,
 ) -> dict[str, LikelihoodFit]:
-    """Fit by maximum likelihood, in parallel, starting from the wavelet fits or from a model with values."""
+    """Fit by maximum likelihood, in parallel, starting from the wavelet fits or from a model with values; with the
+    regressions that are asked for."""
     own = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm._threads import in_threads
@@ -44,11 +51,20 @@ def likelihood_fits(
         def carried_on(axis: str, start: Fit) -> LikelihoodFit:
             label = f"maximum likelihood: {axis}"
             return fit_ml(
-                start.model, signals[axis], start=start if own is None else own,
+                start.model, signals[axis], start=start if own is None else own, against=(asked or {}).get(axis),
                 progress=lambda count, value: advance(f"{label}, evaluation {count}, {value:.2f}", 0),
             )  # fmt: skip
 
         return in_threads(carried_on, fits, done=lambda axis: advance(f"maximum likelihood: {axis}"))
+
+
+def asked_again(regression: Regression | None, temperature: Vector | None) -> Asked | None:
+    """Return the regression of a wavelet fit as an option of the likelihood."""
+    from gmwm.regression.against import TEMPERATURE, Asked
+
+    if regression is None:
+        return None
+    return Asked(regression.basis.terms, {} if temperature is None else {TEMPERATURE: temperature})
 
 
 def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]:

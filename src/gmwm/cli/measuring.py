@@ -139,7 +139,7 @@ def memory_for(against: str, other: str = "") -> str:
         If --against and the option `other`, which needs it, are both given.
     """
     if other and against != NONE:
-        reason = f"--against and {other} cannot be combined"
+        reason = f"--against removes an effect from Haar coefficients only, and cannot be combined with {other}"
         raise OptionError(reason, argument="against", got=against, advice="Leave one of them out.")
     exact = any(term.exact for term in Asked.of(against).terms)
     return f"--against {against}" if exact else other

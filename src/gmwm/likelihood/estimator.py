@@ -97,7 +97,7 @@ def fit_ml(
     *,
     start: Fit | LikelihoodFit | Model | str | None = None,
     mean: float | None = None,
-    against: Against = None,
+    against: Against | Asked = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> LikelihoodFit:
     """Fit a sum of noise processes to a recording by maximum likelihood.

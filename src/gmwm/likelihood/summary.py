@@ -56,10 +56,12 @@ def intervals_if_known(
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:
-    """Return the residuals of the fitted recording; None if the fit was read from a file."""
+    """Return the residuals of the fitted recording, without the effect of conditions; None if the fit was read from a
+    file."""
     if fit.record is None:
         return None
-    return fit.residuals(fit.record.values)
+    record = fit.record if fit.regression is None else fit.record.without(fit.regression.estimates)
+    return fit.residuals(record.values)
 
 
 def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval]) -> dict[str, Any]:
