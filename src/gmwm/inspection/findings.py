@@ -148,6 +148,13 @@ def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Rem
     if unknown:
         yield Remark.of("temperature-unknown", reason=unknown)
     for axis, one in found.items():
+        if one.coarse is not None:
+            long, _, tau = one.coarse
+            (name, *_) = one
+            yield Remark.of(
+                "conditions-attenuated", axis, against=covariates_text(one), tau=Quantity(tau, "s"),
+                ratio=one[name].value / long,
+            )  # fmt: skip
         if one.applied:
             yield removed(axis, one)
         else:

@@ -24,6 +24,9 @@ FOLLOWS = 0.05
 """Level of the F test below which an axis depends on the temperature."""
 FURTHER = 0.01
 """Level of the t test at which the automatic choice adds a column."""
+DIFFERS = 4.0
+"""Difference of the coefficients from long and from all scales, in standard errors, from which it has a remark
+(tests/regression/test_reading_noise.py)."""
 _ROUNDS = 4
 """Number of rounds of noise, weights and coefficients: the third changes a standard error by less than 1 %
 (tests/regression)."""
@@ -66,11 +69,33 @@ def regress_axis(
         If the columns are collinear, or the axis is constant.
     """
     found = regress_means(means, covariates, axis=axis, unit=unit)
-    if not automatic:
-        return found
-    if found.pvalue >= FOLLOWS:
-        return replace(found, applied=False)
-    return _extended(found, means, covariates)
+    if automatic:
+        found = replace(found, applied=False) if found.pvalue >= FOLLOWS else _extended(found, means, covariates)
+    return replace(found, coarse=_coarse(found, means, covariates.having(found.terms)))
+
+
+def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
+    """Return the first coefficient from the longer half of the scales, its standard error and the shortest scale (s),
+    if it is farther from zero than the coefficient from all scales; otherwise None.
+
+    An error of the reading that is correlated in time is not recognised as one, and makes the coefficient too small at
+    short scales.
+    """
+    if not found.terms[0].measured or found.terms[0].exact:
+        return None
+    clock = covariates.clock
+    levels = max(int(np.count_nonzero(clock.present())).bit_length() - 1, 0)
+    first = (covariates.unknown_levels + levels) // 2
+    try:
+        other = regress_means(means, replace(covariates, lowest=clock.length.bit_length() + first))
+    except DataError:
+        return None
+    (name, *_) = found
+    own, long = found[name], other[name]
+    differ = abs(long.value - own.value) > DIFFERS * float(np.hypot(own.error, long.error))
+    if not differ or abs(long.value) < abs(own.value):
+        return None
+    return long.value, long.error, clock.length * 2**first / clock.rate
 
 
 def _extended(found: Regression, means: Vector, covariates: Covariates) -> Regression:

@@ -143,6 +143,9 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         Means of up to 256 parts of the recording.
     applied : bool
         Whether the effect is removed from the axis.
+    coarse : tuple of three floats, or None
+        First coefficient and its standard error from the longer half of the scales alone, and the shortest of these
+        scales (s), if the coefficient differs from that of all scales.
     """
 
     axis: str
@@ -164,6 +167,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
     share: Vector
     points: Points
     applied: bool = True
+    coarse: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("covariance", "kept", "share"):
@@ -384,6 +388,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
             "kept": self.kept.tolist(), "share": self.share.tolist(),
             "points": {name: getattr(self.points, name).tolist() for name in ("at", "before", "after")},
             "applied": self.applied,
+            "coarse": None if self.coarse is None else list(self.coarse),
         }  # fmt: skip
 
     @classmethod
@@ -392,6 +397,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
         terms = tuple(map(Term.parse, content["against"].split("+")))
         own = list(content["coefficients"].values())
+        coarse = content["coarse"]
         return cls(
             axis=content["axis"], unit=content["unit"], basis=Basis(terms, content["references"], knots),
             estimates=tuple(float(one["value"]) for one in own),
@@ -406,6 +412,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
                 **{name: np.array(own, dtype=np.float64) for name, own in content["points"].items()},
             ),
             applied=content["applied"],
+            coarse=None if coarse is None else (float(coarse[0]), float(coarse[1]), float(coarse[2])),
         )  # fmt: skip
 
     def __repr__(self) -> str:
