@@ -123,9 +123,7 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
     covariance *= weight
     second = np.add.reduceat(covariance, starts)
     del covariance
-    pieces = _pieces(lag, fine, coarse, starts)
-    sizes = np.array([length for _, length in pieces])
-    begins = np.array([begin for begin, _ in pieces])
+    begins, sizes = _pieces(lag, fine, coarse, starts)
     kept = np.minimum(sizes, ORDER)
     places = np.concatenate([[0], np.cumsum(kept)])
     new_lag, new_weight = np.empty(places[-1]), np.empty(places[-1])
@@ -148,7 +146,9 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
     )  # fmt: skip
 
 
-def _pieces(lag: Vector, fine: Vector, coarse: Vector, starts: NDArray[np.int64]) -> list[tuple[int, int]]:
+def _pieces(
+    lag: Vector, fine: Vector, coarse: Vector, starts: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return first node and number of nodes of the intervals, in order; nodes without neighbours stay single."""
     ends = np.append(starts[1:], lag.size)
     kinks = []
@@ -165,11 +165,16 @@ def _pieces(lag: Vector, fine: Vector, coarse: Vector, starts: NDArray[np.int64]
     new |= kink
     new[1:] |= kink[:-1]
     begins = np.flatnonzero(new)
-    pieces = []
-    for begin, end in pairwise(begins.tolist()):
+    sizes = np.diff(begins)
+    # Nearly all intervals are short. A loop over all of them would take longer than the sums.
+    long = np.flatnonzero(sizes > ORDER)
+    pieces = [np.stack([begins[:-1], sizes], axis=1)[sizes <= ORDER]]
+    for begin, end in zip(begins[long].tolist(), begins[long + 1].tolist(), strict=True):
         left, right = begin > 0 and kink[begin - 1], kink[end]
-        pieces += _doubled(begin, end, bool(left), bool(right))
-    return pieces
+        pieces.append(np.array(_doubled(begin, end, bool(left), bool(right))))
+    found = np.concatenate(pieces)
+    found = found[np.argsort(found[:, 0])]
+    return found[:, 0], found[:, 1]
 
 
 def _doubled(begin: int, end: int, left: bool, right: bool) -> list[tuple[int, int]]:
