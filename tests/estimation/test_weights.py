@@ -5,7 +5,9 @@ import pytest
 
 import gmwm
 from gmwm.covariance.mixture import smoothed
+from gmwm.estimation.estimator import refitted
 from gmwm.estimation.weighting import weighting_matrix
+from gmwm.variance.pooling import shortened
 from tests.helpers import codes
 
 TRUTH = gmwm.Model.parse("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")
@@ -61,3 +63,23 @@ def test_under_other_filters(name):
     wv = gmwm.wavelet_variance(TRUTH.simulate(40_000, 10.0, 3), 10.0, filter=name)
     assert np.all(smoothed(wv) > 0)
     assert 0.4 < gmwm.fit("GM + WN", wv).parameters["GM.beta"] / 0.05 < 2.0
+
+
+@pytest.mark.parametrize("weighting", ["optimal", "diagonal"])
+def test_a_fit_to_nearly_the_same_data_has_its_own_weights(weighting):
+    wv = gmwm.wavelet_variance(TRUTH.simulate(2**14, 10.0, 5), 10.0)
+    short = shortened(wv, len(wv) - 2)
+    again = refitted(gmwm.fit("GM + WN", wv, weighting=weighting), short)
+    fit = gmwm.fit("GM + WN", short, weighting=weighting)
+    assert again.diagnostics.remarks == fit.diagnostics.remarks
+    np.testing.assert_allclose(again.weighting_matrix, fit.weighting_matrix, rtol=1e-4, atol=0)
+    assert again.objective == pytest.approx(fit.objective, rel=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
+@pytest.mark.parametrize("model", ["2*GM", "GM + RW"])
+def test_only_models_far_from_the_data_have_no_weights_that_agree(model):
+    x = np.random.default_rng(1).standard_normal(2**14) + 10.0 * np.sin(0.3 * np.arange(2**14))
+    fit = gmwm.fit(model, gmwm.wavelet_variance(x, 100.0), weighting="optimal", certify=False)
+    again = refitted(fit, fit.wavelet_variance)
+    assert min(fit.objective, again.objective) > 1000

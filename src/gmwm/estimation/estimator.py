@@ -36,6 +36,9 @@ from gmwm.variance.result import WaveletVariance
 NEAR = 1e-6
 """Relative change of the fitted curve at which `refitted` stops. The relative standard error of ν̂² is larger,
 √(2/N) > 1e-6, for the longest recording that `gmwm.plan` accepts, 2⁴⁰ samples."""
+AGAIN = 2
+"""Largest number of iterations of `refitted`, each of which ends with a search. Models that need more are far from the
+data (tests/estimation/test_weights.py)."""
 
 Curve = WaveletVariance | Signal | ArrayLike
 """A recording, or its wavelet variance."""
@@ -238,7 +241,7 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
     if fit.weighting not in REWEIGHTED:
         return _fitted(fit.model, wv, "diagonal", certify=False)
     settled = settle(
-        fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR,
+        fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR, returns=AGAIN,
         first=solve_near, search=not any(len(to_find(process)) > 1 for process in fit.model.processes),
     )  # fmt: skip
     return as_fit(settled, wv, fit.weighting)

@@ -51,6 +51,8 @@ MIXED = 5
 """Largest number of iterations that are combined for the next one."""
 RETURNS = 4
 """Number of times that the iteration is repeated if the global search finds another optimum."""
+CLOSE = 1e-6
+"""Relative change of the curve, beyond `fixed`, at which weights and estimate count as equal."""
 
 
 First = Callable[[Problem], Solution]
@@ -76,6 +78,7 @@ def settle(
     fixed: float = FIXED,
     first: First | None = None,
     search: bool = True,
+    returns: int = RETURNS,
 ) -> Settled:
     """Iterate estimate and weights until they agree.
 
@@ -99,6 +102,8 @@ def settle(
         Replaces the first global search.
     search : bool
         Search again under the final weights. Not needed if `start` is an estimate from almost the same data.
+    returns : int
+        Largest number of iterations, each of which ends with a search.
 
     Raises
     ------
@@ -119,7 +124,7 @@ def settle(
     solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
     implied = _implied(problem, solution, wv)
     ahead = _Ahead()
-    for _ in range(RETURNS):
+    for _ in range(returns):
         history: list[float] = []
         for _ in range(ROUNDS):
             try:
@@ -141,9 +146,9 @@ def settle(
         last = finish(problem, solution)
         moved = _change(implied, _implied(problem, last, wv))
         solution, implied = last, _implied(problem, last, wv)
-        if moved <= max(1e-6, change):
+        if moved <= max(CLOSE, change):
             break
-    if change <= max(1e-6, fixed) and moved <= max(1e-6, fixed):
+    if expected <= max(CLOSE, fixed) and moved <= max(CLOSE, fixed):
         return Settled(problem, solution)
     # Two estimates may alternate, each with weights that lead to the other. Weights without the model end this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
