@@ -45,7 +45,7 @@ constexpr std::int64_t samples_most = std::int64_t{1} << 40;
 
 using LagTable = std::tuple<Output<std::int64_t>, Result, Result, Result, Result, Output<std::uint8_t>>;
 
-LagTable lags(Input<std::int64_t, 1> levels, std::int64_t samples, double slowest, double fastest, bool alternating,
+gmwm::Lags found_lags(Input<std::int64_t, 1> levels, std::int64_t samples, double slowest, double fastest, bool alternating,
               bool diagonal, std::int64_t memory) {
   const std::span<const std::int64_t> wanted{levels.data(), levels.size()};
   for (std::size_t i = 0; i < wanted.size(); ++i)
@@ -55,14 +55,57 @@ LagTable lags(Input<std::int64_t, 1> levels, std::int64_t samples, double slowes
   if (!(slowest >= 0 && fastest >= slowest && (slowest > 0) == (fastest > 0)))
     throw nb::value_error("rates must be positive and ascending, or both zero");
   if (memory < 0 || memory > samples_most) throw nb::value_error("memory must be from 0 to 2^40");
-  gmwm::Lags found;
-  {
-    nb::gil_scoped_release release;
-    found = gmwm::covariance_lags(wanted, samples, {slowest, fastest, alternating, diagonal, memory});
-  }
+  nb::gil_scoped_release release;
+  return gmwm::covariance_lags(wanted, samples, {slowest, fastest, alternating, diagonal, memory});
+}
+
+LagTable lags(Input<std::int64_t, 1> levels, std::int64_t samples, double slowest, double fastest, bool alternating,
+              bool diagonal, std::int64_t memory) {
+  gmwm::Lags found = found_lags(levels, samples, slowest, fastest, alternating, diagonal, memory);
   return {to_numpy(std::move(found.starts)), to_numpy(std::move(found.fine), found.size),
           to_numpy(std::move(found.coarse), found.size), to_numpy(std::move(found.lag), found.size),
           to_numpy(std::move(found.weight), found.size), to_numpy(std::move(found.odd))};
+}
+
+using Positions = Output<std::int64_t>;
+using PieceTable = std::tuple<Positions, Positions, Positions, Result>;
+
+std::tuple<LagTable, PieceTable> nodes(Input<std::int64_t, 1> levels, std::int64_t samples, double slowest,
+                                       double fastest, bool alternating, bool diagonal, std::int64_t memory) {
+  gmwm::Lags found = found_lags(levels, samples, slowest, fastest, alternating, diagonal, memory);
+  PieceTable pieces{to_numpy(std::move(found.piece_first)), to_numpy(std::move(found.piece_pattern)),
+                    to_numpy(std::move(found.pattern_begins)), to_numpy(std::move(found.pattern_offsets))};
+  LagTable table{to_numpy(std::move(found.starts)), to_numpy(std::move(found.fine), found.size),
+                 to_numpy(std::move(found.coarse), found.size), to_numpy(std::move(found.lag), found.size),
+                 to_numpy(std::move(found.weight), found.size), to_numpy(std::move(found.odd))};
+  return {std::move(table), std::move(pieces)};
+}
+
+using Indices = Input<std::int64_t, 1>;
+
+Result piecewise_exponential(const Vector& fine, const Vector& coarse, const Vector& lag,
+                             const std::tuple<Indices, Indices, Indices, Vector>& table, double decay) {
+  const auto& [first, pattern, begins, offsets] = table;
+  const gmwm::Pieces pieces{view(first), view(pattern), view(begins), view(offsets)};
+  if (!(decay > 0 && decay <= 700)) throw nb::value_error("decay must be positive, and at most 700");
+  const std::int64_t patterns = static_cast<std::int64_t>(begins.size()) - 1;
+  bool good = first.size() == pattern.size() && patterns >= 0;
+  good = good && pieces.begins.front() == 0 && pieces.begins.back() == static_cast<std::int64_t>(offsets.size());
+  for (std::int64_t k = 0; good && k < patterns; ++k) {
+    const std::int64_t count = pieces.begins[k + 1] - pieces.begins[k];
+    good = count > 0 && count <= static_cast<std::int64_t>(gmwm::piece_nodes);
+  }
+  std::int64_t next = 0;
+  for (std::size_t i = 0; good && i < pieces.first.size(); ++i) {
+    const std::int64_t kind = pieces.pattern[i];
+    good = kind >= 0 && kind < patterns && pieces.first[i] == next;
+    if (good) next += pieces.begins[kind + 1] - pieces.begins[kind];
+  }
+  if (!good || next != static_cast<std::int64_t>(lag.size()))
+    throw nb::value_error("pieces must be patterns of at most 16 nodes, one after the other");
+  return evaluated(nodes_of(fine, coarse, lag), [&](const gmwm::Nodes& nodes, std::span<double> out) {
+    gmwm::exponential_differences(nodes, pieces, decay, out);
+  });
 }
 
 }  // namespace
@@ -71,6 +114,12 @@ void bind_lags(nb::module_& m) {
   m.def("covariance_lags", &lags, nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("slowest"),
         nb::arg("fastest"), nb::arg("alternating"), nb::arg("diagonal"), nb::arg("memory"),
         "Pairs of levels, lags and weights at which the covariances of the Haar coefficients are to be summed.");
+  m.def("covariance_nodes", &nodes, nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("slowest"),
+        nb::arg("fastest"), nb::arg("alternating"), nb::arg("diagonal"), nb::arg("memory"),
+        "As `covariance_lags`, with the pieces of the nodes: first nodes, patterns, and begins and offsets of these.");
+  m.def("piecewise_exponential_differences", &piecewise_exponential, nb::arg("fine").noconvert(),
+        nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), nb::arg("pieces"), nb::arg("decay"),
+        "As `exponential_differences`, with the exponentials of a piece in common.");
   define(m, "white_differences", gmwm::white_differences, "Covariances of Haar coefficients of white noise.");
   define(m, "walk_differences", gmwm::walk_differences, "Covariances of Haar coefficients of a random walk.");
   define(m, "spike_differences", gmwm::spike_differences, "Covariances of Haar coefficients of rounding errors.");

@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <unordered_map>
+#include <utility>
+
+#include "gmwm/differences.hpp"
 
 namespace gmwm {
 
@@ -130,11 +134,49 @@ class Collector {
   Rules rules_;
 };
 
+// Numbers the patterns of offsets: 0, 1, … of adjacent lags, and the nodes of rules.
+class Patterns {
+ public:
+  explicit Patterns(Lags& lags) : lags_(lags) { lags.pattern_begins.push_back(0); }
+
+  // The nodes of a piece from `place` on.
+  void add(const Piece& piece, std::size_t place) {
+    if (piece.rule != nullptr) {
+      enter(place, rules_[{piece.rule, piece.stride}], order, [&](std::size_t i) {
+        return piece.stride * (piece.rule->nodes[i] - piece.rule->nodes[0]);
+      });
+      return;
+    }
+    for (std::size_t done = 0, points = static_cast<std::size_t>(piece.points); done < points; done += piece_nodes) {
+      const std::size_t size = std::min(points - done, piece_nodes);
+      enter(place + done, adjacent_[size], size, [](std::size_t i) { return static_cast<double>(i); });
+    }
+  }
+
+ private:
+  // `number` is that of the pattern, from 1; 0 for a new one.
+  template <class Offset>
+  void enter(std::size_t place, std::int64_t& number, std::size_t size, Offset offset) {
+    if (number == 0) {
+      for (std::size_t i = 0; i < size; ++i) lags_.pattern_offsets.push_back(offset(i));
+      lags_.pattern_begins.push_back(static_cast<std::int64_t>(lags_.pattern_offsets.size()));
+      number = static_cast<std::int64_t>(lags_.pattern_begins.size()) - 1;
+    }
+    lags_.piece_first.push_back(static_cast<std::int64_t>(place));
+    lags_.piece_pattern.push_back(number - 1);
+  }
+
+  Lags& lags_;
+  std::array<std::int64_t, piece_nodes + 1> adjacent_{};
+  std::map<std::pair<const Rule*, int>, std::int64_t> rules_;
+};
+
 // Writes the nodes of one pair; returns where the next pair starts.
 std::size_t write(std::span<const Piece> pieces, std::int64_t fine, std::int64_t coarse, std::int64_t samples,
-                  std::size_t place, Lags& lags) {
+                  std::size_t place, Lags& lags, Patterns& patterns) {
   const std::size_t start = place;
   for (const Piece& piece : pieces) {
+    patterns.add(piece, place);
     const double first = static_cast<double>(piece.start);
     if (piece.rule == nullptr)
       for (std::int64_t i = 0; i < piece.points; ++i, ++place) {
@@ -209,6 +251,12 @@ void integer_rule(std::int64_t points, std::span<double> nodes, std::span<double
       off[l] = g;
       off[m] = 0;
     }
+  // QL leaves them in any order.
+  for (int i = 1; i < n; ++i)
+    for (int k = i; k > 0 && nodes[k] < nodes[k - 1]; --k) {
+      std::swap(nodes[k], nodes[k - 1]);
+      std::swap(weights[k], weights[k - 1]);
+    }
   for (int i = 0; i < n; ++i) {
     nodes[i] = nodes[i] * size + (size - 1) / 2;
     weights[i] = size * weights[i] * weights[i];
@@ -232,10 +280,11 @@ Lags covariance_lags(std::span<const std::int64_t> levels, std::int64_t samples,
   for (AlignedArray* array : {&lags.fine, &lags.coarse, &lags.lag, &lags.weight}) *array = aligned_array(lags.size);
   if (smooth.alternating) lags.odd.resize(lags.size);
   std::size_t place = 0, pair = 0, first = 0;
+  Patterns patterns(lags);
   for_each_pair([&](std::int64_t fine, std::int64_t coarse) {
     lags.starts.push_back(static_cast<std::int64_t>(place));
     const std::span<const Piece> pieces{collect.pieces().data() + first, ends[pair] - first};
-    place = write(pieces, fine, coarse, samples, place, lags);
+    place = write(pieces, fine, coarse, samples, place, lags, patterns);
     first = ends[pair++];
   });
   return lags;

@@ -53,6 +53,32 @@ void covariances_are_nine_terms() {
   }
 }
 
+// Piece by piece as node by node, relative to the largest covariance of the pair of levels.
+void pieces_are_their_nodes() {
+  const std::vector<std::int64_t> levels{1, 2, 5, 9, 16};
+  for (const bool alternating : {false, true})
+    for (const std::int64_t memory : {0, 40}) {
+      const gmwm::Lags lags = gmwm::covariance_lags(levels, 100000, {1e-7, 2.0, alternating, false, memory});
+      const gmwm::Nodes nodes{{lags.fine.get(), lags.size}, {lags.coarse.get(), lags.size}, {lags.lag.get(), lags.size}};
+      const gmwm::Pieces pieces{lags.piece_first, lags.piece_pattern, lags.pattern_begins, lags.pattern_offsets};
+      std::vector<double> each(lags.size), together(lags.size);
+      for (const double decay : {1e-30, 1e-7, 1e-3, 0.02, 0.4, 2.0, 30.0}) {
+        gmwm::exponential_differences(nodes, decay, each);
+        gmwm::exponential_differences(nodes, pieces, decay, together);
+        for (std::size_t pair = 0; pair < lags.starts.size(); ++pair) {
+          const std::size_t start = static_cast<std::size_t>(lags.starts[pair]);
+          const std::size_t end = pair + 1 < lags.starts.size() ? static_cast<std::size_t>(lags.starts[pair + 1]) : lags.size;
+          double largest = 0, error = 0;
+          for (std::size_t i = start; i < end; ++i) {
+            largest = std::max(largest, std::abs(each[i]));
+            error = std::max(error, std::abs(each[i] - together[i]));
+          }
+          CHECK(error <= 2e-12 * largest);
+        }
+      }
+    }
+}
+
 // K(m) = -m r(0) / 2 - Σ_{0 < k < m} (m - k) r(k).
 void short_memory_is_nine_terms() {
   const std::vector<double> r{2.0, -0.7, 0.5, 0.0, 0.3, 0.01, -0.2};
@@ -130,5 +156,6 @@ int main() {
     }
   covariances_are_nine_terms();
   short_memory_is_nine_terms();
+  pieces_are_their_nodes();
   return check::result("lags");
 }

@@ -158,6 +158,16 @@ def covariance_lags(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), 
     Pairs of levels, lags and weights at which the covariances of the Haar coefficients are to be summed.
     """
 
+def covariance_nodes(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], samples: int, slowest: float, fastest: float, alternating: bool, diagonal: bool, memory: int) -> tuple[tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.uint8], dict(shape=(None,))]], tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]]:
+    """
+    As `covariance_lags`, with the pieces of the nodes: first nodes, patterns, and begins and offsets of these.
+    """
+
+def piecewise_exponential_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], pieces: tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]], decay: float) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    As `exponential_differences`, with the exponentials of a piece in common.
+    """
+
 def white_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """Covariances of Haar coefficients of white noise."""
 
@@ -191,4 +201,12 @@ def mix(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order
 def polynomial(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
     """
     Write the polynomial with these coefficients, highest power first, at each x to out, which may be x.
+    """
+
+def second_order_sections(sections: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], state: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+    """Filter x in place by second-order sections, and update their state."""
+
+def least_squares_innovations(responses: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], unknown: float, information: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], moments: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], e: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+    """
+    Standardise innovations e in place, without the effect of an initial state that recursive least squares estimates; update its information and moments.
     """

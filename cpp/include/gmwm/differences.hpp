@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 namespace gmwm {
@@ -23,6 +24,22 @@ void spike_differences(const Nodes& nodes, std::span<double> out);
 
 // The same of a process with autocovariance exp(-decay |k|), decay > 0.
 void exponential_differences(const Nodes& nodes, double decay, std::span<double> out);
+
+// Groups of adjacent nodes of one pair of levels without a kink between the first and the last one. The lags of a group
+// are those of its first node plus the offsets of a pattern, from 0 on; many groups share a pattern.
+struct Pieces {
+  std::span<const std::int64_t> first;    // first node of each piece, ascending
+  std::span<const std::int64_t> pattern;  // pattern of each piece
+  std::span<const std::int64_t> begins;   // first offset of each pattern, and the number of all offsets
+  std::span<const double> offsets;        // ascending in each pattern
+};
+
+// Largest number of nodes of a piece.
+inline constexpr std::size_t piece_nodes = 16;
+
+// As `exponential_differences`, with six exponentials for each piece instead of six for each node. Every node must be in
+// one piece.
+void exponential_differences(const Nodes& nodes, const Pieces& pieces, double decay, std::span<double> out);
 
 // Of a process with the autocovariances r(0), r(1), …, r(L) and none beyond. Lags that are not integers must lie at
 // least L away from the kinks.

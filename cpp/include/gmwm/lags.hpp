@@ -19,6 +19,9 @@ struct Lags {
   AlignedArray coarse;              // h of the coarser level (or of the same level)
   AlignedArray lag;                 // u of Cov(W_fine,t, W_coarse,t+u): an integer, or a node between integers
   AlignedArray weight;              // weight of the lag in the sum over all pairs (t, t + u) inside the record
+  // Pieces of `gmwm/differences.hpp`: first nodes, patterns, and the offsets of the patterns.
+  std::vector<std::int64_t> piece_first, piece_pattern, pattern_begins;
+  std::vector<double> pattern_offsets;
   std::vector<std::uint8_t> odd;    // whether the node represents odd lags; empty unless alternating
 };
 

@@ -219,10 +219,10 @@ def _nodes(
     diagonal: bool,
     memory: int,
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    starts, fine, coarse, lag, weight, odd = _core.covariance_lags(
+    (starts, fine, coarse, lag, weight, odd), pieces = _core.covariance_nodes(
         np.array(levels, dtype=np.int64), samples, *rates, alternating, diagonal, memory
     )
-    return LagGrid(fine, coarse, lag, odd if odd.size else None), weight, starts
+    return LagGrid(fine, coarse, lag, odd if odd.size else None, pieces=pieces), weight, starts
 
 
 def _alternates(present: list[Process], rate: float) -> bool:

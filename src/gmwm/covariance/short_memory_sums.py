@@ -127,22 +127,35 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
     kept = np.minimum(sizes, ORDER)
     places = np.concatenate([[0], np.cumsum(kept)])
     new_lag, new_weight = np.empty(places[-1]), np.empty(places[-1])
-    for length in np.unique(sizes):
+    lengths, patterns = np.unique(sizes, return_inverse=True)
+    offsets = []
+    for length in lengths:
         chosen = np.flatnonzero(sizes == length)
         old = begins[chosen, None] + np.arange(length)
         new = places[chosen, None] + np.arange(min(length, ORDER))
         if length <= ORDER:
+            offsets.append(np.arange(length, dtype=np.float64))
             new_lag[new], new_weight[new] = lag[old], weight[old]
         else:
             nodes, shares = _interpolation(int(length))
+            offsets.append(nodes - nodes[0])
             new_lag[new], new_weight[new] = lag[begins[chosen], None] + nodes, weight[old] @ shares
     # Beyond the reach of both filters the process has no covariance. Each pair keeps a node.
-    used = new_weight != 0
-    used[places[np.searchsorted(begins, starts)]] = True
-    at = LagGrid(np.repeat(fine[begins], kept)[used], np.repeat(coarse[begins], kept)[used], new_lag[used])
+    first_of_pair = np.searchsorted(begins, starts)
+    used = np.logical_or.reduceat(new_weight != 0, places[:-1])
+    used[first_of_pair] = True
+    nodes_used = np.repeat(used, kept)
+    pieces = (
+        np.cumsum(np.append(0, kept[used]))[:-1], patterns[used],
+        np.cumsum([0, *(own.size for own in offsets)]), np.concatenate(offsets),
+    )  # fmt: skip
+    at = LagGrid(
+        np.repeat(fine[begins], kept)[nodes_used], np.repeat(coarse[begins], kept)[nodes_used], new_lag[nodes_used],
+        pieces=pieces,
+    )  # fmt: skip
     return ShapeSums(
-        levels=design.levels.tolist(), at=at, weight=new_weight[used],
-        starts=np.cumsum(np.append(0, used))[places[np.searchsorted(begins, starts)]], first=first, second=second,
+        levels=design.levels.tolist(), at=at, weight=new_weight[nodes_used],
+        starts=np.cumsum(np.append(0, nodes_used))[places[first_of_pair]], first=first, second=second,
     )  # fmt: skip
 
 
@@ -198,7 +211,7 @@ def _doubled(begin: int, end: int, left: bool, right: bool) -> list[tuple[int, i
 def _interpolation(length: int) -> tuple[Vector, Matrix]:
     """Return Chebyshev nodes among 0 … length − 1, and the interpolation weights (length, ORDER) of each integer."""
     angle = (np.arange(ORDER) + 0.5) * math.pi / ORDER
-    x = np.cos(angle)
+    x = -np.cos(angle)
     sign = np.where(np.arange(ORDER) % 2, -1.0, 1.0) * np.sin(angle)
     t = 2 * np.arange(length) / (length - 1) - 1
     apart = t[:, None] - x

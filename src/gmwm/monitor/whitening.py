@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import ModelError
 from gmwm.monitor.finite_state import Finite
@@ -102,15 +103,12 @@ class Gain:
 
     @cached_property
     def sections(self) -> Matrix:
-        """Second-order sections of the filter from the signal to its innovations."""
-        from scipy.signal import zpk2sos
-
+        """Second-order sections (k, 6) of the filter from the signal to its innovations."""
         moving = self.finite.moving
         if not np.any(moving):
             return np.array([[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
         at = np.ix_(moving, moving)
-        zeros, poles = np.linalg.eigvals(self.F[at]), np.linalg.eigvals(self.phi[at])
-        return np.asarray(zpk2sos(_paired(zeros), _paired(poles), 1.0))
+        return _sections(np.linalg.eigvals(self.F[at]), np.linalg.eigvals(self.phi[at]))
 
     @cached_property
     def responses(self) -> Matrix:
@@ -137,23 +135,41 @@ class Gain:
 
     def step_response(self, samples: int) -> Vector:
         """Standardised innovations (n,) after a jump of the signal by 1."""
-        from scipy.signal import sosfilt
-
-        return np.asarray(sosfilt(self.sections, np.ones(samples)) / math.sqrt(self.S))
+        response = np.ones(samples)
+        _core.second_order_sections(self.sections, np.zeros((len(self.sections), 2)), response)
+        return np.asarray(response / math.sqrt(self.S))
 
     def magnitude(self, cycles: float) -> float:
         """Size of the standardised innovations of a sinusoid of amplitude 1, at a frequency in cycles per sample."""
-        from scipy.signal import sosfreqz
-
-        _, response = sosfreqz(self.sections, [2.0 * np.pi * cycles])
-        return float(np.abs(response[0])) / math.sqrt(self.S)
+        z = np.exp(-2j * np.pi * cycles) ** np.arange(3)
+        return float(np.prod(np.abs(self.sections[:, :3] @ z) / np.abs(self.sections[:, 3:] @ z))) / math.sqrt(self.S)
 
 
-def _paired(roots: NDArray[Any]) -> NDArray[Any]:
-    """Roots whose tiny imaginary parts are removed, so that the others come in exact conjugate pairs."""
-    real = roots.real[np.abs(roots.imag) < 1e-12]
-    upper = roots[roots.imag >= 1e-12]
-    return np.concatenate([real, upper, np.conj(upper)])
+def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
+    """Second-order sections of as many zeros as poles; the poles next to the unit circle come last, each with the
+    nearest zeros, so that no section has a large gain."""
+    left = _roots(zeros)
+    rows = []
+    for pole in _roots(poles):
+        nearest = min(range(len(left)), key=lambda k: abs(left[k][0] - pole[0]))
+        rows.append([*_polynomial(left.pop(nearest)), *_polynomial(pole)])
+    return np.array(rows[::-1])
+
+
+def _roots(roots: NDArray[Any]) -> list[tuple[complex, complex]]:
+    """Roots in pairs, of conjugates or of two real ones, the largest first; with a root at 0 if their number is odd.
+    Tiny imaginary parts are removed."""
+    real = sorted(roots.real[np.abs(roots.imag) < 1e-12].tolist(), key=abs, reverse=True)
+    real += [0.0] * (len(real) % 2)
+    pairs = [(z, z.conjugate()) for z in roots[roots.imag >= 1e-12].tolist()]
+    pairs += [(a, b) for a, b in zip(real[::2], real[1::2], strict=True)]
+    return sorted(pairs, key=lambda pair: abs(pair[0]), reverse=True)
+
+
+def _polynomial(roots: tuple[complex, complex]) -> list[float]:
+    """Coefficients of (1 − r z)(1 − s z)."""
+    one, other = roots
+    return [1.0, -(one + other).real, (one * other).real]
 
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
@@ -216,8 +232,6 @@ class Whitener:
 
     def update(self, x: Vector) -> Vector:
         """Standardised innovations (n,) of the next samples (n,), in the unit of the model."""
-        from scipy.signal import sosfilt
-
         if not x.size:
             return np.zeros(0)
         slope = self.gain.finite.slope
@@ -226,34 +240,30 @@ class Whitener:
         self.drifted += x.size
         if self.origin is None:
             self.origin = float(x[0])
-        out, self.sections = sosfilt(self.gain.sections, x - self.origin, zi=self.sections)
-        out = np.asarray(out / math.sqrt(self.gain.S))
+        out = np.array(x - self.origin, dtype=np.float64)
+        self.sections = self.sections.copy()
+        _core.second_order_sections(self.gain.sections, self.sections, out)
+        out /= math.sqrt(self.gain.S)
         at = 0
         while self.columns and at < out.size:
             n = min(out.size - at, FRAME - self.count % FRAME)
-            out[at : at + n] = self._corrected(out[at : at + n])
+            self._correct(out[at : at + n])
             at += n
         return out
 
-    def _corrected(self, e: Vector) -> Vector:
-        """Innovations of samples within a frame, without what the initial state adds to them."""
+    def _correct(self, e: Vector) -> None:
+        """Remove what the initial state adds to the innovations of samples within a frame."""
         if self._rows is None:
             self._rows = self._responses()
         first = self.count % FRAME
-        g = self._rows[first : first + e.size]
-        m = self.columns
-        products = np.concatenate([self.information[None], g[:, :, None] * g[:, None, :]]).cumsum(axis=0)
-        sums = np.concatenate([self.moments[None], g * e[:, None]]).cumsum(axis=0)
-        w = _solved(products[:-1], g)
-        mean, variance = w[:, 0] * sums[:-1, 0], w[:, 0] * g[:, 0]
-        for k in range(1, m):
-            mean, variance = mean + w[:, k] * sums[:-1, k], variance + w[:, k] * g[:, k]
-        self.information, self.moments = products[-1], sums[-1]
+        self.information, self.moments = self.information.copy(), self.moments.copy()
+        # The innovation with which a diffuse level becomes known is not one: its variance is infinite.
+        _core.least_squares_innovations(
+            self._rows[first : first + e.size], 1e-3 / DIFFUSE, self.information, self.moments, e
+        )
         self.count += e.size
         if self.count % FRAME == 0:
             self._next_frame()
-        # The innovation with which a diffuse level becomes known is not one: its variance is infinite.
-        return np.where(variance > 1e-3 / DIFFUSE, 0.0, (e - mean) / np.sqrt(1.0 + variance))
 
     def _next_frame(self) -> None:
         self.power = self.gain.frame_step @ self.power
@@ -282,16 +292,16 @@ class Whitener:
 
     def gap(self, samples: int | None) -> None:
         """Skip missing samples; None if their number is unknown."""
-        from scipy.signal import sosfilt
-
         if samples is None or samples > COAST or self.columns or self.origin is None:
             self.drifted += samples or 0
             self.restart()
             return
+        self.sections = self.sections.copy()
         for _ in range(samples):
             # The sample that the filter predicts: its innovation is zero.
-            without, _ = sosfilt(self.gain.sections, np.zeros(1), zi=self.sections)
-            _, self.sections = sosfilt(self.gain.sections, -without, zi=self.sections)
+            predicted = np.zeros(1)
+            _core.second_order_sections(self.gain.sections, self.sections.copy(), predicted)
+            _core.second_order_sections(self.gain.sections, self.sections, -predicted)
         self.drifted += samples
         self._settle(self.gain.after_gap(samples), 0)
 
@@ -308,17 +318,3 @@ class Whitener:
         self.information = np.array(state["information"], dtype=np.float64).reshape(m, m)
         self.moments = np.array(state["moments"], dtype=np.float64)
         self._rows = None
-
-
-def _solved(matrices: Matrix, right: Matrix) -> Matrix:
-    """The solutions (n, m) of n small positive definite systems."""
-    m = right.shape[1]
-    if m == 1:
-        return np.asarray(right / matrices[:, :, 0])
-    if m == 2:
-        a, b, d = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
-        # Elimination of the larger diagonal element first is not needed: the matrices are positive definite.
-        ratio = b / a
-        second = (right[:, 1] - ratio * right[:, 0]) / (d - ratio * b)
-        return np.stack([(right[:, 0] - b * second) / a, second], axis=1)
-    return np.asarray(np.linalg.solve(matrices, right[:, :, None])[:, :, 0])

@@ -23,13 +23,17 @@ from gmwm import _core
 from gmwm._arrays import Vector
 from gmwm.processes import self_similar
 
+Indices = NDArray[np.int64]
+Pieces = tuple[Indices, Indices, Indices, Vector]
+
 
 @dataclass(frozen=True, eq=False)
 class LagGrid:
     """Half-scales h_j ≤ h_k of pairs of levels and lags u between their coefficients, all (n,).
 
     `odd` marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
-    `known` keeps the covariances of processes of scale 1, by class and shape.
+    `known` keeps the covariances of processes of scale 1, by class and shape. `pieces` are groups of adjacent nodes of
+    a pair of levels without a kink inside: first nodes, patterns, and begins and values of the offsets of the patterns.
     """
 
     fine: Vector
@@ -37,6 +41,7 @@ class LagGrid:
     lag: Vector
     odd: NDArray[np.uint8] | None = None
     known: dict[Any, Vector] = field(default_factory=dict)
+    pieces: Pieces | None = None
 
 
 _WHITE = 40.0
@@ -81,6 +86,8 @@ def exponential(at: LagGrid, decay: float) -> Vector:
         return white(at)
     if decay < _WANDERING:
         return 2 * decay * walk(at)
+    if at.pieces is not None:
+        return _core.piecewise_exponential_differences(at.fine, at.coarse, at.lag, at.pieces, decay)
     return _core.exponential_differences(at.fine, at.coarse, at.lag, decay)
 
 

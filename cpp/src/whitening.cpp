@@ -1,0 +1,68 @@
+#include "gmwm/whitening.hpp"
+
+#include <cmath>
+#include <vector>
+
+namespace gmwm {
+
+void second_order_sections(std::span<const double> sections, std::span<double> state, std::span<double> x) {
+  for (std::size_t k = 0; 6 * k < sections.size(); ++k) {
+    const double *c = &sections[6 * k], b0 = c[0], b1 = c[1], b2 = c[2], a1 = c[4], a2 = c[5];
+    double s1 = state[2 * k], s2 = state[2 * k + 1];
+    for (double& value : x) {
+      const double y = b0 * value + s1;
+      s1 = b1 * value - a1 * y + s2;
+      s2 = b2 * value - a2 * y;
+      value = y;
+    }
+    state[2 * k] = s1, state[2 * k + 1] = s2;
+  }
+}
+
+namespace {
+
+// The lower factor of a positive definite matrix with its square roots, row by row.
+void cholesky(const double* matrix, std::size_t m, double* factor) {
+  for (std::size_t i = 0; i < m; ++i)
+    for (std::size_t j = 0; j <= i; ++j) {
+      double sum = matrix[i * m + j];
+      for (std::size_t k = 0; k < j; ++k) sum -= factor[i * m + k] * factor[j * m + k];
+      factor[i * m + j] = i == j ? std::sqrt(sum) : sum / factor[j * m + j];
+    }
+}
+
+// y with L y = x.
+void forward(const double* factor, std::size_t m, const double* x, double* y) {
+  for (std::size_t i = 0; i < m; ++i) {
+    double sum = x[i];
+    for (std::size_t k = 0; k < i; ++k) sum -= factor[i * m + k] * y[k];
+    y[i] = sum / factor[i * m + i];
+  }
+}
+
+}  // namespace
+
+void least_squares_innovations(std::span<const double> responses, double unknown, std::span<double> information,
+                               std::span<double> moments, std::span<double> e) {
+  const std::size_t m = moments.size();
+  std::vector<double> factor(m * m), of_response(m), of_moments(m);
+  for (std::size_t t = 0; t < e.size(); ++t) {
+    const double* g = &responses[t * m];
+    cholesky(information.data(), m, factor.data());
+    forward(factor.data(), m, g, of_response.data());
+    forward(factor.data(), m, moments.data(), of_moments.data());
+    double mean = 0, variance = 0;
+    for (std::size_t k = 0; k < m; ++k) {
+      mean += of_response[k] * of_moments[k];
+      variance += of_response[k] * of_response[k];
+    }
+    const double error = e[t];
+    for (std::size_t i = 0; i < m; ++i) {
+      for (std::size_t k = 0; k < m; ++k) information[i * m + k] += g[i] * g[k];
+      moments[i] += g[i] * error;
+    }
+    e[t] = variance > unknown ? 0.0 : (error - mean) / std::sqrt(1.0 + variance);
+  }
+}
+
+}  // namespace gmwm
