@@ -7,7 +7,6 @@ import gmwm
 from gmwm.covariance.mixture import smoothed
 from gmwm.estimation.estimator import refitted
 from gmwm.estimation.weighting import weighting_matrix
-from gmwm.variance.pooling import shortened
 from tests.helpers import codes
 
 TRUTH = gmwm.Model.parse("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")
@@ -68,7 +67,7 @@ def test_under_other_filters(name):
 @pytest.mark.parametrize("weighting", ["optimal", "diagonal"])
 def test_a_fit_to_nearly_the_same_data_has_its_own_weights(weighting):
     wv = gmwm.wavelet_variance(TRUTH.simulate(2**14, 10.0, 5), 10.0)
-    short = shortened(wv, len(wv) - 2)
+    short = wv.first(len(wv) - 2)
     again = refitted(gmwm.fit("GM + WN", wv, weighting=weighting), short)
     fit = gmwm.fit("GM + WN", short, weighting=weighting)
     assert again.diagnostics.remarks == fit.diagnostics.remarks
