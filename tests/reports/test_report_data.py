@@ -133,7 +133,8 @@ def test_a_good_recording_gets_a_good_verdict():
 
 def test_three_unit_systems_say_the_same(data, calibration):
     for axis in data["axes"]:
-        sheet = calibration.datasheets[axis["axis"]]
+        sheet = {**calibration.datasheets[axis["axis"]]}
+        sheet |= {entry.symbol: entry for entry in calibration.rest[axis["axis"]].entries}
         assert [row["symbol"] for row in axis["numbers"]] == list(sheet)
         for row in axis["numbers"]:
             entry = sheet[row["symbol"]]

@@ -21,6 +21,7 @@ from gmwm.calibration.measurement import Measured, measured_recording
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.rest import means_of, with_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.several import Part, measured_together, regression_of, worst
 from gmwm.datasheets import datasheet
@@ -76,6 +77,8 @@ def calibrate(
     draws: int = 1000,
     rng: int | np.random.Generator = 0,
     against: Against = AUTO,
+    gravity: float | None = None,
+    tilt: float | None = None,
     axes: str | Sequence[str] | None = None,
     threads: int | None = None,
     scheduler: str | Client | None = None,
@@ -118,6 +121,12 @@ def calibrate(
         Conditions whose effect is removed before the noise is measured. "auto": the temperature of the recording, for
         each axis that follows it at the 5 % level. Text names the temperature or time with options, for example
         "temperature:2,lag", "time:3" or "warmup"; a mapping has further covariates. See docs/howto/temperature.md.
+    gravity : float, optional
+        Local gravity (m/s²), for the bias at rest of the accelerometers; by default 9.806 ± 0.016, the range at sea
+        level.
+    tilt : float, optional
+        Largest angle (°) between the vertical and the accelerometer axis next to it. Without it, only the bias of the
+        vertical axis is computed.
     axes : str or sequence of str, optional
         The axes to calibrate, or "gyro" or "accel" for all axes of a sensor; all axes by default.
     threads : int, optional
@@ -164,6 +173,8 @@ def calibrate(
         draws=draws,
         seed=as_seed(rng),
         against=against,
+        gravity=gravity,
+        tilt=tilt,
         axes=axes,
     )
     return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)
@@ -227,7 +238,7 @@ def calibrate_recording(
     one = recordings.get("")
     source = one.source if isinstance(one, Imu | Stream) else ""
     return Calibration(
-        axes=with_baselines(done, parts, recordings, threads),
+        axes=with_baselines(with_rest(done, means_of(recordings, inspections), options), parts, recordings, threads),
         failed=missing | {axis: error.reason for axis, error in failed.items()},
         settings=options,
         source=", ".join(recordings) if several else source,

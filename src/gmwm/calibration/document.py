@@ -18,6 +18,7 @@ from gmwm._text import with_article
 from gmwm.calibration.options import AGAIN, CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.datasheets import Datasheet
 from gmwm.errors import ReadError
@@ -87,6 +88,7 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "tried": list(found.tried),
         "regression": None if found.regression is None else found.regression.to_dict(),
         "left_in": found.left_in,
+        "rest": None if found.rest is None else found.rest.to_dict(),
         "replicates": None if found.replicates is None else found.replicates.to_dict(),
         "baseline": None if found.baseline is None else found.baseline.to_dict(),
     }
@@ -139,6 +141,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
     removed, known = content["regression"], content.get("baseline")
+    rest = content.get("rest")
     spectrum, misfit = content["spectrum"], content["misfit"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
@@ -155,6 +158,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         tried=tuple(content["tried"]),
         regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
         left_in=content["left_in"],
+        rest=None if rest is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(rest)),
         baseline=None if known is None else _read(f"{axis}.baseline", lambda: Baseline.from_dict(known)),
     )
 

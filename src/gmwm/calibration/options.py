@@ -17,6 +17,8 @@ AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
 """Advice if a document is not a calibration or is incomplete."""
 SEARCHED = "auto"
 """Default of `within`: a search that the data control, see `gmwm.selection.search`."""
+_SINCE = ("gravity", "tilt")
+"""Options that older documents do not have."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")
 
 
@@ -42,6 +44,10 @@ class CalibrationOptions:
         Number of the simulated records, and seed of their draws.
     against : "auto", "none", str, or mapping of name to array
         Conditions whose effect is removed; saved as text, without arrays.
+    gravity : float or None
+        Local gravity (m/s²); None if it is not known.
+    tilt : float or None
+        Largest angle (°) of an accelerometer axis from the vertical; None if it is not known.
     axes : tuple of str or None
         The axes or sensors to calibrate; None for all. It is not saved, because a calibration lists its axes.
 
@@ -65,6 +71,8 @@ class CalibrationOptions:
     draws: int = 1000
     seed: int = 0
     against: Against = AUTO
+    gravity: float | None = None
+    tilt: float | None = None
     axes: str | Sequence[str] | None = None
 
     def __post_init__(self) -> None:
@@ -72,6 +80,11 @@ class CalibrationOptions:
             raise OptionError(argument="robust", expected="'auto', False or True", got=self.robust)
         _ = self.ranking  # validates its options
         biweight(self.efficiency)
+        for name, low, high, unit in (("gravity", 9.7, 9.9, "m/s²"), ("tilt", 0.0, 10.0, "degrees")):
+            value = getattr(self, name)
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if value is not None and not (number and low <= value <= high):
+                raise OptionError(argument=name, expected=f"a number from {low:g} to {high:g} ({unit})", got=value)
         if not self.searched:
             object.__setattr__(self, "within", as_model(self.within, "within"))
         _ = self.conditions  # validates the text and the arrays
@@ -107,7 +120,7 @@ class CalibrationOptions:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the options as numbers and strings, as they are saved in calibration.json."""
-        return {name: getattr(self, name) for name in _SAVED} | {
+        return {name: getattr(self, name) for name in (*_SAVED, *_SINCE)} | {
             "within": str(self.within),
             "against": str(self.conditions),
         }
@@ -134,7 +147,7 @@ class CalibrationOptions:
             if name not in content:
                 raise ReadError(f"the calibration is incomplete: settings has no {name!r}", advice=AGAIN)
         try:
-            return cls(**{name: content[name] for name in _SAVED})
+            return cls(**{name: content[name] for name in _SAVED} | {name: content.get(name) for name in _SINCE})
         except (OptionError, ModelError) as error:
             raise ReadError(f"not a calibration: settings.{error.reason}", advice=AGAIN) from error
 

@@ -13,6 +13,7 @@ from gmwm._files import write_text
 from gmwm._text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.summary_text import summary
 from gmwm.datasheets import Datasheet
 from gmwm.errors import DataError, ReadError
@@ -73,6 +74,8 @@ class AxisCalibration:
         Regression on the temperature or on other conditions, also if the axis does not follow them.
     left_in : float or None
         K (SI) if the effect of the conditions were not removed; None if nothing is removed, or without an estimate.
+    rest : BiasAtRest or None
+        Bias at rest; None if the data were a wavelet variance.
     baseline : Baseline or None
         What the innovations of the model are in the recording, for `gmwm.Monitor`; None if the data were a wavelet
         variance, or if the recording is too short.
@@ -91,6 +94,7 @@ class AxisCalibration:
     spectrum: PowerSpectrum | None = None
     regression: Regression | None = None
     left_in: float | None = None
+    rest: BiasAtRest | None = None
     baseline: Baseline | None = None
 
     @property
@@ -192,6 +196,11 @@ class Calibration(Summarised, Mapping[str, Fit]):
     def baselines(self) -> dict[str, Baseline]:
         """Statistics of the innovations of the healthy sensor, by axis, for the axes that have a baseline."""
         return {axis: found.baseline for axis, found in self.axes.items() if found.baseline is not None}
+
+    @property
+    def rest(self) -> dict[str, BiasAtRest]:
+        """Bias at rest by axis, for the axes that were calibrated from samples."""
+        return {axis: found.rest for axis, found in self.axes.items() if found.rest is not None}
 
     @property
     def verdicts(self) -> dict[str, Verdict]:
@@ -389,6 +398,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         inflation: float = 1.0,
         horizon: float = 1.0,
         rate: float | None = None,
+        duration: float | None = None,
     ) -> str:
         """Write the noise of the unit in the format of another program.
 
@@ -413,6 +423,9 @@ class Calibration(Summarised, Mapping[str, Fit]):
             How long (s) the consumer relies on the sensor alone.
         rate : float, optional
             Sampling rate (Hz) of the data that the consumer will receive; by default that of the recording.
+        duration : float, optional
+            Longest averaging time (s) for which a Gauss-Markov bias is fitted, for programs with such a bias; by
+            default an hour, or the length of a shorter recording.
 
         Returns
         -------
@@ -442,7 +455,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         """
         from gmwm.exporters import export
 
-        return export(self, path, format, axes=axes, inflation=inflation, horizon=horizon, rate=rate)
+        return export(self, path, format, axes=axes, inflation=inflation, horizon=horizon, rate=rate, duration=duration)
 
     def budget(
         self, duration: float | str, *, rest: float | str = 0.0, latitude: float = 45.0, level: float = 0.95

@@ -12,7 +12,7 @@ from gmwm._text import counted, duration_text
 from gmwm.axis_names import by_sensor
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
-from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, with_error, wrapped
 from gmwm.processes.ordered import Ordered
 from gmwm.remarks import Dialect, brief, texts
 from gmwm.replicates.result import RecordingNumber, short_spread
@@ -34,6 +34,8 @@ HELD = "held lines"
 SPREAD_OF = ("N", "B", "K")
 """Symbols of the numbers whose spread between recordings is in the table."""
 _FIRST = "[1]"
+_BIAS, _MEAN = "b", "mean"
+_REST = {_BIAS: "bias", "b_on": "turn-on", "b_rms": "bias rms"}
 
 
 def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
@@ -134,9 +136,26 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
         unit = next(entry.in_units("datasheet")[3] for entry in entries if entry is not None)
         title = symbol if unit == "1" else f"{symbol} ({unit})"
         rows.append([title, *("" if entry is None else number(entry) for entry in entries)])
+    rows += _at_rest(found)
     rows += _spreads(found)
     held = [len(held_lines(one.fit.model)) for one in found]
     return [*rows, [HELD, *map(str, held)]] if any(held) else rows
+
+
+def _at_rest(found: Sequence[AxisCalibration]) -> list[list[str]]:
+    """Make the rows with the bias at rest, its spread between recordings, and its rms over a duration."""
+    columns = [{} if one.rest is None else {entry.symbol: entry for entry in one.rest.entries} for one in found]
+    rows = []
+    for symbol, title in _REST.items():
+        entries = [column.get(symbol) for column in columns]
+        known = [entry for entry in entries if entry is not None]
+        if known:
+            cells = ["" if e is None else with_error(e) if symbol == _BIAS else number(e) for e in entries]
+            if symbol == _BIAS:
+                cells = ["tilt unknown" if _MEAN in c and not cell else cell
+                         for c, cell in zip(columns, cells, strict=True)]  # fmt: skip
+            rows.append([f"{title} ({known[0].in_units()[3]})", *cells])
+    return rows
 
 
 def _spreads(found: Sequence[AxisCalibration]) -> list[list[str]]:
@@ -201,6 +220,16 @@ def _legend(calibration: Calibration) -> list[str]:
     level = calibration.settings.confidence
     held = any(held_lines(found.fit.model) for found in calibration.axes.values())
     lines = f" {HELD}: number of lines with fixed frequency and amplitude; the datasheets list them." if held else ""
+    rest = [one for one in calibration.rest.values() if one.bias is not None]
+    if rest:
+        lines += (
+            " bias: mean at rest, without gravity but with the Earth's rotation (at most 15 deg/h); ± includes slow "
+            f"noise. bias rms: its changes over {duration_text(max(one.duration for one in rest))}."
+        )
+    if any(one.bias is None for one in calibration.rest.values()):
+        lines += " tilt unknown: tell calibrate how level the unit stood (tilt, gravity)."
+    if any(one.turn_on is not None for one in rest):
+        lines += " turn-on: standard deviation of the bias between recordings."
     if any(found.replicates for found in calibration.axes.values()):
         lines += (
             " spread: standard deviation between recordings without estimation errors; intervals include it. p of "

@@ -62,6 +62,17 @@ def number(entry: Entry) -> str:
     return f"{value:.3g} ± {100 * share:.2g} %" if share <= SEEN else f"{rounded(low)} … {rounded(high)}"
 
 
+def with_error(entry: Entry) -> str:
+    """Format a number that may have either sign, with half the width of its confidence interval."""
+    value, low, high, _ = entry.in_units("datasheet")
+    if low is None or high is None or not math.isfinite(high - low):
+        return "not determined"
+    half = (high - low) / 2
+    digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 3
+    shown = round(value, digits) + 0.0  # no minus sign before zero
+    return f"{shown:.{digits}f} ± {half:.{digits}f}".replace("-", "−")
+
+
 def wrapped(text: str) -> list[str]:
     """Break a text into lines of at most 80 columns."""
     return textwrap.wrap(text, WIDTH, break_long_words=True, break_on_hyphens=False)

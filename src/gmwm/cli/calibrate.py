@@ -76,6 +76,24 @@ def calibrate(
     chunked: Chunked = "auto",
     scheduler: Scheduler = None,
     workers: Workers = None,
+    gravity: Annotated[
+        float | None,
+        typer.Option(
+            help="Local gravity (m/s²), for the bias of the accelerometers. Default: 9.806 ± 0.016, the range at sea "
+            "level.",
+            rich_help_panel="Bias at rest",
+            show_default=False,
+        ),
+    ] = None,
+    tilt: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest angle (degrees) between the vertical and the accelerometer axis next to it. It gives the "
+            "bias of the level axes; without it, only that of the vertical axis is computed.",
+            rich_help_panel="Bias at rest",
+            show_default=False,
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -121,7 +139,7 @@ def calibrate(
     asked = CalibrationOptions(
         within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
-        against=against,
+        against=against, gravity=gravity, tilt=tilt,
     )  # fmt: skip
 
     spread = scheduler is not None or workers is not None

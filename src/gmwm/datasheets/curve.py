@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,12 +82,17 @@ class Curve:
 
 
 def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """Return ∂σ²(n)/∂ ln θ for one process: exact for the scale, by differences of order 6 for the shape."""
+    """Return ∂σ²(n)/∂ ln θ for one process."""
+    return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
+
+
+def sensitivity(process: Process, name: str | None, of: Callable[[Process], float]) -> float:
+    """Return ∂f/∂ ln θ of a variance f of one process: exact for the scale, by differences of order 6 for the shape."""
     if name is None:
-        return float(process.allan_variance([n], rate)[0])
+        return of(process)
     parameter = next(p for p in process.parameters if p.name == name)
     if parameter.scale_power is not None:
-        return parameter.scale_power * float(process.allan_variance([n], rate)[0])
+        return parameter.scale_power * of(process)
     at = process.value(name)
     place = [p.name for p in process.nonlinear_parameters()].index(name)
     room = float(process.room(process.nonlinear.reshape(1, -1))[0, place])
@@ -94,5 +100,5 @@ def slope(process: Process, name: str | None, n: int, rate: float) -> float:
     for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
         for sign in (1, -1):
             moved = process.with_values(**{name: at + sign * distance * _STEP * room})
-            total += sign * weight * float(moved.allan_variance([n], rate)[0])
+            total += sign * weight * of(moved)
     return at * total / (60.0 * _STEP * room)

@@ -253,10 +253,13 @@ class RecordingStatistics:
         wander = float(np.ptp(one.windows.means))
         mean, sd = float(one.all.means[0]), float(np.sqrt(one.all.variances()[0]))
         step = self._resolutions[axis]
+        counts = one.calm.counts
+        rest = float(counts @ one.calm.means / np.sum(counts)) if np.any(counts) else mean
         return AxisInspection(
             unit=self._units[axis],
             mean=mean,
             sd=sd,
+            rest=rest,
             noise=noise,
             lsb=step,
             before_rounding=None if step is None else before_rounding(one.runs(), step),

@@ -26,6 +26,8 @@ class AxisInspection:
         Unit of all numbers.
     mean, sd : float
         Mean and standard deviation.
+    rest : float
+        Mean without knocks and outliers.
     noise : float
         Standard deviation from first differences, which an offset and a slow drift do not affect.
     lsb : float or None
@@ -39,6 +41,7 @@ class AxisInspection:
     unit: str
     mean: float
     sd: float
+    rest: float
     noise: float
     lsb: float | None
     before_rounding: float | None

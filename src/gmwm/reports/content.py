@@ -153,7 +153,7 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "axis": axis,
         "title": axis_title(axis),
         "model": fit.model.structure,
-        "numbers": [_number(entry) for entry in found.datasheet.entries],
+        "numbers": [_number(e) for e in (*found.datasheet.entries, *(found.rest.entries if found.rest else ()))],
         "parameters": _parameters(found),
         "test": _test(found, rejected),
         "rejected": rejected,

@@ -1,0 +1,341 @@
+"""The bias of each axis at rest: its mean with a standard error from the model, gravity, turn-on spread and rms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gmwm._text import duration_text
+from gmwm.axis_names import sensor_of
+from gmwm.calibration.averaging import weighted_candidates
+from gmwm.calibration.recording_info import Recording
+from gmwm.datasheets.bias_changes import Variance, bias_variance, variance_of_mean
+from gmwm.datasheets.entry import Entry
+from gmwm.errors import GmwmError
+from gmwm.estimation.result import Fit
+from gmwm.inspection import Inspection
+from gmwm.random_effects import confidence_of_mean, effects, spread_limits
+from gmwm.signals import Signal
+
+if TYPE_CHECKING:
+    from gmwm.calibration.options import CalibrationOptions
+    from gmwm.calibration.result import AxisCalibration
+
+GRAVITY, GRAVITY_ERROR = 9.806, 0.016
+"""Middle of the normal gravity at sea level, 9.780 m/s² at the equator to 9.832 m/s² at the poles (WGS 84), and the
+standard deviation of a uniform distribution between these."""
+LEVEL_BIAS = 0.2
+"""Standard deviation (m/s²) that is assumed for the unknown biases of the level axes: 20 mg, a typical limit in
+datasheets of MEMS accelerometers. Pinned by tests/calibration/test_rest.py."""
+STEEPEST = 20.0
+"""Largest angle (°) from the vertical at which the bias of an axis is computed without a known attitude: the biases of
+the level axes then change the gravity along it by less than 0.07 m/s² (tests/calibration/test_rest.py)."""
+LONGEST = 3600.0
+"""Longest duration (s) of the rms of the bias; a shorter recording uses its own length."""
+
+
+class AxisMean(NamedTuple):
+    """Mean of the samples of one axis of one recording, number of samples, and number with those lost in gaps."""
+
+    mean: float
+    samples: int
+    span: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class BiasAtRest:
+    """The bias of one axis at rest. All numbers are in the SI unit of the axis.
+
+    Attributes
+    ----------
+    mean : float
+        Mean of the samples, without knocks and outliers; of several recordings, the weighted mean.
+    error : float
+        Its standard error, from the fitted model. The mean is an estimate of the constant part of the signal. If the
+        model has a random walk, it is an estimate of the level at the end of the recording.
+    low, high : float
+        Confidence interval of the mean.
+    gravity : float or None
+        Part of the mean that is gravity: 0 for a gyroscope; None if the attitude is not known well enough.
+    gravity_error : float
+        Its standard error, from the local gravity and from the attitude.
+    recordings : int
+        Number of recordings.
+    turn_on, turn_on_low, turn_on_high : float or None
+        Standard deviation of the bias between recordings, beyond what the noise of each recording explains, and its
+        confidence interval; None for a single recording.
+    rms, rms_low, rms_high : float
+        Root mean square of the bias around its mean over `duration`, from the slow terms of the model, and its
+        confidence interval; 0 if the model has no slow term.
+    duration : float
+        Duration (s) of `rms`.
+    level : float
+        Level of the intervals.
+    unit : str
+        SI unit of the axis.
+
+    Examples
+    --------
+    >>> one = BiasAtRest(
+    ...     mean=9.81, error=1e-4, low=9.8098, high=9.8102, gravity=9.806, gravity_error=0.016, recordings=1, rms=2e-4,
+    ...     rms_low=1e-4, rms_high=4e-4, duration=3600.0, level=0.95, unit="m/s²",
+    ... )
+    >>> round(one.bias, 4), one.bias_error > one.gravity_error
+    (0.004, True)
+    """
+
+    mean: float
+    error: float
+    low: float
+    high: float
+    gravity: float | None
+    gravity_error: float
+    recordings: int
+    turn_on: float | None = None
+    turn_on_low: float | None = None
+    turn_on_high: float | None = None
+    rms: float
+    rms_low: float
+    rms_high: float
+    duration: float
+    level: float
+    unit: str
+
+    @property
+    def bias(self) -> float | None:
+        """The mean without gravity; None if the attitude is not known well enough."""
+        return None if self.gravity is None else self.mean - self.gravity
+
+    @property
+    def bias_error(self) -> float:
+        """Standard error of the bias: of the mean and of the gravity."""
+        return math.hypot(self.error, self.gravity_error)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Confidence interval of the bias; of the mean if the gravity is not known."""
+        if self.gravity is None:
+            return self.low, self.high
+        reach = _quantile(math.inf, self.level) * self.gravity_error
+        centre = self.mean - self.gravity
+        return centre - math.hypot(self.mean - self.low, reach), centre + math.hypot(self.high - self.mean, reach)
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The bias, or the mean if the gravity is not known, the turn-on spread and the rms, as for a datasheet."""
+        low, high = self.interval
+        known = self.bias is not None
+        found = [
+            Entry(
+                symbol="b" if known else "mean",
+                title="bias at rest" if known else "mean at rest, with gravity",
+                value=self.mean if self.bias is None else self.bias, low=low, high=high, unit=self.unit,
+            )
+        ]  # fmt: skip
+        if self.turn_on is not None:
+            found.append(
+                Entry(
+                    symbol="b_on", title="turn-on spread of the bias", value=self.turn_on, low=self.turn_on_low,
+                    high=self.turn_on_high, unit=self.unit, upper_only=not self.turn_on_low,
+                )
+            )  # fmt: skip
+        if self.rms > 0:
+            title = f"rms of the bias over {duration_text(self.duration)}"
+            found.append(
+                Entry(
+                    symbol="b_rms", title=title, value=self.rms, low=self.rms_low, high=self.rms_high, unit=self.unit,
+                    upper_only=self.rms_low == 0,
+                )
+            )  # fmt: skip
+        return tuple(found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as numbers and strings, with `bias` and `bias_error`."""
+        return asdict(self) | {"bias": self.bias, "bias_error": self.bias_error}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> BiasAtRest:
+        """Restore the bias from the result of `to_dict`."""
+        return cls(**{name: value for name, value in values.items() if name not in ("bias", "bias_error")})
+
+
+def means_of(recordings: Mapping[str, Any], inspections: Mapping[str, Inspection]) -> dict[str, dict[str, AxisMean]]:
+    """Return the means of the axes of each recording. Data without samples have none."""
+    found: dict[str, dict[str, AxisMean]] = {}
+    for name, data in recordings.items():
+        if name in inspections:
+            one = inspections[name]
+            lost = round(Recording.of(one).missing * one.rate)
+            found[name] = {a: AxisMean(own.rest, one.samples, one.samples + lost) for a, own in one.axes.items()}
+            continue
+        items = {data.axis or "signal": data} if isinstance(data, Signal) else data
+        signals = {axis: item for axis, item in items.items() if isinstance(item, Signal)}
+        found[name] = {a: AxisMean(float(np.mean(s.values)), s.values.size, s.values.size) for a, s in signals.items()}
+    return found
+
+
+def with_rest(
+    done: Mapping[str, AxisCalibration], means: Mapping[str, Mapping[str, AxisMean]], options: CalibrationOptions
+) -> dict[str, AxisCalibration]:
+    """Add the bias at rest of each axis that was calibrated from samples.
+
+    Parameters
+    ----------
+    done : mapping of axis to AxisCalibration
+    means : mapping of recording to mapping of axis to AxisMean
+        The means of all axes of each recording, also of axes that are not calibrated.
+    options : CalibrationOptions
+    """
+    gravity = {name: gravity_of({a: one.mean for a, one in axes.items()}, options) for name, axes in means.items()}
+    found = {}
+    for axis, one in done.items():
+        own = {name: axes[axis] for name, axes in means.items() if axis in axes}
+        parts = {name: gravity[name][axis] for name in own}
+        rest = bias_at_rest(one, own, parts, level=options.confidence) if own else None
+        found[axis] = replace(one, rest=rest)
+    return found
+
+
+def bias_at_rest(
+    found: AxisCalibration, means: Mapping[str, AxisMean], gravity: Mapping[str, tuple[float, float] | None], *,
+    level: float,
+) -> BiasAtRest:  # fmt: skip
+    """Compute the bias of one axis at rest.
+
+    Parameters
+    ----------
+    found : AxisCalibration
+    means : mapping of recording to AxisMean
+    gravity : mapping of recording to (gravity, standard error), or to None if it is not known
+    level : float
+        Level of the intervals.
+    """
+    known = [gravity[name] for name in means]
+    parts = [one for one in known if one is not None]
+    removed = len(parts) == len(known)
+    values = np.array([one.mean for one in means.values()])
+    x = values - (np.array([part[0] for part in parts]) if removed else 0.0)
+    models = [_of_models(found, partial(variance_of_mean, samples=n, span=span)) for _, n, span in means.values()]
+    s2 = np.array([_averaged(one).value for one in models])
+    spread: tuple[float, float, float] | None = None
+    if len(x) == 1:
+        centre, error = float(x[0]), math.sqrt(s2[0])
+        reach = reach_of(models[0], level)
+        low, high = centre - reach, centre + reach
+    else:
+        s2 = np.maximum(s2, np.finfo(float).tiny)
+        all_of = effects(x, s2)
+        centre, error = float(all_of.mean), float(all_of.error)
+        low, high = (float(end) for end in confidence_of_mean(x, s2, level))
+        least, most = (math.sqrt(float(end)) for end in spread_limits(x, s2, level))
+        spread = (math.sqrt(float(all_of.spread2)), least, most) if removed else None
+    mean = centre + float(np.mean(values - x))
+    wv = found.fit.wavelet_variance
+    duration = min(LONGEST, max(one.span for one in means.values()) / wv.rate)
+    rms = _averaged(_of_models(found, partial(bias_variance, duration=duration)))
+    rms_ends = _limits(rms, level)
+    return BiasAtRest(
+        mean=mean, error=error, low=low + mean - centre, high=high + mean - centre,
+        gravity=mean - centre if removed else None,
+        gravity_error=max((part[1] for part in parts), default=0.0) if removed else 0.0,
+        recordings=len(means), turn_on=spread[0] if spread else None, turn_on_low=spread[1] if spread else None,
+        turn_on_high=spread[2] if spread else None, rms=math.sqrt(rms.value), rms_low=rms_ends[0],
+        rms_high=rms_ends[1], duration=duration, level=level, unit=wv.unit,
+    )  # fmt: skip
+
+
+def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
+    """Return half the width of the confidence interval of a mean, from its variance in each model with its weight.
+
+    The relative error r of an estimated variance corresponds to 2/r² degrees of freedom of Student's distribution, at
+    least 1. The tail areas of the models are averaged (docs/validation/rest.md).
+
+    Parameters
+    ----------
+    models : sequence of (weight, Variance)
+        At least one variance above zero.
+    level : float
+    """
+    from scipy.special import stdtr
+
+    some = [(w, math.sqrt(one.value), max(2 / max(one.relative, 1e-9) ** 2, 1.0)) for w, one in models if one.value > 0]
+    total = sum(weight for weight, _, _ in some)
+    reaches = [_quantile(freedom, level) * size for _, size, freedom in some]
+    low, high = min(reaches, default=0.0), max(reaches, default=0.0)
+    while high - low > 1e-9 * high:
+        middle = (low + high) / 2
+        outside = sum(weight * 2 * float(stdtr(freedom, -middle / size)) for weight, size, freedom in some)
+        low, high = (middle, high) if outside > (1 - level) * total else (low, middle)
+    return high
+
+
+def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
+    """Return the part of the mean of each axis that is gravity, with its standard error; None if it is not known.
+
+    The gravity along an axis near the vertical is √(g² − h²) with the reading h of the level axes. The attitude need
+    not be known for this, because the biases of the level axes change it in the second order only. The gravity along a
+    level axis is the product of g and its tilt, so it is known only if `tilt` is.
+    """
+    found: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
+    accel = {axis: mean for axis, mean in means.items() if sensor_of(axis) == "accel"}
+    found |= dict.fromkeys(accel)
+    g, error = (GRAVITY, GRAVITY_ERROR) if options.gravity is None else (options.gravity, 0.0)
+    upright = [axis for axis, mean in accel.items() if abs(mean) > g / 2]
+    if len(upright) != 1:
+        return found
+    (vertical,) = upright
+    side = math.copysign(1.0, accel[vertical])
+    if options.tilt is not None:
+        angle = math.radians(options.tilt) / math.sqrt(3)  # standard deviation of a uniform distribution
+        found |= dict.fromkeys(accel, (0.0, g * angle))
+        found[vertical] = side * g, math.hypot(error, g * angle**2)
+        return found
+    level = math.hypot(*(mean for axis, mean in accel.items() if axis != vertical))
+    if len(accel) == 3 and level <= g * math.sin(math.radians(STEEPEST)):
+        off = math.hypot(error, level / g * LEVEL_BIAS, LEVEL_BIAS**2 / (2 * g))
+        found[vertical] = side * math.sqrt(g * g - level * level), off
+    return found
+
+
+def _of_models(found: AxisCalibration, of: Callable[[Fit], Variance]) -> list[tuple[float, Variance]]:
+    """Return a variance in each model that agrees with the data, with the weight of the model."""
+    parts = []
+    for weight, candidate in weighted_candidates(found.ranking):
+        try:
+            parts.append((weight, of(found.fit if candidate.recommended else candidate.fit)))
+        except GmwmError:  # a model without standard errors says nothing about the bias
+            continue
+    return parts
+
+
+def _averaged(models: Sequence[tuple[float, Variance]]) -> Variance:
+    """Return the mean variance of the models, with the error that the choice adds."""
+    total = sum(weight for weight, _ in models)
+    value = sum(weight * one.value for weight, one in models) / total if total else 0.0
+    if value <= 0:
+        return Variance(0.0, 0.0)
+    scatter = sum(weight * ((one.value * one.relative) ** 2 + (one.value - value) ** 2) for weight, one in models)
+    return Variance(value, math.sqrt(scatter / total) / value)
+
+
+def _limits(one: Variance, level: float) -> tuple[float, float]:
+    """Return the interval of a standard deviation, on its logarithm; from 0 if the variance is not distinguished from
+    zero."""
+    reach = _quantile(math.inf, level) * one.relative
+    size = math.sqrt(one.value)
+    if reach >= 1:
+        return 0.0, size * math.sqrt(1 + reach)
+    return size * math.exp(-reach / 2), size * math.exp(reach / 2)
+
+
+def _quantile(freedom: float, level: float) -> float:
+    """Return the two-sided quantile of Student's distribution."""
+    from scipy.special import ndtri, stdtrit
+
+    share = (1 + level) / 2
+    return float(ndtri(share) if math.isinf(freedom) else stdtrit(freedom, share))
