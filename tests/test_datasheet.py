@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import AR1, DR, FN, GM, QN, RW, SIN, WN, Model, Signal, WaveletVariance, fixed
+from gmwm import AR1, DR, GM, QN, RW, SIN, WN, Model, Signal, WaveletVariance, fixed
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import lowest
-from gmwm.datasheets.effective import Use, noise_in_use
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.errors import OptionError
 from gmwm.processes import Process, registry
@@ -435,17 +434,6 @@ def test_one_slow_term_that_is_white_noise_and_a_walk_is_counted_to_both():
     assert found["N_eff"].value == near(math.sqrt(1e-6 / RATE), 0.02)
     assert found["K_eff"].value == near(math.sqrt(2 * 0.05 * 1e-8), 0.05)
     assert not found["K_eff"].upper_only
-
-
-@pytest.mark.slow
-def test_to_a_gauss_markov_bias_a_slow_term_and_flicker_noise_have_their_allan_deviation_at_its_time():
-    for truth, time in ((FN(b2=4e-10), 2000.0), (Model.parse("MAT(beta=0.05, nu=0.5, sigma2=1e-8)"), 20.0)):
-        truth = Model((truth,)) if isinstance(truth, Process) else truth
-        fit = gmwm.fit(truth.structure + " + WN", exact(truth + WN(sigma2=1e-6)))
-        walk = noise_in_use(fit, Use(1.0, time), 0.95)["K_eff"].value
-        bias = GM(beta=1 / time, sigma2=walk**2 * time / 2)
-        n = [round(time * RATE)]
-        assert bias.allan_variance(n, RATE)[0] == near(float(truth.allan_variance(n, RATE)[0]), 1e-3)
 
 
 # --- laws ---------------------------------------------------------------------------------------------

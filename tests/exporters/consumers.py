@@ -3,6 +3,7 @@
 Independent of the exporters: a number that these rules do not give back is wrong in the file.
 """
 
+import json
 import math
 import re
 from io import StringIO
@@ -149,6 +150,109 @@ def kfgins(text):
     return both((arw, gyro * math.sqrt(2 / time)), (vrw, accel * math.sqrt(2 / time)))
 
 
+def gnss_ins_sim(text):
+    names = {}
+    exec(compile(text, "imu.py", "exec"), names)
+    found = names["imu_err"]
+    # imu_model.py: deg/h, deg/√h and m/s/√h; pathgen.py: a Gauss-Markov bias of the standard deviation b_drift.
+    gyro = found["gyro_arw"] * D2R / 60, found["gyro_b_stability"] * D2R / 3600 * np.sqrt(2 / found["gyro_b_corr"])
+    accel = found["accel_vrw"] / 60, found["accel_b_stability"] * np.sqrt(2 / found["accel_b_corr"])
+    return both(gyro, accel)
+
+
+def navego(text):
+    code = re.sub(r"%.*", "", text)
+    found = {key: np.array(row.split(), dtype=float) for key, row in re.findall(r"imu\.(\w+) = \[([^\]]*)\];", code)}
+    assert re.findall(r"imu\.(\w+) = zeros\(1, 3\);", code) == ["arrw", "vrrw"]
+    assert "imu.freq = 200.0;" in code
+    # imu_si_errors.m: deg/√h, m/s/√h, deg/s and mg; noise_b_dyn.m: a Gauss-Markov bias.
+    gyro = found["arw"] / 60 * D2R, found["gb_dyn"] * D2R * np.sqrt(2 / found["gb_corr"])
+    accel = found["vrw"] / 60, found["ab_dyn"] * 1e-3 * 9.80665 * np.sqrt(2 / found["ab_corr"])
+    return both(gyro, accel)
+
+
+def okvis2(text):
+    content = yaml(text, "%YAML:1.0")["imu_parameters"]
+    return both((content["sigma_g_c"], content["sigma_gw_c"]), (content["sigma_a_c"], content["sigma_aw_c"]))
+
+
+def basalt(text):
+    content = json.loads(text)
+    assert list(content) == ["value0", "gmwm"]  # cereal reads the first entry
+    one = content["value0"]
+    assert (len(one["calib_accel_bias"]), len(one["calib_gyro_bias"]), one["imu_update_rate"]) == (9, 12, 200.0)
+    # calibration.hpp: the discrete standard deviation is the continuous one times √f.
+    root = math.sqrt(one["imu_update_rate"])
+    white = {key: np.array(one[f"{key}_noise_std"]) * root / math.sqrt(200.0) for key in ("gyro", "accel")}
+    return both((white["gyro"], one["gyro_bias_std"]), (white["accel"], one["accel_bias_std"]))
+
+
+def glim(text):
+    one = json.loads(text)["sensors"]
+    assert len(one["imu_bias"]) == 6
+    # odometry_estimation_imu.cpp: the bias changes by imu_bias_noise between two frames, here 0.1 s apart.
+    walk = one["imu_bias_noise"] / math.sqrt(0.1)
+    return both((one["imu_gyro_noise"], walk), (one["imu_acc_noise"], walk))
+
+
+def airsim(text):
+    one = json.loads(text)["Sensors"]["Imu"]
+    assert (one["SensorType"], one["Enabled"]) == (2, True)
+    # ImuSimpleParams.hpp and ImuSimple.hpp: a step adds (bias stability / √τ)² Δt to the variance of the bias.
+    gyro = (
+        one["AngularRandomWalk"] / 60 * D2R,
+        one["GyroBiasStability"] / 3600 * D2R / one["GyroBiasStabilityTau"] ** 0.5,
+    )
+    accel = (one["VelocityRandomWalk"] * 9.80665 / 1e3,
+             one["AccelBiasStability"] * 1e-6 * 9.80665 / one["AccelBiasStabilityTau"] ** 0.5)  # fmt: skip
+    return both(gyro, accel)
+
+
+# --- biases at rest, in rad/s and m/s²: what the program takes as the bias of a sample -----------------
+
+
+def okvis2_bias(text):
+    content = yaml(text, "%YAML:1.0")["imu_parameters"]
+    return content["g0"], content["a0"]
+
+
+def basalt_bias(text):
+    # calib_bias.hpp: calibrated = raw + scale raw − bias.
+    one = json.loads(text)["value0"]
+    assert not any(one["calib_gyro_bias"][3:] + one["calib_accel_bias"][3:])
+    return one["calib_gyro_bias"][:3], one["calib_accel_bias"][:3]
+
+
+def dlio_bias(text):
+    imu = yaml(text)["dlio"]["imu"]
+    # odom.cc: the prior biases are used if imu/calibration is false.
+    assert imu["calibration"] is False
+    assert np.array_equal(np.reshape(imu["intrinsics"]["accel"]["sm"], (3, 3)), np.eye(3))
+    return imu["intrinsics"]["gyro"]["bias"], imu["intrinsics"]["accel"]["bias"]
+
+
+def glim_bias(text):
+    # gtsam::imuBias::ConstantBias: the accelerometers first.
+    both_of = json.loads(text)["sensors"]["imu_bias"]
+    return both_of[3:], both_of[:3]
+
+
+def autoware_bias(text):
+    one = yaml(text)["/**"]["ros__parameters"]
+    return [one[f"angular_velocity_offset_{letter}"] for letter in "xyz"], None
+
+
+def gnss_ins_sim_bias(text):
+    names = {}
+    exec(compile(text, "imu.py", "exec"), names)
+    return names["imu_err"]["gyro_b"] * D2R / 3600, names["imu_err"]["accel_b"]
+
+
+def navego_bias(text):
+    found = {key: np.array(row.split(), dtype=float) for key, row in re.findall(r"imu\.(\w+) = \[([^\]]*)\];", text)}
+    return found["gb_sta"] * D2R, found["ab_sta"] * 1e-3 * 9.80665
+
+
 def gazebo(text, rate=200.0):
     imu = ElementTree.fromstring(re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL))
     found = {}
@@ -188,6 +292,13 @@ def ardupilot(text):
 CONSUMERS = {
     "kalibr": kalibr, "openvins": openvins, "kimera": kimera, "vins": vins, "orbslam3": orbslam3, "gtsam": gtsam,
     "gtsam-python": gtsam_python, "liosam": liosam, "fastlio": fastlio, "matlab": matlab, "kfgins": kfgins,
-    "gazebo": gazebo, "px4": px4, "ardupilot": ardupilot,
+    "gazebo": gazebo, "px4": px4, "ardupilot": ardupilot, "okvis2": okvis2, "basalt": basalt, "glim": glim,
+    "airsim": airsim, "gnss-ins-sim": gnss_ins_sim, "navego": navego,
 }  # fmt: skip
-PER_AXIS = ("gtsam", "gtsam-python", "matlab", "kfgins", "gazebo")
+PER_AXIS = ("gtsam", "gtsam-python", "matlab", "kfgins", "gazebo", "basalt", "gnss-ins-sim", "navego")
+MARKOV = ("kfgins", "gazebo", "gnss-ins-sim", "navego")
+"""Formats with a Gauss-Markov bias. K is that of the slow terms only if these are one Gauss-Markov process."""
+BIASES = {
+    "okvis2": okvis2_bias, "basalt": basalt_bias, "dlio": dlio_bias, "glim": glim_bias, "autoware": autoware_bias,
+    "gnss-ins-sim": gnss_ins_sim_bias, "navego": navego_bias,
+}  # fmt: skip

@@ -8,5 +8,5 @@ if __name__ == "__main__":
     for name, truths in TRUTHS.items():
         calibration = calibrated(truths)
         (GOLDEN / name).mkdir(parents=True, exist_ok=True)
-        for format in sorted({*CONSUMERS, "ros", "csv", "latex"}):
+        for format in sorted({*CONSUMERS, "autoware", "ros", "csv", "latex"}):
             (GOLDEN / name / f"{format}.txt").write_text(as_golden(calibration, format), encoding="utf-8")

@@ -6,12 +6,13 @@ import re
 import numpy as np
 import pytest
 
+import gmwm
 from gmwm import GM
 from gmwm.exporters import export_formats
 from gmwm.remarks import texts
 
 from .conftest import RATE, SAMPLES, calibrated, remarks_in, words
-from .consumers import CONSUMERS
+from .consumers import CONSUMERS, MARKOV
 
 B2 = {"gyro": 4e-10, "accel": 4e-7}
 TRUTHS = {
@@ -26,7 +27,7 @@ def unit():
 
 FLAT = 2 * math.log(2) / math.pi
 """Allan variance of flicker noise at B = 1."""
-OTHERS = ("matlab", "kfgins", "gazebo")
+OTHERS = ("matlab", *MARKOV)
 
 
 @pytest.mark.slow
@@ -34,10 +35,10 @@ OTHERS = ("matlab", "kfgins", "gazebo")
 def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
     text = unit.export(format=format, horizon=2.0)
     read = CONSUMERS[format](text)
-    for sensor, b2 in B2.items():
+    for sensor, b2 in list(B2.items())[format == "glim" :]:  # GLIM has one number for both sensors
         assert read[sensor][1] == pytest.approx(math.sqrt(3 * FLAT * b2 / 2.0), rel=1e-4)
     assert "K: FN (by its Allan deviation)" in words(text)
-    found = remarks_in(unit, format, horizon=2.0)
+    found = [one for one in remarks_in(unit, format, horizon=2.0) if one.code != "bias-not-known"]
     assert {remark.code for remark in found} == {"counted-at-horizon"}
     assert [remark.subject for remark in found] == list(TRUTHS)
     assert {(remark.facts["terms"], remark.facts["horizon"].value) for remark in found} == {(("FN",), 2.0)}
@@ -45,16 +46,21 @@ def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("format", ["kfgins", "gazebo"])
-def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
-    text = unit.export(format=format, horizon=2.0)
-    time = SAMPLES / RATE
-    for sensor, b2 in B2.items():
-        bias = GM(beta=1 / time, sigma2=float(np.max(CONSUMERS[format](text)[sensor][1])) ** 2 * time / 2)
-        assert bias.allan_variance([SAMPLES], RATE)[0] == pytest.approx(FLAT * b2, rel=1e-4)
-    found = remarks_in(unit, format, horizon=2.0)
-    assert {remark.code for remark in found} == {"counted-at-correlation-time"}
-    assert {remark.facts["time"].value for remark in found} == {time}
+@pytest.mark.parametrize("format", MARKOV)
+def test_a_gauss_markov_bias_is_near_to_it(unit, format):
+    text = words(unit.export(format=format, horizon=2.0))
+    pattern = r"Bias of (\S+): sigma (\S+) \S+, T (\S+) s, for FN; it changes the Allan deviation by at most (\S+) %"
+    found = re.findall(pattern, text)
+    assert [axis for axis, *_ in found] == list(TRUTHS)
+    n = np.unique(np.geomspace(2 * RATE, SAMPLES, 200).astype(int))
+    for axis, *numbers in found:
+        sigma, time, stated = map(float, numbers)
+        whole = gmwm.Model.parse(TRUTHS[axis])
+        white = next(p for p in whole.processes if p.name == "WN")
+        reduced = gmwm.Model((white, GM(beta=1 / time, sigma2=sigma**2)))
+        ratio = np.sqrt(reduced.allan_variance(n, RATE) / whole.allan_variance(n, RATE))
+        assert 100 * np.max(np.abs(ratio - 1)) == pytest.approx(stated, rel=0.1)
+    assert not remarks_in(unit, format, horizon=2.0) or format in ("gnss-ins-sim", "navego")
 
 
 @pytest.mark.slow
@@ -96,5 +102,5 @@ def test_matrices_state_the_error_of_the_approximation(unit):
     found = [one for one in remarks_in(unit, "state-space") if one.code == "state-approximated"]
     assert [(one.subject, one.facts["terms"]) for one in found] == [(axis, ("FN",)) for axis in TRUTHS]
     assert all(one.facts["error"].value < 1.0 for one in found)
-    for format in export_formats():
+    for format in set(export_formats()) - {"dlio"}:
         assert unit.export(format=format)

@@ -8,7 +8,7 @@ import pytest
 from gmwm.remarks import texts
 
 from .conftest import RATE, calibrated, remarks_in, words
-from .consumers import CONSUMERS
+from .consumers import CONSUMERS, MARKOV
 
 pytestmark = pytest.mark.slow
 
@@ -39,11 +39,11 @@ def lines():
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_slow_term_is_never_lost(slow, format):
     text = slow.export(format=format)
-    for sensor, (s2, _) in SLOW.items():
+    for sensor, (s2, _) in list(SLOW.items())[format == "glim" :]:  # GLIM has one number for both sensors
         # As the Gauss-Markov process of the same law; nearly so at a horizon that is no mere moment to it.
         assert CONSUMERS[format](text)[sensor][1] == pytest.approx(math.sqrt(2 * 0.05 * s2), rel=0.03)
-    code = "counted-at-correlation-time" if format in ("kfgins", "gazebo") else "counted-at-horizon"
-    assert {remark.code for remark in remarks_in(slow, format)} == {code}
+    codes = {remark.code for remark in remarks_in(slow, format)} - {"bias-not-known"}
+    assert codes == (set() if format in MARKOV else {"counted-at-horizon"})
     assert "K: AR(1) (by its Allan deviation)" in words(text)
 
 
@@ -52,7 +52,8 @@ def test_lines_are_named_and_not_counted(lines, format):
     text = lines.export(format=format)
     white, walk = CONSUMERS[format](text)["gyro"]
     assert white == pytest.approx(math.sqrt(6e-7 / RATE), rel=1e-4)
-    assert walk == pytest.approx(math.sqrt(1e-11 * RATE), rel=1e-3)
+    if format not in (*MARKOV, "glim"):
+        assert walk == pytest.approx(math.sqrt(1e-11 * RATE), rel=1e-3)
     found = [remark for remark in remarks_in(lines, format) if remark.code == "line-left-out"]
     of_axes = {axis: [r.facts for r in found if r.subject == axis] for axis in ("gyro_x", "accel_y")}
     assert [facts["frequency"].value for facts in of_axes["gyro_x"]] == pytest.approx([0.7], rel=1e-3)

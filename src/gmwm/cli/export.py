@@ -74,6 +74,15 @@ def export(
             help="Sampling rate (Hz) in the other program. Default: that of the recording.", show_default=False
         ),
     ] = None,
+    duration: Annotated[
+        str | None,
+        typer.Option(
+            help="Longest averaging time for which a Gauss-Markov bias is fitted, for programs with such a bias. "
+            "Default: 1h, or the length of a shorter recording.",
+            metavar="LENGTH",
+            show_default=False,
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Write to this file. Default: print the text.", rich_help_panel=RESULT),
@@ -99,7 +108,10 @@ def export(
             advice="Leave {--format} and {--output} out.",
         )
     seconds = parse_length(horizon, "horizon")
-    choice: _Choice = {"axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate}
+    choice: _Choice = {
+        "axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate,
+        "duration": None if duration is None else parse_length(duration, "duration"),
+    }  # fmt: skip
     files = [calibration_file(path) for path in calibrations]
     first, *others = [Calibration.load(file) for file in files]
     found = first.combined(*others)
@@ -116,12 +128,16 @@ class _Choice(TypedDict):
     inflation: float
     horizon: float
     rate: float | None
+    duration: float | None
 
 
 def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _Choice) -> Outcome:
     """Write one format, or print it if there is no output file."""
     from gmwm.exporters import export as exported
+    from gmwm.exporters.api import require_extension
 
+    if output is not None:
+        require_extension(name, output, "output")
     text = exported(found, None, name, **choice)
     new = () if output is None else (text_file(output, text),)
     return Outcome(

@@ -29,9 +29,6 @@ WHITE, WALK = 0.5, -0.5
 GONE = 1e-6
 """Relative size below which a difference of Allan variances is a rounding error."""
 
-_AT_ITS_TIME = 4 * math.exp(-1.0) - math.exp(-2.0) - 1
-"""Allan variance of a Gauss-Markov process of variance 1 at its correlation time."""
-
 
 @dataclass(frozen=True)
 class Use:
@@ -41,14 +38,11 @@ class Use:
     ----------
     horizon : float
         Horizon T_h (s).
-    time : float or None
-        Correlation time (s) of the Gauss-Markov bias that K drives; None if the bias is a random walk.
     flicker : str
         Name of its parameter for flicker noise, which is then not included; "" if it has none.
     """
 
     horizon: float
-    time: float | None = None
     flicker: str = ""
 
 
@@ -129,12 +123,7 @@ def checked_horizon(horizon: float) -> float:
 
 
 def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """Compute `effective_noise` for one use, with zero if the model has no such noise.
-
-    If the bias of the filter is a Gauss-Markov process, flicker noise and other terms that count by their Allan
-    deviation count as a Gauss-Markov bias with the same Allan variance at its correlation time T:
-    K² = 2σ²(T)/(0.336 T). T is the correlation time of the term, if it has one.
-    """
+    """Compute `effective_noise` for one use, with zero if the model has no such noise."""
     written, _ = translated(fit)
     curve, z = Curve.of(written), NormalDist().inv_cdf((1 + level) / 2)
     unit = fit.wavelet_variance.unit
@@ -244,13 +233,7 @@ def _readings(process: Process, power: float, use: Use, rate: float) -> list[tup
         time = half / rate
         short, long = (4 * time / 3, -2 * time / 3) if power == WHITE else (-1 / time, 2 / time)
         return [(half, short), (2 * half, long)]
-    if power == WHITE:
-        return [(n, n / rate)]
-    if use.time is None:
-        return [(n, 3 * rate / n)]
-    own = process.correlation_time(rate)
-    n = _steps(use.time if own is None else min(own, use.time), rate)
-    return [(n, 2 * rate / (n * _AT_ITS_TIME))]
+    return [(n, n / rate if power == WHITE else 3 * rate / n)]
 
 
 def _square(process: Process, name: str | None, power: float, use: Use, rate: float) -> tuple[float, float]:

@@ -27,15 +27,18 @@ def export(
     inflation: float = 1.0,
     horizon: float = HORIZON,
     rate: float | None = None,
+    duration: float | None = None,
 ) -> str:
     """Return the noise of a unit in the format of another program: see `Calibration.export`."""
     exporter = find_exporter(format)
-    given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
+    given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration}
     options = _options(exporter, given)
     for name, value in given.items():
         if name not in exporter.takes and value != _DEFAULTS[name]:
             used = ", ".join(sorted(exporter.takes)) or "none of these options"
             raise OptionError(argument=name, expected=f"left out for the format {format}, which uses {used}", got=value)
+    if path is not None:
+        require_extension(format, path)
     text = exporter.export(calibration, options)
     if path is not None:
         write_text(path, text)
@@ -50,12 +53,13 @@ def export_all(
     inflation: float = 1.0,
     horizon: float = HORIZON,
     rate: float | None = None,
+    duration: float | None = None,
 ) -> tuple[dict[str, Path], dict[str, str]]:
     """Export a calibration in every format; each format uses the options that apply to it.
 
     Parameters
     ----------
-    calibration, axes, inflation, horizon, rate
+    calibration, axes, inflation, horizon, rate, duration
         As for `export`. For `axes="each"`, formats with one number for a sensor use their default.
     folder : path
         An existing folder. Each file has the name of its format.
@@ -68,7 +72,9 @@ def export_all(
     written: dict[str, Path] = {}
     reasons: dict[str, str] = {}
     for exporter in registered():
-        given: dict[str, Any] = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
+        given: dict[str, Any] = {
+            "axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration,
+        }  # fmt: skip
         given = {name: value if name in exporter.takes else _DEFAULTS[name] for name, value in given.items()}
         if axes == "each" and not exporter.per_axis:
             given["axes"] = None
@@ -84,6 +90,17 @@ def export_all(
     return written, reasons
 
 
+def require_extension(format: str, path: str | os.PathLike[str], argument: str = "path") -> None:
+    """Raise an OptionError if a file has the extension of another format."""
+    wanted, found = find_exporter(format).extension, Path(path).suffix.lower()
+    if found and found != wanted and {found, wanted} != {".yml", ".yaml"}:
+        raise OptionError(
+            f"{Path(path).name} does not have the extension of the format {format}, {wanted}", argument=argument,
+            got=str(path),
+            advice=f"Name the file {Path(path).with_suffix(wanted).name}, or choose another {{--format}}.",
+        )  # fmt: skip
+
+
 def export_formats() -> dict[str, str]:
     """Return the formats that `export` writes: the name and the program of each.
 
@@ -93,11 +110,11 @@ def export_formats() -> dict[str, str]:
     return {exporter.name: exporter.title for exporter in registered()}
 
 
-_DEFAULTS: Mapping[str, Any] = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None}
+_DEFAULTS: Mapping[str, Any] = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None, "duration": None}
 
 
 def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
-    axes, inflation, rate = given["axes"], given["inflation"], given["rate"]
+    axes, inflation, rate, duration = (given[name] for name in ("axes", "inflation", "rate", "duration"))
     if axes is not None and axes not in RULES:
         raise OptionError(argument="axes", expected=f"one of {', '.join(map(repr, RULES))}", got=axes)
     return ExportOptions(
@@ -105,6 +122,7 @@ def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
         _positive("inflation", inflation),
         checked_horizon(given["horizon"]),
         None if rate is None else _positive("rate", rate),
+        None if duration is None else _positive("duration", duration),
     )
 
 

@@ -10,22 +10,21 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.datasheets.effective import Use
 from gmwm.errors import DataError, OptionError
+from gmwm.exporters.biases import stated, unknown
 from gmwm.exporters.findings import remarks_of
+from gmwm.exporters.heads import models, sweep
 from gmwm.exporters.reduction import (
     NAMES,
     RULES,
     Rule,
     SensorNoise,
-    axes_of,
-    counted_as,
     sensor_noise,
-    walk_time,
 )
 from gmwm.exporters.text import cautions, commented, paragraphs, recording, written_rate
 from gmwm.remarks import Remark
@@ -33,6 +32,7 @@ from gmwm.units import Quantity
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
+    from gmwm.calibration.rest import BiasAtRest
 
 HORIZON = 1.0
 """Default horizon (s): the usual interval between two fixes of a satellite receiver, or between tens of images."""
@@ -52,12 +52,16 @@ class ExportOptions:
         T_h (s) of `effective_noise`.
     rate : float or None
         Sampling rate (Hz) of the consumer; None for that of the recording.
+    duration : float or None
+        Longest averaging time (s) at which a Gauss-Markov bias is fitted; None for an hour, or for the length of a
+        shorter recording.
     """
 
     axes: Rule
     inflation: float = 1.0
     horizon: float = HORIZON
     rate: float | None = None
+    duration: float | None = None
 
 
 class Exporter(ABC):
@@ -73,7 +77,7 @@ class Exporter(ABC):
         Extension of the file, with the dot.
     default_axes : "worst", "mean" or "each"
     takes : frozenset of str
-        The options that the format uses: "axes", "inflation", "horizon", "rate".
+        The options that the format uses: "axes", "inflation", "horizon", "rate", "duration".
     both : bool
         Whether the format needs gyroscopes and accelerometers.
     per_axis : bool
@@ -141,12 +145,14 @@ def title_line(exporter: Exporter) -> str:
 
 @dataclass(frozen=True)
 class Noise:
-    """The numbers of a unit under the options of one file, and the ROS topic of its recording ("" if unknown)."""
+    """The numbers of a unit under the options of one file, the ROS topic of its recording ("" if unknown), and the bias
+    at rest of each axis that has one."""
 
     gyro: SensorNoise | None
     accel: SensorNoise | None
     options: ExportOptions
     topic: str = ""
+    rest: Mapping[str, BiasAtRest] = field(default_factory=dict)
 
     @property
     def sensors(self) -> tuple[SensorNoise, ...]:
@@ -185,6 +191,8 @@ class TwoNumbers(Exporter):
         How to use the file.
     flicker : str
         The consumer's parameter for flicker noise; "" if it has none.
+    biases_of : tuple of "gyro" or "accel"
+        The sensors whose bias at rest is in the file.
     """
 
     takes = frozenset({"axes", "inflation", "horizon", "rate"})
@@ -194,15 +202,11 @@ class TwoNumbers(Exporter):
     meaning: ClassVar[tuple[str, ...]]
     usage: ClassVar[tuple[str, ...]] = ()
     flicker: ClassVar[str] = ""
+    biases_of: ClassVar[tuple[Quantity, ...]] = ()
 
     @abstractmethod
     def body(self, noise: Noise) -> Sequence[str]:
         """Return the lines below the head, in ASCII."""
-
-    def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float | None:
-        """Return the correlation time (s) of the bias, from the correlation times of all axes; None for a random
-        walk."""
-        return None
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the head and the body."""
@@ -223,12 +227,13 @@ class TwoNumbers(Exporter):
         head = [title_line(self), recording(calibration), *first, *self.meaning]
         for sensor in noise.sensors:
             axes = ", ".join(one.axis for one in sensor.axes)
-            head.append(f"{NAMES[sensor.quantity].capitalize()}: {RULES[options.axes]} {axes}.")
+            which = f"all numbers are of {sensor.worst.axis}, " if options.axes == "worst" else ""
+            head.append(f"{NAMES[sensor.quantity].capitalize()}: {which}{RULES[options.axes]} {axes}.")
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         head += [
             f"Inflation factor: {options.inflation:g}.{at_rest}",
             f"Horizon: {options.horizon:g} s. Terms with a shorter correlation time are part of N, the others of K.",
-            *_models(noise), *last,
+            *models(noise, calibration), *sweep(noise), *stated(calibration, self.biases_of), *last,
         ]  # fmt: skip
         return [*head, *self.advice(noise)]
 
@@ -237,7 +242,8 @@ class TwoNumbers(Exporter):
         return self.usage
 
     def _remarks(self, calibration: Calibration, noise: Noise) -> tuple[Remark, ...]:
-        return (*cautions(calibration), *remarks_of(noise, calibration.settings.confidence))
+        found = remarks_of(noise, calibration.settings.confidence)
+        return (*cautions(calibration), *found, *unknown(calibration, self.biases_of))
 
     def _noise(self, calibration: Calibration, options: ExportOptions) -> Noise:
         if options.axes == "each" and not self.per_axis:
@@ -245,11 +251,9 @@ class TwoNumbers(Exporter):
                 argument="axes", expected=f"'worst' or 'mean', because {self.name} has one number for all axes",
                 got=options.axes,
             )  # fmt: skip
-        axes = [axis for quantity in QUANTITIES for axis in axes_of(calibration, quantity)]
-        times = {axis: walk_time(calibration[axis], options.horizon) for axis in axes}
-        uses = {axis: Use(options.horizon, self.time_of(axis, times, options), self.flicker) for axis in axes}
+        use = Use(options.horizon, self.flicker)
         gyro, accel = (
-            sensor_noise(calibration, quantity, rule=options.axes, inflation=options.inflation, uses=uses)
+            sensor_noise(calibration, quantity, rule=options.axes, inflation=options.inflation, use=use)
             for quantity in QUANTITIES
         )
         missing = [NAMES[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
@@ -259,7 +263,7 @@ class TwoNumbers(Exporter):
                 f"only {', '.join(calibration)}",
                 advice="Calibrate a recording with axes such as gyro_x and accel_x.",
             ).about(self.name)
-        return Noise(gyro, accel, options, topic_of(calibration))
+        return Noise(gyro, accel, options, topic_of(calibration), calibration.rest)
 
 
 def topic_of(calibration: Calibration) -> str:
@@ -271,15 +275,3 @@ def topic_of(calibration: Calibration) -> str:
 
 QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
 """The sensors, in the order of the files."""
-
-
-def _models(noise: Noise) -> list[str]:
-    """Return the model of each axis, and the number that each of its terms is part of."""
-    lines = []
-    for sensor in noise.sensors:
-        for one in sensor.axes:
-            parts = [f"{number}: {', '.join(terms)}" for number, terms in counted_as(one.fit, one.use).items()
-                     if number and terms]  # fmt: skip
-            counts = f" ({'; '.join(parts)})" if parts else ""
-            lines.append(f"Model of {one.axis}: {one.fit.model.structure}{counts}.")
-    return lines

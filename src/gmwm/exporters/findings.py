@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from gmwm.estimation.result import Fit
-from gmwm.exporters.reduction import NAMES, Number, Rule, counted_as, lines_of, replaced_terms
+from gmwm.exporters.reduction import NAMES, Number, counted_as, lines_of, replaced_terms
 from gmwm.likelihood.system import is_ramp
 from gmwm.remarks import Quantity, Remark
 from gmwm.units import SI_UNIT, noise_unit
@@ -44,7 +44,7 @@ def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
                 yield Remark.of("terms-left-out", one.axis, terms=tuple(left))
             yield from of_lines(one.axis, one.fit)
             if terms := replaced_terms(one.fit, one.use):
-                yield _replaced(one.axis, terms, one.use.time, horizon)
+                yield _replaced(one.axis, terms, horizon)
             times = [p.correlation_time(sensor.rate) or 0.0 for p in one.fit.model.processes if p.scale > 0]
             if any(1 / NEAR < time / horizon < NEAR for time in times):
                 yield Remark.of("near-horizon", one.axis, factor=NEAR)
@@ -66,14 +66,11 @@ def of_ramps(calibration: Calibration) -> Iterator[Remark]:
                 yield Remark.of("ramp-in-matrices", axis, term=term)
 
 
-def _replaced(axis: str, terms: tuple[str, ...], time: float | None, horizon: float) -> Remark:
+def _replaced(axis: str, terms: tuple[str, ...], horizon: float) -> Remark:
     """Report at which averaging time the replacement of some terms has the same Allan deviation as the terms."""
-    at = Quantity(horizon, "s")
-    if time is None:
-        # The Allan deviation of a random walk grows as √t: a factor of 100 in time is one of 10.
-        early, late = Quantity(horizon / 100, "s"), Quantity(100 * horizon, "s")
-        return Remark.of("counted-at-horizon", axis, terms=terms, horizon=at, early=early, late=late)
-    return Remark.of("counted-at-correlation-time", axis, terms=terms, horizon=at, time=Quantity(time, "s"))
+    # The Allan deviation of a random walk grows as √t: a factor of 100 in time is one of 10.
+    at, early, late = (Quantity(factor * horizon, "s") for factor in (1, 0.01, 100))
+    return Remark.of("counted-at-horizon", axis, terms=terms, horizon=at, early=early, late=late)
 
 
 def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
@@ -85,24 +82,25 @@ def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
                 continue
             axes: dict[str, Number] = {one.axis: getattr(one, symbol) for one in sensor.axes}
             limited = [axis for axis, number in axes.items() if number.upper]
-            if rule == "each":
-                if limited:
-                    yield Remark.of("upper-limit", f"{symbol} of {', '.join(limited)}", level=level)
+            if rule != "mean":
+                shown = limited if rule == "each" else [a for a in limited if a == sensor.worst.axis]
+                if shown:
+                    yield Remark.of("upper-limit", f"{symbol} of {', '.join(shown)}", level=level)
             elif getattr(sensor, symbol)[0].upper:
                 name = f"{symbol} of the {NAMES[sensor.quantity]}"
                 if len(limited) == len(axes):
                     yield Remark.of("upper-limit", name, level=level)
                 else:
                     unit = noise_unit(power, SI_UNIT[sensor.quantity])[0]
-                    yield from _limits_among(name, axes, unit, rule=rule, level=level)
+                    yield from _limits_among(name, axes, unit, level=level)
 
 
-def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, rule: Rule, level: Quantity) -> Iterator[Remark]:
+def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Quantity) -> Iterator[Remark]:
     """Yield a remark for each axis of a number that is computed from measured values and upper limits."""
     for axis, number in axes.items():
         # An axis without the noise, for example without flicker noise, has the value zero.
         if number.value > 0:
             yield Remark.of(
-                "upper-limit-among", axis, number=name, rule=rule, level=level,
+                "upper-limit-among", axis, number=name, level=level,
                 kind="upper limit" if number.upper else "measured", value=Quantity(number.value, unit),
             )  # fmt: skip

@@ -64,6 +64,7 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
             for name, value in fit.parameters.items()
         },
         "datasheet": [entry.to_dict() for entry in found.datasheet.entries],
+        "bias": None if found.rest is None else found.rest.to_dict(),
         "filter": _filter(axis, calibration, options),
         "matrices": axis_matrices(axis, calibration) if has_matrices(fit.model, fit.wavelet_variance.rate) else None,
     }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gmwm.axis_names import letter_of, sensor_of
 from gmwm.datasheets.bias import SYMBOL
-from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, is_scale_free, noise_in_use
+from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, noise_in_use
 from gmwm.datasheets.entry import Entry
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Rule = Literal["worst", "mean", "each"]
 RULES: Mapping[Rule, str] = {
-    "worst": "the largest of",
+    "worst": "the axis with the largest Allan deviation at the horizon of",
     "mean": "the root mean square of",
     "each": "one for each of",
 }
@@ -57,9 +57,9 @@ class AxisNoise:
     use: Use
 
     @property
-    def time(self) -> float:
-        """Correlation time (s) of the Gauss-Markov bias, for programs that use one instead of the random walk."""
-        return walk_time(self.fit, self.use.horizon) if self.use.time is None else self.use.time
+    def at_horizon(self) -> float:
+        """Allan variance of N and K at the horizon T_h, N²/T_h + K² T_h/3."""
+        return self.N.value**2 / self.use.horizon + self.K.value**2 * self.use.horizon / 3
 
 
 @dataclass(frozen=True)
@@ -82,13 +82,18 @@ class SensorNoise:
     B: tuple[Number, ...]
 
     @property
+    def worst(self) -> AxisNoise:
+        """The axis with the largest Allan deviation at the horizon. The rule "worst" uses all numbers of this axis."""
+        return max(self.axes, key=lambda one: one.at_horizon)
+
+    @property
     def rate(self) -> float:
         """Samples per second (Hz) of the recording."""
         return self.axes[0].fit.wavelet_variance.rate
 
 
 def sensor_noise(
-    calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, uses: Mapping[str, Use]
+    calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, use: Use
 ) -> SensorNoise | None:
     """Return N, K and B of a sensor; None if it was not calibrated.
 
@@ -101,16 +106,12 @@ def sensor_noise(
     if not names:
         return None
     level = calibration.settings.confidence
-    axes = tuple(
-        axis_noise(axis, calibration.axes[axis], quantity=quantity, use=uses[axis], level=level) for axis in names
+    axes = tuple(axis_noise(axis, calibration.axes[axis], quantity=quantity, use=use, level=level) for axis in names)
+    used = axes if rule != "worst" else (max(axes, key=lambda one: one.at_horizon),)
+    white, walk, flicker = (
+        ruled([(one.axis, getattr(one, symbol)) for one in used], rule, inflation) for symbol in ("N", "K", "B")
     )
-    return SensorNoise(
-        quantity,
-        axes,
-        N=ruled([(one.axis, one.N) for one in axes], rule, inflation),
-        K=ruled([(one.axis, one.K) for one in axes], rule, inflation),
-        B=ruled([(one.axis, one.B) for one in axes], rule, inflation),
-    )
+    return SensorNoise(quantity, axes, N=white, K=walk, B=flicker)
 
 
 def axes_of(calibration: Calibration, quantity: Quantity) -> list[str]:
@@ -194,31 +195,6 @@ def _unbounded(axis: str, entry: Entry, cause: BaseException | None = None) -> D
     if isinstance(cause, GmwmError):
         return DataError(f"{message}: {cause.reason}", advice="Record longer.").with_advice_of(cause)
     return DataError(message, advice="Record longer.")
-
-
-def slow_terms(fit: Fit, horizon: float) -> dict[str, float]:
-    """Return the finite correlation times (s), by label, of the terms that act as a random walk over the horizon."""
-    written, labels = translated(fit)
-    found = {}
-    for label, process in zip(labels, written.model.processes, strict=True):
-        time = process.correlation_time(fit.wavelet_variance.rate)
-        if process.scale > 0 and time is not None and horizon <= time < math.inf:
-            found[label] = time
-    return found
-
-
-def walk_time(fit: Fit, horizon: float) -> float:
-    """Return the correlation time (s) of the slowest term, or the length of the recording for a random walk."""
-    written, _ = translated(fit)
-    wv = fit.wavelet_variance
-    times = slow_terms(fit, horizon).values()
-    endless = any(
-        p.scale > 0
-        and WALK in counted(p, Use(horizon), wv.rate)
-        and (p.correlation_time(wv.rate) == math.inf or is_scale_free(p, wv.rate))
-        for p in written.model.processes
-    )
-    return wv.samples / wv.rate if endless or not times else max(times)
 
 
 def counted_as(fit: Fit, use: Use) -> dict[str, list[str]]:

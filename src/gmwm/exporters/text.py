@@ -126,6 +126,16 @@ def written_rate(rate: float) -> str:
     return repr(float(f"{rate:.6g}"))
 
 
+def row_mark(numbers: Sequence[Number]) -> str:
+    """Return the mark after a row of numbers of which some are upper limits.
+
+    >>> row_mark([Number(1.0, False), Number(2.0, True), Number(3.0, True)])
+    '  upper limit: y, z'
+    """
+    limits = [letter for letter, number in zip("xyz", numbers, strict=True) if number.upper]
+    return f"  upper limit: {', '.join(limits)}" if limits else ""
+
+
 def limit_mark(number: Number) -> str:
     """Return the mark after a number that is an upper limit."""
     return "  upper limit" if number.upper else ""

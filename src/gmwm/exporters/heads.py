@@ -1,0 +1,89 @@
+"""Paragraphs of a head: what each number counts, what the datasheet has, and how the numbers depend on the horizon."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gmwm.datasheets.effective import Use, noise_in_use
+from gmwm.datasheets.entry import significant
+from gmwm.exporters.reduction import AxisNoise, Number, SensorNoise, counted_as
+from gmwm.units import SI_UNIT, datasheet_units, noise_unit
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.exporters.base import Noise
+
+HORIZONS = (0.1, 1.0, 10.0, 100.0)
+"""Horizons (s) of the sweep."""
+ALIKE = 5e-3
+"""Relative difference above which the number of a file and the number of the datasheet are shown side by side."""
+_POWERS = {"N": 0.5, "K": -0.5}
+
+
+def models(noise: Noise, calibration: Calibration) -> list[str]:
+    """Return the model of each axis, the terms that each number counts, and the datasheet if it has other numbers."""
+    lines = []
+    for sensor in noise.sensors:
+        for one in sensor.axes:
+            parts = [f"{number}: {', '.join(terms)}" for number, terms in counted_as(one.fit, one.use).items()
+                     if number and terms]  # fmt: skip
+            counts = f" ({'; '.join(parts)})" if parts else ""
+            lines.append(f"Model of {one.axis}: {one.fit.model.structure}{counts}.{_beside(one, sensor, calibration)}")
+    return lines
+
+
+def _beside(one: AxisNoise, sensor: SensorNoise, calibration: Calibration) -> str:
+    """Return N and K of the datasheet beside those of the file, before inflation, if they differ."""
+    sheet = calibration.datasheets[one.axis]
+    texts: dict[str, list[str]] = {"Table": [], "here": []}
+    differs = False
+    for symbol, power in _POWERS.items():
+        unit, factor = _unit(sensor, power)
+        number: Number = getattr(one, symbol)
+        entry = sheet.get(symbol)
+        measured = entry is not None and entry.value > 0 and not entry.upper_only
+        if number.upper or entry is None or not measured:
+            differs = differs or (measured != (not number.upper and number.value > 0))
+        else:
+            differs = differs or abs(number.value / entry.value - 1) > ALIKE
+        in_table = entry.text() if entry is not None else "none"
+        texts["Table"].append(f"{symbol} {in_table}")
+        mark = "<= " if number.upper else ""
+        texts["here"].append(f"{symbol} {mark}{significant(factor * number.value, 3)} {unit}")
+    if not differs:
+        return ""
+    shown = "; ".join(f"{where}: {', '.join(each)}" for where, each in texts.items())
+    return f" {shown}, with the terms above at the horizon of {one.use.horizon:g} s."
+
+
+def _unit(sensor: SensorNoise, power: float) -> tuple[str, float]:
+    """Return the unit of a number in datasheets and its factor to the SI unit."""
+    si = noise_unit(power, SI_UNIT[sensor.quantity])[0]
+    return next(iter(datasheet_units(si).items()))
+
+
+def sweep(noise: Noise) -> list[str]:
+    """Return N and K (SI, before inflation) at horizons of 0.1 s to 100 s, of the axes that the file uses."""
+    lines = []
+    for sensor in noise.sensors:
+        si = [noise_unit(power, SI_UNIT[sensor.quantity])[0] for power in _POWERS.values()]
+        for one in (sensor.worst,) if noise.options.axes == "worst" else sensor.axes:
+            found = {horizon: _measured(one, horizon) for horizon in HORIZONS}
+            if len(set(found.values())) == 1:
+                lines.append(f"Horizon sweep of {one.axis}: N and K are the same at horizons of 0.1 s to 100 s.")
+                continue
+            each = [f"{horizon:g} s: N {white}, K {walk}" for horizon, (white, walk) in found.items()]
+            lines.append(f"Horizon sweep of {one.axis} (N {si[0]}, K {si[1]}): {'; '.join(each)}.")
+    return lines
+
+
+def _measured(one: AxisNoise, horizon: float) -> tuple[str, str]:
+    """Return N and K at a horizon as text; "none" if the model has no such noise there."""
+    known: dict[tuple[float, str], tuple[str, str]] = one.fit.__dict__.setdefault("_swept", {})
+    key = horizon, one.use.flicker
+    if key not in known:
+        entries = noise_in_use(one.fit, Use(horizon, one.use.flicker), 0.95)
+        shown = [entries[symbol] for symbol in ("N_eff", "K_eff")]
+        white, walk = (f"{e.value:.3g}" if e.value > 0 and not e.upper_only else "none" for e in shown)
+        known[key] = white, walk
+    return known[key]
