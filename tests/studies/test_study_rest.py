@@ -1,4 +1,4 @@
-"""Reduced run of validation/study_rest.py: the intervals of the mean hold the truth, and those for white noise do not."""
+"""Reduced run of validation/study_rest.py: the intervals of the mean hold, and those for white noise do not."""
 
 import pytest
 
