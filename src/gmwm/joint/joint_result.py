@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix
 from gmwm._tables import headed
@@ -32,9 +32,12 @@ from gmwm.joint.state_space import JointContinuousStateSpace, JointStateSpace, c
 from gmwm.joint.terms import summed, with_kind
 from gmwm.options import as_confidence
 from gmwm.processes.model import Model
+from gmwm.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.likelihood.tracks import Tracks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -305,6 +308,40 @@ class JointFit(Summarised):
         processes = self.settled.problem.processes(self.settled.found.u)
         sigmas = np.array(list(self.covariances.values()))
         return continuous(processes, sigmas, self.rate, axes=self.axes, labels=self.terms)
+
+    def smooth(self, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None = None) -> Mapping[str, Tracks]:
+        """Estimate the latent processes of all signals from the whole recording, by the fixed-interval smoother.
+
+        The samples of every signal contribute to every track, through the noise that the signals share. The level of
+        each signal is unknown.
+
+        Parameters
+        ----------
+        x : Imu, or mapping of name to Signal or (N,) array
+            A recording with the axes of the fit, that were sampled together. Gaps of signals are missing samples; in
+            arrays, NaN marks a missing sample.
+        rate : float, optional
+            Sampling rate (Hz) of plain arrays; the rate of the fit by default.
+
+        Returns
+        -------
+        mapping of axis to Tracks
+            Mean and standard deviation of each latent process of the axis at each sample.
+
+        Raises
+        ------
+        DataError, OptionError
+            If an axis is missing, the signals are not synchronous, or the rate differs from that of the fit.
+        MissingTheoryError
+            If a term has no state-space form.
+
+        References
+        ----------
+        Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., section 4.4.
+        """
+        from gmwm.joint.smoothing import smooth_joint
+
+        return smooth_joint(self, x, rate)
 
     # --- output ---------------------------------------------------------------------------------------
 
