@@ -15,7 +15,7 @@ from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.baselines import with_baselines
-from gmwm.calibration.data import chosen_axes, common_axes, named, require_one
+from gmwm.calibration.data import chosen_axes, common_axes, named, require_axes, require_one
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.measurement import Measured, measured_recording
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
@@ -42,7 +42,7 @@ from gmwm.readers.streams import Stream
 from gmwm.regression.against import AUTO, Against, Asked
 from gmwm.regression.conditions import NOTHING, Conditions
 from gmwm.remarks import Remark
-from gmwm.selection.search import Searched, search, within_family
+from gmwm.selection.search import Searched, given_model, search, within_family
 from gmwm.signals import Imu, Signal
 from gmwm.spectrum import PowerSpectrum
 from gmwm.variance.result import WaveletVariance
@@ -80,6 +80,7 @@ def calibrate(
     gravity: float | None = None,
     tilt: float | None = None,
     axes: str | Sequence[str] | None = None,
+    models: Mapping[str, ModelLike] | None = None,
     threads: int | None = None,
     scheduler: str | Client | None = None,
     workers: int | None = None,
@@ -129,6 +130,9 @@ def calibrate(
         vertical axis is computed.
     axes : str or sequence of str, optional
         The axes to calibrate, or "gyro" or "accel" for all axes of a sensor; all axes by default.
+    models : mapping of axis or sensor to Model, Process or str, optional
+        Models that are fitted without a choice, such as {"gyro_x": "2*GM + WN", "accel": "WN + RW"}. gmwm chooses the
+        models of the other axes.
     threads : int, optional
         Number of axes that are calibrated at the same time; by default the number of processors.
     scheduler, workers : optional
@@ -176,6 +180,7 @@ def calibrate(
         gravity=gravity,
         tilt=tilt,
         axes=axes,
+        models={} if models is None else models,
     )
     return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)
 
@@ -198,6 +203,7 @@ def calibrate_recording(
         require_one(options, scheduler=scheduler, workers=workers)
     chosen = {name: chosen_axes(one, options.wanted) for name, one in recordings.items()}
     axes, missing = common_axes(chosen)
+    require_axes(options.models, axes)
     steps = _Progress(len(axes) * len(STAGES), progress)
     parts: dict[str, dict[str, Part]] = {axis: {} for axis in axes}
     inspections: dict[str, Inspection] = {}
@@ -217,8 +223,9 @@ def calibrate_recording(
     def work(axis: str, of: dict[str, Part]) -> AxisCalibration | GmwmError:
         try:
             return _Axis(
-                name=axis, parts=of, options=options, together=len(parts), steps=steps, verdicts=verdicts[axis]
-            ).calibrated()
+                name=axis, parts=of, options=options.of_axis(axis), together=len(parts), steps=steps,
+                verdicts=verdicts[axis],
+            ).calibrated()  # fmt: skip
         except OptionError:
             raise
         except GmwmError as error:
@@ -410,8 +417,10 @@ class _Axis:
         return None if entry is None else entry.value
 
     def _searched(self, wv: WaveletVariance, spectrum: PowerSpectrum | None) -> Searched:
-        """Search for a model, or select within the sum that the user gave."""
+        """Search for a model, select within the sum that the user gave, or use the model that the user gave."""
         options, check = self.options, self.steps.check
+        if options.models:
+            return given_model(options.general, wv, options.ranking)
         if options.searched:
             # The covariance of a robust estimate of a sinusoid is unknown.
             return search(wv, None if wv.robust else spectrum, options.ranking, check=check)

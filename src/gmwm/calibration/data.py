@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -113,6 +113,13 @@ def _check_unit(axis: str, unit: str) -> None:
             argument="data",
             advice="Correct the unit, or give the axis another name.",
         )
+
+
+def require_axes(models: Mapping[str, object], axes: Sequence[str]) -> None:
+    """Raise an error if a model is given for an axis or a sensor that is not calibrated."""
+    for name in models:
+        if name not in axes and name not in map(sensor_of, axes):
+            raise OptionError(argument="models", expected=f"models of some of {', '.join(axes)}", got=name)
 
 
 def common_axes(chosen: Mapping[str, Mapping[str, object]]) -> tuple[list[str], dict[str, str]]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from gmwm.axis_names import sensor_of
 from gmwm.errors import ModelError, OptionError, ReadError
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.regression.against import AUTO, Against, Asked
@@ -50,6 +51,8 @@ class CalibrationOptions:
         Largest angle (°) of an accelerometer axis from the vertical; None if it is not known.
     axes : tuple of str or None
         The axes or sensors to calibrate; None for all. It is not saved, because a calibration lists its axes.
+    models : mapping of axis or sensor to Model
+        Models that are fitted as they are; gmwm chooses a model for the other axes.
 
     Raises
     ------
@@ -74,6 +77,7 @@ class CalibrationOptions:
     gravity: float | None = None
     tilt: float | None = None
     axes: str | Sequence[str] | None = None
+    models: Mapping[str, ModelLike] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.robust, bool) and self.robust != "auto":
@@ -89,6 +93,7 @@ class CalibrationOptions:
             object.__setattr__(self, "within", as_model(self.within, "within"))
         _ = self.conditions  # validates the text and the arrays
         object.__setattr__(self, "axes", _checked_axes(self.axes))
+        object.__setattr__(self, "models", _checked_models(self.models))
 
     @property
     def general(self) -> Model:
@@ -99,6 +104,13 @@ class CalibrationOptions:
     def searched(self) -> bool:
         """Whether gmwm searches for the model."""
         return isinstance(self.within, str) and self.within == SEARCHED
+
+    def of_axis(self, axis: str) -> CalibrationOptions:
+        """Return the options of one axis: `within` and `models` hold its model if it has one, and no other model."""
+        model = self.models.get(axis, self.models.get(sensor_of(axis)))
+        if model is None:
+            return replace(self, models={})
+        return replace(self, within=model, models={axis: model})
 
     @property
     def ranking(self) -> RankingOptions:
@@ -123,6 +135,7 @@ class CalibrationOptions:
         return {name: getattr(self, name) for name in (*_SAVED, *_SINCE)} | {
             "within": str(self.within),
             "against": str(self.conditions),
+            "models": {axis: str(model) for axis, model in self.models.items()},
         }
 
     @classmethod
@@ -147,9 +160,18 @@ class CalibrationOptions:
             if name not in content:
                 raise ReadError(f"the calibration is incomplete: settings has no {name!r}", advice=AGAIN)
         try:
-            return cls(**{name: content[name] for name in _SAVED} | {name: content.get(name) for name in _SINCE})
+            later = {name: content.get(name) for name in _SINCE} | {"models": content.get("models", {})}
+            return cls(**{name: content[name] for name in _SAVED} | later)
         except (OptionError, ModelError) as error:
             raise ReadError(f"not a calibration: settings.{error.reason}", advice=AGAIN) from error
+
+
+def _checked_models(models: Mapping[str, ModelLike]) -> dict[str, Model]:
+    """Return the models by axis or sensor. Whether the axes exist is checked against the recording."""
+    if not isinstance(models, Mapping) or not all(isinstance(axis, str) for axis in models):
+        expected = "a mapping of axis or sensor to model, for example {'gyro_x': '2*GM + WN'}"
+        raise OptionError(argument="models", expected=expected, got=models)
+    return {axis: as_model(model, "models") for axis, model in models.items()}
 
 
 def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:

@@ -75,6 +75,8 @@ def _head(calibration: Calibration) -> list[str]:
     lines = [f"Calibration{' of ' + several + calibration.source if calibration.source else ''}"]
     settings = calibration.settings
     searched = "searched for the model" if settings.searched else f"best model within {settings.within}"
+    if settings.models:
+        searched += f"; models given for {', '.join(settings.models)}"
     lines.append(f"{samples} samples at {rate} Hz, {duration}; {searched}")
     return [line for text in lines for line in wrapped(text)]
 

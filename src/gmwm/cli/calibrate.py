@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.axis_names import sensor_of
+from gmwm.calibration.data import require_axes
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
 from gmwm.cli.export import KalibrFile, kalibr_file
 from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, opened
+from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import (
     RESULT,
     AgainstOption,
@@ -25,6 +28,7 @@ from gmwm.cli.options import (
     Searched,
     Seed,
     View,
+    parse_models,
     parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
@@ -46,6 +50,7 @@ EXAMPLES = (
     "gmwm calibrate monday.csv tuesday.csv wednesday.csv --output results",
     "gmwm calibrate log.txt --rate 100 --units gyro=deg/s,accel=g --output results",
     "gmwm calibrate static.csv --against temperature:2,lag --output results",
+    "gmwm calibrate static.csv --model gyro='2*GM + WN' --output results",
     "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes",
 )
 
@@ -66,6 +71,18 @@ def calibrate(
     reading: ReadOptions,
     axis: Axes = None,
     within: Searched = SEARCHED,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--model",
+            "-m",
+            help="Model that is fitted without a choice: MODEL for all axes, gyro=MODEL or accel=MODEL for three, "
+            "gyro_x=MODEL for one. Repeat the option for other axes; gmwm chooses the models of the rest.",
+            metavar="[AXIS=]MODEL",
+            rich_help_panel="Estimation",
+            show_default=False,
+        ),
+    ] = None,
     against: AgainstOption = AUTO,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
@@ -145,6 +162,7 @@ def calibrate(
     spread = scheduler is not None or workers is not None
     if spread:
         only_file(files, "--workers" if scheduler is None else "--scheduler")
+    given = parse_models(model or [])
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
         groups = [
@@ -154,8 +172,12 @@ def calibrate(
         if output is not None:
             made_directory(output)
         known = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
-        wanted = replace(asked, axes=chosen_names(list(known), axis))
-        found = _united(groups, files, wanted, scheduler=scheduler, workers=workers)
+        axes = chosen_names(list(known), axis)
+        models = given if isinstance(given, dict) else dict.fromkeys(axes, given)
+        with named_as_options({"models": "--model"}):
+            require_axes(models, axes)
+            wanted = replace(asked, axes=axes, models=models)
+            found = _united(groups, files, wanted, scheduler=scheduler, workers=workers)
         return _outcome(found, files, output, view=view, datasheet=datasheet)
 
     apart = separate_topics(files, reading)
@@ -180,7 +202,8 @@ def _united(
         own = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))
         data = group[0] if len(files) == 1 else dict(zip(names_of(files), group, strict=True))
         if own:
-            wanted = replace(options, axes=own)
+            models = {name: one for name, one in options.models.items() if name in own or name in map(sensor_of, own)}
+            wanted = replace(options, axes=own, models=models)
             found.append(calibrated(data, wanted, scheduler=scheduler, workers=workers).of_file(*files))
     return found[0].combined(*found[1:])
 

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.axis_names import AXES
 from gmwm.cli.option_names import checked, prefixed
 from gmwm.errors import OptionError
 from gmwm.options import as_confidence
 from gmwm.regression.against import Asked
+from gmwm.units import SI_UNIT
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
 if TYPE_CHECKING:
-    from gmwm.processes.model import Model
+    from gmwm.processes.model import Model, ModelLike
 
 RESULT = "Result"
+_PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
 Json = Annotated[
     bool,
@@ -171,3 +176,29 @@ def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
             advice="Add {--robust}, or leave {--efficiency} out.",
         )
     return EFFICIENCY if efficiency is None else efficiency
+
+
+def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
+    """Parse the values of --model: models by axis or sensor, or one model for all axes.
+
+    >>> parse_models(["gyro=WN(sigma2=4e-8)", "accel_z=QN(q2=1e-6)"])
+    {'gyro': 'WN(sigma2=4e-8)', 'accel_z': 'QN(q2=1e-6)'}
+    >>> parse_models(["WN(sigma2=4e-8)"])
+    'WN(sigma2=4e-8)'
+    """
+    matches = [_PLACE.fullmatch(text) for text in texts]
+    if len(texts) == 1 and matches[0] is None:
+        return texts[0]
+    models: dict[str, ModelLike] = {}
+    for text, match in zip(texts, matches, strict=True):
+        if match is None:
+            raise OptionError(argument="model", expected=f"AXIS=MODEL, such as gyro='{text}', if repeated", got=text)
+        if match[1] not in (*SI_UNIT, *AXES):
+            expected = f"[AXIS=]MODEL with an axis of {', '.join((*SI_UNIT, *AXES))}"
+            raise OptionError(argument="model", expected=expected, got=match[1])
+        if match[1] in models:
+            raise OptionError(
+                f"{match[1]} has two models", argument="model", got=match[1], advice="Write its processes as one sum."
+            )
+        models[match[1]] = match[2].strip()
+    return models

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.axis_names import AXES
 from gmwm.cli.command import command
+from gmwm.cli.options import parse_models
 from gmwm.cli.output import Outcome, progress
 from gmwm.durations import parse_length
 from gmwm.errors import OptionError
-from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
-    from gmwm.processes.model import Model, ModelLike
+    from gmwm.processes.model import Model
     from gmwm.signals import Imu
 
 EXAMPLES = (
@@ -25,7 +23,6 @@ EXAMPLES = (
     "gmwm simulate --model 'gyro=WN(sigma2=4e-8)' --duration 10min -o gyro.parquet",
     "gmwm simulate --reference --duration 10min -o imu.csv --components parts.csv",
 )
-_PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
 
 @command
@@ -123,29 +120,3 @@ def _written(
     with progress(f"writing {output.name}"):
         imu.write(output)
         return imu, () if components is None or made is None else tuple(made.write_components(components))
-
-
-def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
-    """Parse the values of --model to the models that `gmwm.simulate` takes.
-
-    >>> parse_models(["gyro=WN(sigma2=4e-8)", "accel_z=QN(q2=1e-6)"])
-    {'gyro': 'WN(sigma2=4e-8)', 'accel_z': 'QN(q2=1e-6)'}
-    >>> parse_models(["WN(sigma2=4e-8)"])
-    'WN(sigma2=4e-8)'
-    """
-    matches = [_PLACE.fullmatch(text) for text in texts]
-    if len(texts) == 1 and matches[0] is None:
-        return texts[0]
-    models: dict[str, ModelLike] = {}
-    for text, match in zip(texts, matches, strict=True):
-        if match is None:
-            raise OptionError(argument="model", expected=f"AXIS=MODEL, such as gyro='{text}', if repeated", got=text)
-        if match[1] not in (*SI_UNIT, *AXES):
-            expected = f"[AXIS=]MODEL with an axis of {', '.join((*SI_UNIT, *AXES))}"
-            raise OptionError(argument="model", expected=expected, got=match[1])
-        if match[1] in models:
-            raise OptionError(
-                f"{match[1]} has two models", argument="model", got=match[1], advice="Write its processes as one sum."
-            )
-        models[match[1]] = match[2].strip()
-    return models

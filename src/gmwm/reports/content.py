@@ -134,6 +134,7 @@ def _settings(calibration: Calibration) -> Facts:
     robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[asked.robust]
     return [
         ("Largest model", "searched for" if asked.searched else str(asked.within)),
+        *([("Given models", "; ".join(f"{a}: {m}" for a, m in asked.models.items()))] if asked.models else []),
         ("Weights", asked.weighting),
         ("Criterion", asked.criterion),
         ("Robust wavelet variance", f"{robust}, efficiency {asked.efficiency:g}"),

@@ -219,8 +219,15 @@ def rank(
             argument="models", expected='a list of candidates such as ["WN + RW", "GM + WN"]', got=models,
             advice="To rank all models within one, use `gmwm.select`.",
         )  # fmt: skip
-    wanted = [without_values(as_model(model)) for model in models]
-    wv = measured(data, rate, robust, efficiency, against=against)
+    wanted = [as_model(model) for model in models]
+    return rank_models(wanted, measured(data, rate, robust, efficiency, against=against), options, progress=progress)
+
+
+def rank_models(
+    models: Sequence[Model], wv: WaveletVariance, options: RankingOptions, *, progress: Progress | None = None
+) -> Ranking:
+    """Rank given models, by options that are already checked."""
+    wanted = [without_values(model) for model in models]
     for model in wanted:
         if freedom(model) > len(wv):
             raise ModelError(

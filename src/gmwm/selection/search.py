@@ -26,7 +26,7 @@ from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.processes.noise import WN
 from gmwm.processes.parameter import Fixed
 from gmwm.processes.sinusoid import SIN
-from gmwm.selection.api import select_within
+from gmwm.selection.api import rank_models, select_within
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.ranking import Candidate, Ranking
 from gmwm.selection.shape_error import band_errors, process_of, with_sampling_error, with_shape_error
@@ -204,6 +204,14 @@ def within_family(
     if len(supported) < len(required):
         return within_family(family, wv, options, required=supported, check=check, tried=tried)
     return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure)))
+
+
+def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> Searched:
+    """Return the ranking of a single model, with its model error."""
+    general = nearly_fitted(without_values(model), wv, options.weighting)
+    error = model_error(general) if Distance.of(general).surely < REJECTED else 0.0
+    ranking = rank_models([model], having_error(wv, error), options)
+    return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=()))
 
 
 def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
