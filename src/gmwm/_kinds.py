@@ -140,7 +140,9 @@ def _is(value: Any, kind: Any) -> bool:
 
 
 def _alone(kind: Any) -> Any:
-    """Return the tuple type in a union with None."""
+    """Return a tuple type, or the tuple type in a union with None."""
+    if get_origin(kind) is tuple:
+        return kind
     return next((one for one in get_args(kind) if get_origin(one) is tuple), kind)
 
 

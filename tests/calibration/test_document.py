@@ -220,3 +220,16 @@ def test_unknown_keys_are_ignored(calibration):
     content = calibration.to_dict()
     content["comment"] = "of the bench at the window"
     assert Calibration.from_dict(content).to_dict() == calibration.to_dict()
+
+
+@pytest.mark.slow
+def test_a_calibration_of_a_recording_with_knocks_comes_back():
+    clean = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=30_000, rng=4)["gyro_x"].values
+    knocked = clean.copy()
+    knocked[12_000:12_040] += 0.05 * np.cos(2.0 * np.arange(40))
+    found = gmwm.calibrate(gmwm.Imu.from_arrays({"gyro_x": knocked}, 100.0), models={"gyro_x": "WN"})
+    verdict = found.axes["gyro_x"].verdict
+    assert verdict is not None
+    assert len(verdict.replaced.knocks) == 1
+    again = gmwm.Calibration.from_dict(json.loads(json.dumps(found.to_dict())))
+    assert again.to_dict() == found.to_dict()
