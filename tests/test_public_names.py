@@ -11,7 +11,9 @@ import pytest
 import gmwm
 
 PACKAGES = [
-    f"gmwm.{module.name}" for module in iter_modules(gmwm.__path__) if module.ispkg and module.name not in ("cli",)
+    f"gmwm.{module.name}"
+    for module in iter_modules(gmwm.__path__)
+    if module.ispkg and module.name not in ("app", "cli")
 ]
 DOUBLES = (
     "agreement", "datasheet", "export", "export_formats", "loglikelihood", "parse_model", "plot_imu", "report_data",

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from gmwm.errors import OptionError, UnitError
 from gmwm.units import datasheet_units, find_unit, noise_unit, spelt
+
+# A value with its unit. The unit may begin with the letter e, so an exponent needs digits.
+_REFERENCE = "a number with its value and unit, such as gyro.N=2.0deg/√h"
+_VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 
 @dataclass(frozen=True)
@@ -70,3 +75,31 @@ def _factor(name: str, text: str, si: str) -> float:
         return signal.factor
     units = ", ".join(dict.fromkeys((*datasheet_units(si), si)))
     raise UnitError(argument="reference", expected=f"in one of {units} for {name}", got=text)
+
+
+def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
+    """Parse the value of --reference: the name of a number, and its value and unit.
+
+    >>> parse_reference("gyro.N = 2.0 deg/√h")
+    ('gyro.N', (2.0, 'deg/√h'))
+    """
+    name, mark, given = (part.strip() for part in text.partition("="))
+    match = _VALUE.fullmatch(given)
+    sensor, dot, symbol = name.rpartition(".")
+    if not mark or not sensor or not dot or not symbol or match is None or not given:
+        raise OptionError(argument="reference", expected=_REFERENCE, got=text)
+    try:
+        value = float(match[1])
+    except ValueError:
+        comma = match[1].count(",") == 1 and "." not in match[1]
+        advice = "Write {number}, with a decimal point." if comma else ""
+        number = match[1].replace(",", ".")
+        raise OptionError(argument="reference", expected=_REFERENCE, got=text, advice=advice, number=number) from None
+    if not match[2]:
+        raise OptionError(
+            f"the value of {name} has no unit: {given}",
+            argument="reference",
+            got=text,
+            advice="Add it, for example {--reference=gyro.N=2.0deg/√h}.",
+        )
+    return name, (value, match[2])

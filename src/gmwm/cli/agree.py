@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from gmwm.calibration.reference import parse_reference
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome, calibration_file, progress
 from gmwm.cli.read_options import names_of
@@ -17,9 +17,6 @@ EXAMPLES = (
     "gmwm agree monday/calibration.json tuesday/calibration.json",
     "gmwm agree day*/calibration.json --reference gyro.N=2.0deg/√h --json",
 )
-# A value with its unit. The unit may begin with the letter e, so an exponent needs digits.
-_REFERENCE = "a number with its value and unit, such as gyro.N=2.0deg/√h"
-_VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 
 @command
@@ -70,31 +67,3 @@ def agree(
     return Outcome(
         command="agree", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary()
     )  # fmt: skip
-
-
-def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
-    """Parse the value of --reference: the name of a number, and its value and unit.
-
-    >>> parse_reference("gyro.N = 2.0 deg/√h")
-    ('gyro.N', (2.0, 'deg/√h'))
-    """
-    name, mark, given = (part.strip() for part in text.partition("="))
-    match = _VALUE.fullmatch(given)
-    sensor, dot, symbol = name.rpartition(".")
-    if not mark or not sensor or not dot or not symbol or match is None or not given:
-        raise OptionError(argument="reference", expected=_REFERENCE, got=text)
-    try:
-        value = float(match[1])
-    except ValueError:
-        comma = match[1].count(",") == 1 and "." not in match[1]
-        advice = "Write {number}, with a decimal point." if comma else ""
-        number = match[1].replace(",", ".")
-        raise OptionError(argument="reference", expected=_REFERENCE, got=text, advice=advice, number=number) from None
-    if not match[2]:
-        raise OptionError(
-            f"the value of {name} has no unit: {given}",
-            argument="reference",
-            got=text,
-            advice="Add it, for example {--reference=gyro.N=2.0deg/√h}.",
-        )
-    return name, (value, match[2])

@@ -38,6 +38,7 @@ from gmwm.cli import (
     watch,
     wv,
 )
+from gmwm.cli import app as application
 from gmwm.cli.errors import OneLineErrors, Terminated
 from gmwm.cli.output import one_line
 
@@ -58,6 +59,7 @@ def _help(text: str | None) -> str:
 
 for _command, _examples in (
     (calibrate.calibrate, calibrate.EXAMPLES),
+    (application.app, application.EXAMPLES),
     (fleet.fleet, fleet.EXAMPLES),
     (report.report, report.EXAMPLES),
     (info.info, info.EXAMPLES),

@@ -13,6 +13,7 @@ import typer
 from gmwm.durations import parse_length
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
+from gmwm.readers.columns import parse_columns
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
@@ -264,29 +265,6 @@ def parse_scale(text: str | None) -> dict[str, float] | None:
             expected = "factors of sensors or axes, such as gyro=1/131,accel_x=6.1e-5"
             raise OptionError(argument="scale", expected=expected, got=part.strip())
     return factors
-
-
-def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:
-    """Parse columns to the mapping or list that `gmwm.read` takes.
-
-    >>> parse_columns("time,gyro_x,,accel_z")
-    ['time', 'gyro_x', '', 'accel_z']
-    >>> parse_columns("gyro_x=wx,gyro_y=3,time=")
-    {'gyro_x': 'wx', 'gyro_y': 3, 'time': None}
-    """
-    if text is None:
-        return None
-    parts = [part.strip() for part in text.split(",")]
-    if "=" not in text:
-        return parts
-    columns: dict[str, str | int | None] = {}
-    for part in parts:
-        axis, mark, column = (piece.strip() for piece in part.partition("="))
-        if not mark or not axis:
-            expected = "a list of axes, or axis=COLUMN for each axis, such as gyro_x=wx,gyro_y=3"
-            raise OptionError(argument="columns", expected=expected, got=part)
-        columns[axis] = int(column) if column.isdecimal() else column or None
-    return columns
 
 
 def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:

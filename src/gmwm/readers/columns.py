@@ -211,3 +211,26 @@ def _nameless(layout: Layout, path: Path) -> ReadError:
         advice="Name the columns in their order, for example {--columns=@example}.",
         example=",".join(guess),
     )
+
+
+def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:
+    """Parse columns to the mapping or list that `gmwm.read` takes.
+
+    >>> parse_columns("time,gyro_x,,accel_z")
+    ['time', 'gyro_x', '', 'accel_z']
+    >>> parse_columns("gyro_x=wx,gyro_y=3,time=")
+    {'gyro_x': 'wx', 'gyro_y': 3, 'time': None}
+    """
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if "=" not in text:
+        return parts
+    columns: dict[str, str | int | None] = {}
+    for part in parts:
+        axis, mark, column = (piece.strip() for piece in part.partition("="))
+        if not mark or not axis:
+            expected = "a list of axes, or axis=COLUMN for each axis, such as gyro_x=wx,gyro_y=3"
+            raise OptionError(argument="columns", expected=expected, got=part)
+        columns[axis] = int(column) if column.isdecimal() else column or None
+    return columns

@@ -32,6 +32,11 @@ _STATES: Mapping[Severity, State] = {
 }
 
 
+def state_of(remark: Remark) -> State:
+    """Return the state of a remark, by its severity."""
+    return _STATES[remark.severity]
+
+
 def verdict(calibration: Calibration) -> dict[str, Any]:
     """Return `{"state": …, "code": …, "headline": …, "points": [{"state": …, "code": …, "text": …}, …]}`.
 
@@ -42,7 +47,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     cautions = [one for one in calibration.remarks if one.severity is not Severity.INFO and one not in equality]
     points = [*equality, *cautions, *_results(calibration)]
     return {
-        "state": _STATES[head.severity],
+        "state": state_of(head),
         "code": head.code,
         "headline": head.text(Dialect.HTML),
         "points": _points(points),
@@ -57,7 +62,7 @@ def notes(calibration: Calibration) -> list[dict[str, Any]]:
 
 def _points(remarks: list[Remark]) -> list[dict[str, Any]]:
     return [
-        {"state": _STATES[group[0].severity], "code": group[0].code, "text": text}
+        {"state": state_of(group[0]), "code": group[0].code, "text": text}
         for group, text in with_groups(remarks, Dialect.HTML)
     ]
 

@@ -1,0 +1,53 @@
+"""The open pages of a server, each with its own results."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from typing import Any
+
+from gmwm.app.folders import Folders
+from gmwm.app.session import Session
+from gmwm.app.workspace import Workspace
+
+PAGES = 8
+"""Number of pages whose results are kept. The results of an older page are made again when it is used."""
+
+
+class Desk:
+    """The open pages of a server.
+
+    Attributes
+    ----------
+    folders : Folders
+        The files that may be opened.
+    first : Session
+        The session of a new page.
+    places : list of str
+        The places of a page that are drawn.
+    """
+
+    def __init__(self, folders: Folders, first: Session) -> None:
+        self.folders, self.first = folders, first
+        self.places: list[str] = []
+        self._pages: OrderedDict[str, Workspace] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def workspace(self, page: str) -> Workspace:
+        """Return the workspace of a page."""
+        with self._lock:
+            found = self._pages.setdefault(page, Workspace(self.folders))
+            self._pages.move_to_end(page)
+            while len(self._pages) > PAGES:
+                _, oldest = self._pages.popitem(last=False)
+                oldest.jobs.cancel()
+            return found
+
+    def session(self, data: dict[str, Any] | None) -> Session:
+        """Return the session that a page holds. Raises an error if a value is not allowed."""
+        return self.first if data is None else Session.from_dict(data)
+
+    def close(self) -> None:
+        """Cancel all jobs."""
+        for workspace in self._pages.values():
+            workspace.jobs.cancel()

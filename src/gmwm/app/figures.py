@@ -1,0 +1,243 @@
+"""The figures of the page: the panels of `gmwm.plots` as figures of Plotly, with their size and legend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gmwm.app.session import Session
+from gmwm.estimation.result import Fit
+from gmwm.inference.model_error import relative_misfit
+from gmwm.plots.axes import signed_axis, time_axis, value_axis
+from gmwm.plots.curves import FRONT, view_for
+from gmwm.plots.figure import Band, Line, Mark, Panel, Stroke
+from gmwm.plots.fit import fit_panel
+from gmwm.plots.labels import sensor_and_letter
+from gmwm.plots.linear import time_unit
+from gmwm.plots.overlay import overlay_panel
+from gmwm.plots.ranking import ranking_figure
+from gmwm.plots.series import recording_figure
+from gmwm.plots.spectrum import spectrum_panel
+from gmwm.plots.style import IMPLIED, OBSERVED, curve_stroke, letter_stroke, term_strokes
+from gmwm.plots.view import UnitSystem, View, ViewName
+from gmwm.processes.base import Process
+from gmwm.processes.parameter import Fixed
+from gmwm.reports.plotly import plotly_panel
+from gmwm.selection.ranking import Ranking
+from gmwm.signals import Imu
+from gmwm.spectrum import PowerSpectrum
+from gmwm.time_base import begins_of
+from gmwm.variance.result import WaveletVariance
+
+FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif'
+SIDE = 90
+"""Width (CSS pixels) of the margins of a figure."""
+LEFT_OUT = "#d55e00"
+"""Colour of the spans that are left out."""
+HANDLE = 8
+"""Half the width of a handle (CSS pixels)."""
+RATE = "beta"
+"""Name of the parameter that is an inverse correlation time."""
+EVEN = 50.0
+"""Misfit (%) up to which its axis is linear."""
+IMPLIED_DOTS = replace(IMPLIED, symbol="circle")
+Drawn = dict[str, Any]
+"""A figure as `dcc.Graph` takes it."""
+
+
+def drawn(panel: Panel, width: float, height: float = 330, *, title: bool = False) -> Drawn:
+    """Return a panel as a figure of Plotly.
+
+    Parameters
+    ----------
+    panel : Panel
+    width : float
+        Width of the place (CSS pixels), for the rows of the legend.
+    height : float
+        Height of the figure without the legend.
+    title : bool
+        Whether the panel keeps its title.
+    """
+    found = plotly_panel(panel if title else replace(panel, title=""))
+    names = [trace["name"] for trace in found["data"] if trace["showlegend"]]
+    longest = max(map(len, names), default=0)
+    entry = min(width - SIDE, 70 + 7 * longest)
+    rows = math.ceil(len(names) / max(1, (width - SIDE + 10) // entry)) if names else 0
+    foot = 66 + 20 * rows
+    layout = found["layout"]
+    if title and "title" in layout:
+        layout["title"] |= {"x": 0.01, "xanchor": "left", "font": {"size": 13}, "y": 0.98, "yanchor": "top"}
+    layout |= {
+        "height": height + (foot if names else 20), "autosize": True,
+        "margin": {"l": 64, "r": 14, "t": 26, "b": foot if names else 44, "pad": 0},
+        "font": {"family": FONT, "size": 12, "color": "#1b1f24"},
+        "paper_bgcolor": "#ffffff", "plot_bgcolor": "#ffffff",
+        "hovermode": "closest", "dragmode": False,
+        "hoverlabel": {"align": "left", "bgcolor": "#ffffff", "font": {"size": 13}},
+        "legend": {
+            "orientation": "h", "x": 0, "xref": "container", "y": 0, "yref": "container", "yanchor": "bottom",
+            "entrywidth": entry - 50, "traceorder": "normal", "font": {"size": 11.5},
+        },
+    }  # fmt: skip
+    return {"data": found["data"], "layout": layout}
+
+
+# --- the recording ----------------------------------------------------------------------------------
+
+
+def traces(imu: Imu, width: float, units: UnitSystem) -> tuple[dict[str, Drawn], float]:
+    """Return a figure over time of each axis, in which a span can be marked, and the unit of time (s)."""
+    figure = recording_figure(imu, units=units)
+    places = {sensor_and_letter(axis): axis for axis in imu}
+    if all(sensor for sensor, _ in places):
+        sensors = list(dict.fromkeys(sensor for sensor, _ in places))
+        letters = sorted({letter for _, letter in places})
+        panels = {
+            places[sensor, letter]: panel
+            for letter, row in zip(letters, figure.rows, strict=True)
+            for sensor, panel in zip(sensors, row, strict=True)
+            if panel is not None
+        }
+    else:
+        panels = dict(zip(imu, figure.panels, strict=True))
+    below = next(panel.x for panel in reversed(figure.panels) if panel.x.label)
+    found = {axis: _trace(replace(panels[axis], x=below), width) for axis in imu}
+    return found, time_unit(_duration(imu))[1]
+
+
+def _trace(panel: Panel, width: float) -> Drawn:
+    found = drawn(panel, width, 190, title=True)
+    found["layout"] |= {
+        "dragmode": "select", "selectdirection": "h",
+        "newselection": {"line": {"color": "#0072b2", "width": 2, "dash": "solid"}},
+    }  # fmt: skip
+    return found
+
+
+def _duration(imu: Imu) -> float:
+    """Return the time (s) from the first to the last sample."""
+    signal = imu[imu.axes[0]]
+    begins = begins_of(signal.rate, signal.segments, signal.starts)
+    return max(begin + (b - a - 1) / signal.rate for begin, (a, b) in zip(begins, signal.segments, strict=True))
+
+
+def with_spans(found: Drawn, spans: Sequence[tuple[float, float]], unit: float) -> Drawn:
+    """Shade the spans (s) that are left out."""
+    found["layout"]["shapes"] = [
+        {"type": "rect", "xref": "x", "yref": "y domain", "x0": begin / unit, "x1": end / unit, "y0": 0, "y1": 1,
+         "fillcolor": LEFT_OUT, "opacity": 0.3, "line": {"width": 0}, "layer": "above"}
+        for begin, end in spans
+    ]  # fmt: skip
+    return found
+
+
+# --- curves and spectra -----------------------------------------------------------------------------
+
+
+def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, units: UnitSystem) -> Panel:
+    """Return the curves of the axes of one sensor over one another, by the name of the estimate and by axis."""
+    items: dict[str, WaveletVariance] = {}
+    strokes: list[Stroke] = []
+    for name, axes in of.items():
+        for k, (axis, wv) in enumerate(axes.items()):
+            letter = sensor_and_letter(axis)[1]
+            stroke = letter_stroke(letter) or curve_stroke(k)
+            items[f"{letter.upper() or axis}{name}"] = wv
+            strokes.append(replace(stroke, dash=stroke.dash if not name else (1.0, 2.0), filled=not name))
+    return overlay_panel(items, view=view, units=units, strokes=strokes)
+
+
+def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
+    """Return the spectra of the axes of one sensor over one another, with symbols at their lines and broad peaks."""
+    marks: list[Mark] = []
+    panels = [spectrum_panel(spectrum, units=units, alone=False) for spectrum in axes.values()]
+    for k, (axis, panel) in enumerate(zip(axes, panels, strict=True)):
+        letter = sensor_and_letter(axis)[1]
+        colour = (letter_stroke(letter) or curve_stroke(k)).colour
+        for mark in panel.lines:
+            symbol = mark.stroke.symbol is not None
+            label = mark.label if symbol else letter.upper() or axis
+            marks.append(replace(mark, label=label, stroke=mark.stroke if symbol else Stroke(colour, 0.9)))
+    low, high = min(panel.y.limits[0] for panel in panels), max(panel.y.limits[1] for panel in panels)
+    return replace(panels[0], y=value_axis((low, high), panels[0].y.label), marks=tuple(marks), title="")
+
+
+# --- a model ----------------------------------------------------------------------------------------
+
+
+def fitted(fit: Fit, session: Session, width: float) -> Drawn:
+    """Return the figure of a fit, with a handle on each term that can be dragged."""
+    found = drawn(fit_panel(fit, view=session.view, units=session.units), width, 380)
+    shown = view_for(fit.wavelet_variance, session.view, session.units)
+    found["layout"]["shapes"] = [
+        {"type": "circle", "xref": "x", "yref": "y", "xsizemode": "pixel", "ysizemode": "pixel", "xanchor": x,
+         "yanchor": y, "x0": -HANDLE, "x1": HANDLE, "y0": -HANDLE, "y1": HANDLE, "editable": True,
+         "line": {"color": "#1b1f24", "width": 1.5}, "fillcolor": stroke.colour, "label": {"text": ""}}
+        for (x, y), stroke in _handles(fit, shown)
+    ]  # fmt: skip
+    return found
+
+
+def _handles(fit: Fit, shown: View) -> list[tuple[tuple[float, float], Stroke]]:
+    """Return the place of the handle of each term that is not zero, and its colour."""
+    strokes = term_strokes(fit.model.terms, fit.model.processes)
+    return [(_place(fit, term, shown), strokes[term]) for term in movable(fit)]
+
+
+def movable(fit: Fit) -> list[str]:
+    """Return the terms with a handle: those that are not zero."""
+    return [term for term, curve in fit.decomposition.items() if np.any(np.asarray(curve) > 0)]
+
+
+def _place(fit: Fit, term: str, shown: View) -> tuple[float, float]:
+    """Return the point of a term's curve at the scale where its share of the model is largest."""
+    curve = np.asarray(fit.decomposition[term])
+    level = int(np.argmax(curve / np.where(fit.implied > 0, fit.implied, np.inf)))
+    time = shown.time(fit.wavelet_variance.tau)[level]
+    return float(time), float(shown.height(curve)[level])
+
+
+def moved(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Process:
+    """Return the process of a term, held where its handle was dragged to.
+
+    The curve of the term goes through the new place. A term with a correlation time moves along the axis as well: its
+    rate parameter is divided by the ratio of the times.
+    """
+    wv = fit.wavelet_variance
+    process = dict(zip(fit.model.terms, fit.model.processes, strict=True))[term]
+    shown = view_for(wv, session.view, session.units)
+    (old, _), (time, height) = _place(fit, term, shown), to
+    values = {}
+    if RATE in [parameter.name for parameter in process.nonlinear_parameters()]:
+        values[RATE] = Fixed(process.value(RATE) * old / time)
+        process = process.with_values(**{RATE: values[RATE].value})
+    curve = process.wavelet_variance(wv.levels, wv.rate, wv.filter)
+    log = np.interp(math.log(time), np.log(shown.time(wv.tau)), np.log(np.maximum(shown.height(curve), 1e-300)))
+    ratio = (height / math.exp(float(log))) ** (2.0 if shown.name == "allan" else 1.0)
+    scale = process.scale_parameter().name
+    return process.with_values(**values, **{scale: Fixed(process.value_from(process.scale * ratio))})
+
+
+def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
+    """Return the relative distance of the model from the data at each scale, with two standard errors of the data."""
+    found, wv = relative_misfit(fit), fit.wavelet_variance
+    shown = view_for(wv, view, units)
+    times, percent = shown.time(wv.tau), 100 * found.distance
+    band = Band(times, -200 * found.error, 200 * found.error, colour=OBSERVED.colour, label="± 2 standard errors")
+    judged = np.where(found.judged, percent, np.nan)
+    line = Line(times, judged, stroke=IMPLIED_DOTS, label="Model / data − 1", layer=FRONT)
+    ends = np.array([times[0], times[-1]])
+    zero = Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="")
+    y = signed_axis(judged, "Model / data − 1 (%)", linear=1.0, even=EVEN, least=2.0)
+    return Panel(time_axis(times, shown.time_label), y, (band, zero, line))
+
+
+def compared(ranking: Ranking, view: ViewName, units: UnitSystem) -> Panel:
+    """Return the distances of the best models of a ranking from the data, by scale."""
+    panel = ranking_figure(ranking, view=view, units=units).rows[0][1]
+    assert panel is not None
+    return replace(panel, title="")

@@ -1,0 +1,186 @@
+"""The choices of a user as a small JSON document, from which every result can be made again."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, Self, get_args
+
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.errors import OptionError, ReadError
+from gmwm.exporters import export_formats
+from gmwm.exporters.base import HORIZON
+from gmwm.exporters.reduction import Rule
+from gmwm.options import ReadOptions, one_of
+from gmwm.plots.view import UnitSystem, ViewName
+
+FORMAT = "gmwm-session"
+VERSION = 1
+"""Version of the document. gmwm reads this version only."""
+Curve = Literal["classical", "robust", "both"]
+"""The estimates of the wavelet variance that are drawn."""
+
+_ALLOWED: Mapping[str, Sequence[str]] = {
+    "curve": get_args(Curve),
+    "view": get_args(ViewName),
+    "units": get_args(UnitSystem),
+    "export": list(export_formats()),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """The choices of a user. Every value is checked on construction.
+
+    Attributes
+    ----------
+    file : str
+        Path of the recording; "" if none is open.
+    reading : mapping
+        Options of `gmwm.read` that differ from their defaults, as `ReadOptions.to_dict` returns them.
+    axis : str
+        The axis whose model is shown.
+    robust : "auto", True or False
+        As for `gmwm.calibrate`.
+    models : mapping of axis to str
+        The models that the user decided, with held values; gmwm chooses the others.
+    confidence : float
+        Confidence level of the intervals.
+    curve, view, units
+        What the figures show.
+    rule : "worst", "mean", "each" or None
+        How a file combines the axes of a sensor; None for the default of its format.
+    inflation : float
+        Factor on all standard deviations of a file.
+    horizon : float
+        Time between corrections from other sensors (s).
+    export : str
+        The export format.
+    reference : mapping of number to text
+        Values of the manufacturer, such as {"gyro.N": "2.0 deg/√h"}.
+
+    Raises
+    ------
+    GmwmError
+        If a value is not allowed; the error names the argument.
+
+    Examples
+    --------
+    >>> Session(file="static.csv", reading={"skip": [[10, 20]]}).to_dict()
+    {'file': 'static.csv', 'reading': {'skip': [[10.0, 20.0]]}}
+    """
+
+    file: str = ""
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    axis: str = ""
+    robust: Literal["auto"] | bool = "auto"
+    models: Mapping[str, str] = field(default_factory=dict)
+    confidence: float = 0.95
+    curve: Curve = "classical"
+    view: ViewName = "allan"
+    units: UnitSystem = "datasheet"
+    rule: Rule | None = None
+    inflation: float = 1.0
+    horizon: float = HORIZON
+    export: str = "kalibr"
+    reference: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reading", self.options.to_dict())
+        object.__setattr__(self, "models", {axis: str(model) for axis, model in self.calibration.models.items()})
+        for name, allowed in _ALLOWED.items():
+            one_of(getattr(self, name), name, allowed)
+        for name in ("inflation", "horizon"):
+            object.__setattr__(self, name, _positive(getattr(self, name), name))
+
+    @property
+    def options(self) -> ReadOptions:
+        """The options for reading the file."""
+        return ReadOptions(**self.reading)
+
+    @property
+    def calibration(self) -> CalibrationOptions:
+        """The options of the calibration."""
+        return CalibrationOptions(robust=self.robust, confidence=self.confidence, models=self.models)
+
+    def with_(self, **values: Any) -> Session:
+        """Return the session with other values."""
+        return replace(self, **values)
+
+    def read_as(self, **values: Any) -> Session:
+        """Return the session with other options for reading; None removes an option."""
+        reading = {**self.reading, **values}
+        return replace(self, reading={name: value for name, value in reading.items() if value not in (None, "", {})})
+
+    def with_model(self, axis: str, model: str | None) -> Session:
+        """Return the session with another model of an axis; None if gmwm shall choose it."""
+        models = {name: text for name, text in self.models.items() if name != axis}
+        return replace(self, models=models if model is None else {**models, axis: model})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values that differ from the defaults, as plain numbers, texts, lists and mappings."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: _plain(value) for name, value in values.items() if value != getattr(EMPTY, name)}
+
+    def to_text(self) -> str:
+        """Return the session as the text of session.json."""
+        content = {"format": FORMAT, "version": VERSION, **self.to_dict()}
+        return json.dumps(content, ensure_ascii=False, indent=1) + "\n"
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """Make a session from the values of `to_dict`.
+
+        Raises
+        ------
+        ReadError
+            If a key is unknown.
+        GmwmError
+            If a value is not allowed.
+        """
+        known = [one.name for one in fields(cls)]
+        unknown = next((name for name in content if name not in known), None)
+        if unknown is not None:
+            raise ReadError(f"not a session: the key {unknown!r} is unknown", code="unsupported")
+        return cls(**content)
+
+    @classmethod
+    def from_text(cls, text: str) -> Self:
+        """Make a session from the text of session.json.
+
+        Raises
+        ------
+        ReadError
+            If the text is not a session of this version.
+        GmwmError
+            If a value is not allowed.
+        """
+        try:
+            content = json.loads(text)
+        except ValueError as error:
+            raise ReadError(f"not a session: it is not JSON ({error})", code="not-text") from error
+        if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
+            raise ReadError(f'not a session: it has no "format": "{FORMAT}"', code="wrong-format")
+        version = content.pop("version", None)
+        if version != VERSION:
+            raise ReadError(
+                f"the session has version {version!r} of the format; this gmwm reads version {VERSION}",
+                code="unsupported",
+            )
+        return cls.from_dict(content)
+
+
+def _positive(value: Any, name: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise OptionError(argument=name, expected="a positive number", got=value)
+    return float(value)
+
+
+def _plain(value: Any) -> Any:
+    return dict(value) if isinstance(value, Mapping) else value
+
+
+EMPTY = Session()
+"""A session without a recording."""

@@ -1,0 +1,166 @@
+"""The results of a session: calls of public functions of gmwm, made as jobs and kept for the next look."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Hashable, Mapping
+from pathlib import Path
+from typing import Any
+
+import gmwm
+from gmwm._text import duration_text
+from gmwm.app.folders import Folders
+from gmwm.app.jobs import Job, Jobs
+from gmwm.app.overview import overview
+from gmwm.app.session import Session
+from gmwm.errors import GmwmError
+from gmwm.inspection import inspect
+from gmwm.readers.streams import Stream, is_large
+from gmwm.selection.search import SLOW
+from gmwm.signals import Imu
+from gmwm.variance.axes_result import WaveletVariances
+
+FITS = 64
+"""Number of fits that are kept, so that a term can be removed and added again at once."""
+CUTS = ("start", "stop", "skip", "gaps")
+"""Options for reading that leave samples out."""
+
+
+class Workspace:
+    """The session and the results of one page in a browser.
+
+    Every method returns a job; the jobs of another page are not affected.
+
+    Attributes
+    ----------
+    folders : Folders
+        The files that may be opened.
+    session : Session or None
+        The session as the page changed it last; None for a page that the server does not know any more.
+    lock : lock
+        Held while the session changes, so that no change is lost if two come at the same time.
+    """
+
+    def __init__(self, folders: Folders) -> None:
+        self.folders, self.jobs = folders, Jobs()
+        self.session: Session | None = None
+        self.lock = threading.Lock()
+
+    def path(self, session: Session) -> Path:
+        """Return the file of a session. Raises an error if it may not be opened."""
+        return self.folders.file(session.file)
+
+    def recording(self, session: Session, *, cut: bool = True) -> Job:
+        """Read the recording, or open it as a stream if it is large."""
+        path = self.path(session)
+        reading = _uncut(session.reading) if not cut else dict(session.reading)
+
+        def work(job: Job) -> Imu | Stream:
+            job.step(path.name)
+            return gmwm.stream(path, **reading) if is_large(path) else gmwm.read(path, **reading)
+
+        return self.jobs.ask("recording", (*_stamp(path), _key(reading)), "Reading", work, alone=False)
+
+    def overview(self, session: Session) -> Job:
+        """Return the whole recording for a plot over time, also what the session leaves out."""
+        whole = self.recording(session, cut=False)
+
+        def work(job: Job) -> Imu:
+            try:
+                recording = whole.result_for(job)
+            except GmwmError:
+                # A part may have one rate although the whole recording does not.
+                recording = self.recording(session).result_for(job)
+            return overview(recording, lambda n: job.step(_length(n, recording)))
+
+        return self.jobs.ask("overview", self._recorded(session, cut=False), "Drawing", work)
+
+    def inspection(self, session: Session) -> Job:
+        """Inspect the recording."""
+        return self._of_recording("inspection", session, "Inspecting", lambda recording, job: inspect(recording))
+
+    def curves(self, session: Session, *, robust: bool = False) -> Job:
+        """Measure the wavelet variance of all axes, classical or robust."""
+
+        def work(recording: Imu | Stream, job: Job) -> WaveletVariances:
+            if isinstance(recording, Stream):
+                return recording.wavelet_variance(robust=robust, done=lambda n: job.step(_length(n, recording)))
+            found: WaveletVariances = gmwm.wavelet_variance(recording, robust=robust)
+            return found
+
+        return self._of_recording(f"curves{robust}", session, "Measuring", work)
+
+    def spectrum(self, session: Session) -> Job:
+        """Estimate the power spectral density of all axes."""
+
+        def work(recording: Imu | Stream, job: Job) -> Any:
+            if isinstance(recording, Stream):
+                return recording.psd(done=lambda n: job.step(_length(n, recording)))
+            return gmwm.psd(recording)
+
+        return self._of_recording("spectrum", session, "Spectrum", work)
+
+    def fit(self, session: Session, axis: str, model: str) -> Job:
+        """Fit a model to the curve of an axis."""
+
+        def work(job: Job) -> Any:
+            return gmwm.fit(model, self._curve(session, axis, job))
+
+        return self.jobs.ask("fit", self._of_axis(session, axis, model), f"Fitting {axis}", work, kept=FITS)
+
+    def ranking(self, session: Session, axis: str) -> Job:
+        """Compare all models of slow noise, white noise and quantization noise for an axis."""
+
+        def work(job: Job) -> Any:
+            curve = self._curve(session, axis, job)
+            return gmwm.select(SLOW, curve, progress=lambda done, total: job.step(f"{done} of {total}", done, total))
+
+        return self.jobs.ask("ranking", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
+
+    def calibration(self, session: Session) -> Job:
+        """Calibrate all axes, as `gmwm calibrate` does."""
+        path = self.path(session)
+
+        def work(recording: Imu | Stream, job: Job) -> Any:
+            found = gmwm.calibrate(
+                recording, robust=session.robust, confidence=session.confidence, models=session.models,
+                progress=lambda done, total, text: job.step(text, done, total),
+            )  # fmt: skip
+            return found.of_file(path)
+
+        more = (session.robust, session.confidence, _key(session.models))
+        return self._of_recording("calibration", session, "Calibrating", work, *more)
+
+    def _of_recording(self, kind: str, session: Session, title: str, work: Any, *more: Hashable) -> Job:
+        def begin(job: Job) -> Any:
+            return work(self.recording(session).result_for(job), job)
+
+        return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
+
+    def _curve(self, session: Session, axis: str, job: Job) -> Any:
+        return self.curves(session, robust=session.robust is True).result_for(job)[axis]
+
+    def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
+        reading = dict(session.reading) if cut else _uncut(session.reading)
+        return (*_stamp(self.path(session)), _key(reading))
+
+    def _of_axis(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
+        return (*self._recorded(session), session.robust is True, axis, *more)
+
+
+def _uncut(reading: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in reading.items() if name not in CUTS}
+
+
+def _length(samples: int, recording: Imu | Stream) -> str:
+    return duration_text(samples / recording.rate)
+
+
+def _stamp(path: Path) -> tuple[str, int, int]:
+    """Identify the content of a file."""
+    state = path.stat()
+    return str(path), state.st_mtime_ns, state.st_size
+
+
+def _key(values: Any) -> str:
+    return repr(values)

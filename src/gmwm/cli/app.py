@@ -1,0 +1,35 @@
+"""gmwm app: calibrate in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gmwm.cli.command import command
+from gmwm.cli.output import Outcome
+
+EXAMPLES = ("gmwm app static.csv", "gmwm app recordings", "gmwm app session.json")
+
+
+@command
+def app(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            help="A recording, a session.json of the page, or a folder. The page can open files in this folder.",
+            metavar="[FILE]",
+        ),
+    ] = Path("."),
+    port: Annotated[int, typer.Option(help="Port; 0 for any free one.", min=0, max=65535)] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+) -> Outcome:
+    """Calibrate in the browser: look at a recording, leave spans out, try models, and download the files.
+
+    The page runs on this computer only: nothing is sent over the network. It shows the commands that repeat what
+    was done. Ctrl-C ends it. Needs the extra app: pip install 'gmwm[app]'.
+    """
+    from gmwm.app.server import serve
+
+    return serve(path, port=port, browser=browser, tell=lambda url: print(f"{url}\nCtrl-C ends gmwm app.", flush=True))

@@ -1,0 +1,97 @@
+"""The session: a small document with checked values, and the commands that repeat it."""
+
+import json
+import shlex
+
+import pytest
+
+import gmwm
+from gmwm.app.commands import python_lines, shell_lines
+from gmwm.app.session import EMPTY, Session
+from gmwm.cli.main import app
+from gmwm.errors import ModelError, OptionError, ReadError
+from tests.helpers import raises
+
+FULL = Session(
+    file="my recording.csv",
+    reading={
+        "rate": 100, "units": {"gyro": "deg/s"}, "columns": {"time": None, "gyro_x": 3}, "skip": [(10, 20.5), (30, 31)],
+        "scale": {"gyro": 1 / 131}, "increments": ["gyro"], "gaps": "longest", "start": 0.1,
+    },
+    axis="gyro_x", robust=True, models={"gyro_x": "WN(sigma2=fixed(1e-6)) + 2*GM"}, confidence=0.9, curve="both",
+    view="wavelet", units="si", rule="mean", inflation=2.5, horizon=0.1, export="openvins",
+    reference={"gyro.N": "2.0 deg/√h"},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("session", [EMPTY, FULL], ids=["empty", "full"])
+def test_a_session_survives_its_document(session):
+    assert Session.from_text(session.to_text()) == session
+    assert Session.from_dict(json.loads(json.dumps(session.to_dict()))) == session
+
+
+def test_the_document_has_only_what_differs():
+    assert EMPTY.to_dict() == {}
+    assert Session(file="a.csv", models={"gyro_x": "WN+RW"}).to_dict() == {
+        "file": "a.csv", "models": {"gyro_x": "WN + RW"},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "argument"),
+    [
+        ({"reading": {"rate": -1}}, OptionError, "rate"),
+        ({"confidence": 95}, OptionError, "confidence"),
+        ({"view": "psd"}, OptionError, "view"),
+        ({"export": "../x"}, OptionError, "export"),
+        ({"horizon": 0}, OptionError, "horizon"),
+        ({"inflation": float("nan")}, OptionError, "inflation"),
+    ],
+)
+def test_a_wrong_value_is_refused(values, kind, argument):
+    with raises(kind, argument=argument):
+        Session(**values)
+
+
+def test_a_wrong_document_is_refused():
+    for text in ("{", "[]", "{}", EMPTY.to_text().replace('"version": 1', '"version": 2')):
+        with pytest.raises(ReadError):
+            Session.from_text(text)
+    with raises(ReadError, "surprise"):
+        Session.from_dict({"surprise": 1})
+    with pytest.raises(ModelError):
+        Session.from_dict({"models": {"gyro_x": "WN + VN"}})
+
+
+def test_the_shell_reads_its_command_as_the_session(monkeypatch):
+    """The command that is shown, parsed by the command line, has the options of the session."""
+    import typer
+
+    calibrate, export = (shlex.split(line) for line in shell_lines(FULL))
+    assert export == [
+        *["gmwm", "export", "results/calibration.json", "--format", "openvins", "--axes", "mean", "--inflation", "2.5"],
+        *["--horizon", "0.1s", "--output", "openvins.yaml"],
+    ]  # fmt: skip
+    asked = {}
+
+    def opened(file, reading, *_, **__):
+        asked.update(file=file, reading=reading)
+        raise OptionError("seen")
+
+    monkeypatch.setattr("gmwm.cli.calibrate.opened", opened)
+    monkeypatch.setattr("gmwm.cli.calibrate.made_directory", lambda path: path)
+    command = typer.main.get_command(app).commands["calibrate"]  # type: ignore[attr-defined]
+    with raises(OptionError, "seen"):
+        command.main(calibrate[2:], standalone_mode=False)
+    assert str(asked["file"]) == FULL.file
+    assert asked["reading"] == FULL.options
+
+
+def test_the_python_lines_run(tmp_path, monkeypatch):
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)", "accel_x": "WN(sigma2=1e-4)"}, rate=10.0, samples=4096, rng=1)
+    monkeypatch.chdir(tmp_path)
+    imu.write("a.csv")
+    session = Session(file="a.csv", reading={"skip": [(10, 20)]}, models={"gyro": "WN", "accel": "WN"}, inflation=3)
+    exec(compile("\n".join(python_lines(session)), "shown", "exec"), {})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "calibration.json", "imu.yaml", "report.html"]
+    assert "Inflation factor: 3" in (tmp_path / "imu.yaml").read_text(encoding="utf-8")
