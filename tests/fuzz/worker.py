@@ -64,7 +64,7 @@ def main(family: str, seed: int, first: int, last: int) -> None:
         for number in range(first, last):
             path = inputs.write(number)
             _told(begin=number, path=str(path))
-            before, start = _memory(), time.monotonic()
+            start = time.process_time()
             try:
                 counts[trial(path)] += 1
             except MemoryError:
@@ -72,8 +72,7 @@ def main(family: str, seed: int, first: int, last: int) -> None:
             except BaseException as error:
                 lines = traceback.format_exc().splitlines()
                 _told(failed=number, path=str(path), why=f"{type(error).__name__}: {error}"[:500], trace=lines[-14:])
-            took = time.monotonic() - start
-            _told(end=number, seconds=took, memory=_memory(), grown=_memory() - before, counts=counts)
+            _told(end=number, seconds=time.process_time() - start, memory=_memory(), counts=counts)
 
 
 if __name__ == "__main__":

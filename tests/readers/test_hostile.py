@@ -2,6 +2,9 @@
 
 import bz2
 import contextlib
+import os
+import subprocess
+import sys
 import time
 import tracemalloc
 import zipfile
@@ -173,3 +176,33 @@ def test_shapes_that_no_array_has_are_refused(tmp_path, shape):
     path.write_bytes(head[:10] + text.encode() + head[128:])
     with pytest.raises(ReadError):
         gmwm.read(path, 100.0, AXES, UNITS)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
+def test_a_fork_after_reading_is_refused_where_polars_would_wait(tmp_path, suffix):
+    """In a process of its own, because the test process has used Polars."""
+    code = """
+import os, sys, signal, gmwm
+path = sys.argv[1]
+options = {"rate": 100.0, "columns": ["gyro_x"], "units": {"gyro": "deg/s"}} if path.endswith(".npy") else {}
+if path.endswith(".npy"):
+    gmwm.read(path.replace(".npy", ".csv"))
+gmwm.read(path, **options)
+if os.fork() == 0:
+    signal.alarm(20)
+    try:
+        gmwm.read(path, **options)
+    except gmwm.errors.ReadError as error:
+        os._exit(7 if "spawn" in str(error) else 8)
+    os._exit(0)
+sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))
+"""
+    imu = gmwm.read(table(tmp_path / "static.csv", np.arange(1000) / 100))
+    imu.write(tmp_path / "static.parquet")
+    np.save(tmp_path / "static.npy", imu["gyro_x"].values)
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code, str(tmp_path / f"static{suffix}")], timeout=100, check=False
+    )
+    assert done.returncode == (0 if suffix == ".npy" else 7)

@@ -30,6 +30,7 @@ from gmwm.monitor.setup import (
     remarks_of,
 )
 from gmwm.monitor.stillness import Stillness
+from gmwm.monitor.stored import number, whole
 from gmwm.monitor.whitening import Gain
 from gmwm.options import as_whole_number
 
@@ -417,18 +418,24 @@ class Monitor(OneAtATime):
             known = {axis: Baseline.from_dict(one) for axis, one in content["baselines"].items()}
             made = cls(content["models"], content["every"], rate=content["rate"], baseline=known)
             made._restore(content["state"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
             raise ReadError(f"not a monitor: {error}", advice="Make a new monitor from the calibration.") from error
         return made
 
     def _restore(self, state: Mapping[str, Any]) -> None:
         for axis, one in self._axes.items():
             one.load(state["axes"][axis])
-        self._clock = Clock(self.rate, tuple((sample, time) for sample, time in state["runs"]))
-        self._count, self._deadline = state["count"], state["deadline"]
+        self._clock = Clock(self.rate, tuple((whole(sample), number(time)) for sample, time in state["runs"]))
+        if not self._clock.runs:
+            raise ValueError("runs must not be empty")
+        self._count = whole(state["count"])
+        self._deadline = None if state["deadline"] is None else whole(state["deadline"])
         self._pool = tuple((axis, Alarm(*alarm)) for axis, alarm in state["pool"])
         self._moved = None if state["moved"] is None else Stillness.from_dict(state["moved"])
-        self._lost_until, self._segment = state["lost_until"], state["segment"]
+        if self._moved is not None and self._moved.held and set(self._moved.held) != set(self._axes):
+            raise ValueError("held must have all axes")
+        self._lost_until = whole(state["lost_until"])
+        self._segment = None if state["segment"] is None else whole(state["segment"])
 
     def __repr__(self) -> str:
         return f"Monitor({', '.join(self.axes)} at {self.rate:g} Hz: {self.samples} samples)"

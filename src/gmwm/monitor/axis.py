@@ -12,6 +12,7 @@ from gmwm._arrays import Vector
 from gmwm.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
 from gmwm.monitor.events import Kind
 from gmwm.monitor.naming import History, Named, named
+from gmwm.monitor.stored import number, numbers, whole
 from gmwm.monitor.whitening import Gain, Whitener
 
 LOUD = 3.0
@@ -224,8 +225,11 @@ class Axis:
         """Continue from a state."""
         self.whitener.load(state["whitener"])
         self.charts.load(state["charts"])
-        self.fast = np.array(state["fast"], dtype=np.float64)
-        self.slow = np.array(state["slow"], dtype=np.float64)
-        self.value, self.run = state["value"], state["run"]
-        self.open = None if state["open"] is None else Open(*state["open"])
-        self.known = {kind: (last, magnitude) for kind, (last, magnitude) in state["known"].items()}
+        self.fast, self.slow = numbers(state["fast"]), numbers(state["slow"])
+        self.value = None if state["value"] is None else number(state["value"])
+        self.run = whole(state["run"])
+        self.open = None
+        if state["open"] is not None:
+            kind, until, hold = state["open"]
+            self.open = Open(kind, whole(until), whole(hold))
+        self.known = {kind: (whole(last), number(magnitude)) for kind, (last, magnitude) in state["known"].items()}

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
+from gmwm.monitor.stored import numbers, whole, wholes
 from gmwm.monitor.thresholds import SHIFT, level_threshold, noise_threshold, spike_limit
 
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]
@@ -328,12 +329,15 @@ class Charts:
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        self.count, self.base = state["count"], state["base"]
+        self.count, self.base = whole(state["count"]), whole(state["base"])
         for name in ("left", "tails", "squares"):
-            setattr(self, name, tuple(np.array(part, dtype=np.float64) for part in state[name]))
+            parts = tuple(map(numbers, state[name]))
+            if len(parts) != len(getattr(self, name)):
+                raise ValueError(f"{name} must have {len(getattr(self, name))} parts; got {len(parts)}")
+            setattr(self, name, parts)
         for name in ("done", "sums", "zeros", "rests", "pauses"):
-            setattr(self, name, tuple(state[name]))
-        self.recent = np.array(state["recent"], dtype=np.float64)
+            setattr(self, name, wholes(state[name], getattr(self, name)))
+        self.recent = numbers(state["recent"])
 
 
 States = tuple[list[int], list[int], list[int], list[int]]

@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.monitor.axis import Axis
+from gmwm.monitor.stored import numbers, whole
 from gmwm.monitor.whitening import Whitener
 
 CALM = 3
@@ -60,8 +61,8 @@ class Stillness:
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Stillness:
         """Make a state from the result of `to_dict`."""
-        held = {axis: np.array(x, dtype=np.float64) for axis, x in content["held"].items()}
-        return cls(content["calm"], content["samples"], held)
+        held = {axis: numbers(x) for axis, x in content["held"].items()}
+        return cls(whole(content["calm"]), whole(content["samples"]), held)
 
 
 def _still(axis: Axis, x: Vector) -> bool:

@@ -26,6 +26,7 @@ from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import ModelError
 from gmwm.monitor.finite_state import Finite
+from gmwm.monitor.stored import number, numbers, whole
 
 FRAME = 1024
 """Number of samples for which the response to the initial state is computed at once."""
@@ -311,10 +312,13 @@ class Whitener:
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        self.sections = np.array(state["sections"], dtype=np.float64)
-        self.origin, self.count, self.drifted = state["origin"], state["count"], state["drifted"]
-        m = self.columns = state["columns"]
+        self.sections = np.array([numbers(row) for row in state["sections"]]).reshape(len(self.gain.sections), 2)
+        self.origin = None if state["origin"] is None else number(state["origin"])
+        self.count, self.drifted = whole(state["count"]), whole(state["drifted"])
+        m = self.columns = whole(state["columns"])
         self.power = np.array(state["power"], dtype=np.float64).reshape(self.gain.H.size, m)
         self.information = np.array(state["information"], dtype=np.float64).reshape(m, m)
-        self.moments = np.array(state["moments"], dtype=np.float64)
+        self.moments = numbers(state["moments"]).reshape(m)
+        if not np.all(np.isfinite(self.power)) or np.any(np.linalg.eigvalsh(self.information) <= 0):
+            raise ValueError("the matrices of the filter must be finite, and the information positive definite")
         self._rows = None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, register
+from gmwm.readers.forks import require_threads
 from gmwm.readers.lost_samples import MISSING
 from gmwm.readers.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 
@@ -96,6 +97,7 @@ class ParquetReader(Reader):
 
 def _scan(path: Path) -> pl.LazyFrame:
     """Return the rows of a file, lazily. A name is not a pattern, and may have bytes that are not UTF-8."""
+    require_threads(path)
     import polars as pl
 
     try:

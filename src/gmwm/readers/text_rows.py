@@ -20,6 +20,7 @@ from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Rows
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.dialect import BLANKS, MISSING_WORDS, Dialect, comment_sign, is_grouped, is_number, split
+from gmwm.readers.forks import require_threads
 from gmwm.readers.lost_samples import MISSING
 from gmwm.readers.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 
@@ -41,6 +42,7 @@ class RowParser:
     """Parse blocks of text into arrays."""
 
     def __init__(self, source: FileSource, dialect: Dialect, layout: Layout, wanted: tuple[int, ...]) -> None:
+        require_threads(source)
         import polars as pl
 
         self.source, self.dialect, self.layout, self.wanted = source, dialect, layout, wanted

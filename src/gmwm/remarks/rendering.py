@@ -6,9 +6,12 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from gmwm._template import Dialect, joined, render
+from gmwm._text import printable, shortened
 from gmwm.remarks.remark import Remark, sorted_remarks
 from gmwm.remarks.severity import Severity
 
+LONGEST_TEXT = 4000
+"""Largest number of characters of a remark: names in a file can be longer."""
 MOST = 5
 """Number of remarks that a terminal shows; users do not read more (CONTRIBUTING.md, "Few words")."""
 
@@ -103,4 +106,4 @@ def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
         head = escape(subjects, quote=False) if dialect is Dialect.HTML else subjects
         text = f"{head}: {text}"
     advice = render(first.advice, {**facts, "subjects": subjects}, dialect)
-    return f"{text} {advice}".rstrip()
+    return printable(shortened(f"{text} {advice}".rstrip(), LONGEST_TEXT))

@@ -299,7 +299,7 @@ class WaveletAccumulator(SegmentedAccumulator):
                 f"this is not the state of an accumulator: {error.args[0]!r} is missing",
                 advice="Save the state again with `to_dict()`.",
             ) from error
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
             raise ReadError(
                 f"this is not the state of an accumulator: {error}", advice="Save the state again with `to_dict()`."
             ) from error

@@ -305,6 +305,14 @@ class WaveletVariance(Summarised):
         fields = {name: value for name, value in values.items() if name not in derived}
         for name, kind in (("levels", np.int64), ("counts", np.int64)):
             fields[name] = np.asarray(fields[name], dtype=kind)
+        levels, samples = fields["levels"], fields["samples"]
+        ascend = levels.ndim == 1 and levels.size > 0 and levels[0] >= 1 and bool(np.all(np.diff(levels) > 0))
+        if not ascend or levels[-1] > 62 or 1 << int(levels[-1]) > samples:
+            raise DataError(
+                f"levels must ascend from 1, and 2^level must not exceed the {samples} samples; got {levels.tolist()}"
+            )
+        if fields["robust"] and fields["efficiency"] is None:
+            raise DataError("a robust variance must have an efficiency")
         for name in ("variance", "lower", "upper"):
             fields[name] = np.asarray(fields[name], dtype=np.float64)
         if fields.get("excess") is not None:
