@@ -10,9 +10,9 @@ import pytest
 
 import gmwm
 from gmwm import agree
-from gmwm.calibration.reference import as_reference
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.errors import OptionError, UnitError
+from gmwm.importers.quantities import as_reference
 from gmwm.remarks import Remark
 from tests.helpers import codes, only, raises
 

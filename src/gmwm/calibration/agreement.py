@@ -13,12 +13,12 @@ import numpy as np
 from gmwm.axis_names import sensor_of
 from gmwm.calibration.agreement_result import Agreement, SharedNumber
 from gmwm.calibration.findings import rejected
-from gmwm.calibration.reference import as_reference
 from gmwm.calibration.result import Calibration
 from gmwm.calibration.tables import in_order, merged
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
+from gmwm.importers.quantities import as_reference
 from gmwm.multiple_tests import holm
 from gmwm.options import as_size
 from gmwm.processes.linear_recursion import Lagged

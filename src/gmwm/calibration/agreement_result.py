@@ -9,8 +9,8 @@ from typing import Any
 from gmwm._text import Summarised
 from gmwm.calibration.agreement_findings import remarks_of, verdict_of
 from gmwm.calibration.agreement_text import summary
-from gmwm.calibration.reference import Reference
 from gmwm.datasheets import Entry
+from gmwm.importers.quantities import Reference
 from gmwm.remarks import Remark
 
 

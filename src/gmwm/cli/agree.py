@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from gmwm.calibration.reference import parse_reference
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome, calibration_file, progress
 from gmwm.cli.read_options import names_of
 from gmwm.errors import OptionError
+from gmwm.importers.quantities import parse_reference
 
 EXAMPLES = (
     "gmwm agree monday/calibration.json tuesday/calibration.json",

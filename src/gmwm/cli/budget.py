@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm budget results/calibration.json --duration 60s",
     "gmwm budget results/calibration.json --duration 10min --rest 60s --plot budget.png",
-    "gmwm budget results/calibration.json --duration 60s --against other/calibration.json",
+    "gmwm budget results/calibration.json --duration 60s --against 'gyro: N=0.15deg/√h' --rate 100",
 )
 _DURATION = typer.Option(
     help="Time of navigation without corrections: 60s, 10min, 1h, or seconds.", metavar="LENGTH", show_default=False
@@ -67,10 +67,10 @@ def budget(
     """
     seconds, before = parse_length(duration), parse_length(rest, "rest")
 
-    def made(text: str) -> Budget:
+    def made(text: str, option: str = "SOURCE") -> Budget:
         from gmwm.budgets import budget as budgeted
 
-        noise = noise_of(text, rate)
+        noise = noise_of(text, rate, option)
         return budgeted(noise.axes, seconds, rate=noise.rate, rest=before, latitude=latitude, level=level)
 
     found = made(source)
@@ -79,7 +79,7 @@ def budget(
     if against is not None:
         if against == source:
             raise OptionError(argument="against", expected="another source", got=against)
-        other = made(against)
+        other = made(against, "--against")
         document["against"] = {"source": against, **other.to_dict()}
         text += "\n\n" + found.compare(other, (short(source), short(against)))
     files = () if plot is None else (NewFile(plot, lambda target: found.plot(path=target)),)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 import typer
 
 from gmwm.cli.command import command
+from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
@@ -28,6 +29,8 @@ EXAMPLES = (
     "gmwm export results/calibration.json --format openvins --inflation 10",
     "gmwm export gyro_results accel_results --output imu.yaml",
     "gmwm export results/calibration.json --all exported",
+    "gmwm export --from 'gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, B=0.02mg' --rate 200",
+    "gmwm export --from old_vins.yaml --rate 200 --format orbslam3",
 )
 DEFAULT = "kalibr"
 
@@ -35,14 +38,15 @@ DEFAULT = "kalibr"
 @command
 def export(
     calibrations: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
             help="calibration.json of gmwm calibrate --output, or its folder. Give two if gyroscopes and "
             "accelerometers were calibrated apart.",
             metavar="CALIBRATION...",
             show_default=False,
         ),
-    ],
+    ] = None,
+    source: GivenText = None,
     format: Annotated[
         str | None,
         typer.Option(
@@ -98,8 +102,6 @@ def export(
     file contains the upper limit from the data, never zero, and states this. The header of each file states units,
     continuous or discrete time, axes, inflation, horizon, models and source.
     """
-    from gmwm import Calibration
-
     if all is not None and (format is not None or output is not None):
         raise OptionError(
             "--all writes every format",
@@ -112,13 +114,32 @@ def export(
         "axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate,
         "duration": None if duration is None else parse_length(duration, "duration"),
     }  # fmt: skip
-    files = [calibration_file(path) for path in calibrations]
-    first, *others = [Calibration.load(file) for file in files]
-    found = first.combined(*others)
+    if source is not None:
+        choice["rate"] = None
+    files, found = _source(calibrations, source, rate)
     with named_as_options({"axes": "--axes"}):
         if all is not None:
             return _all(found, files, made_directory(all, "all"), choice)
         return _one(found, files, output=output, name=DEFAULT if format is None else format, choice=choice)
+
+
+def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
+    """Return the files of the noise, and the noise: calibrations, or noise without a recording."""
+    from gmwm import Calibration
+    from gmwm.exporters.given import given_calibration
+
+    if (source is None) == (not calibrations):
+        raise OptionError(
+            "exactly one of CALIBRATION and --from is needed",
+            argument="calibrations",
+            got=source,
+            advice="Pass a calibration.json, or noise without a recording with {--from}.",
+        )
+    if source is not None:
+        return [Path(source)], given_calibration(given(source, rate))
+    files = [calibration_file(path) for path in calibrations or ()]
+    first, *others = [Calibration.load(file) for file in files]
+    return files, first.combined(*others)
 
 
 class _Choice(TypedDict):

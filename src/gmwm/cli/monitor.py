@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,7 @@ import typer
 from gmwm._text import counted
 from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
+from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import RESULT, Json
 from gmwm.cli.output import NewFile, Outcome, file_names, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of
@@ -53,12 +54,13 @@ def monitor(
     ],
     reading: ReadOptions,
     from_fits: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             help="Models of the sensor: the folder or calibration.json of gmwm calibrate, or a fits.json of gmwm fit.",
             show_default=False,
         ),
-    ],
+    ] = None,
+    source: GivenText = None,
     reference: Annotated[
         Path | None,
         typer.Option(
@@ -107,13 +109,14 @@ def monitor(
     """
     patience = None if idle is None else parse_length(idle, "idle")
     seconds = parse_length(every, "every")
+    origin = Origin(from_fits, source)
     if len(files) > 1:
         _require_alone(reference=reference, follow=follow, idle=idle, plot=plot, output=output)
-        return _side_by_side(files, reading, from_fits=from_fits, every=seconds, axes=axis, json=json)
+        return _side_by_side(files, reading, origin=origin, every=seconds, axes=axis, json=json)
     (file,) = files
     with _opened(file, reading, follow, patience) as (stream, ended):
         trace = _trace(
-            from_fits,
+            origin,
             stream,
             reference=reference,
             reading=reading,
@@ -174,7 +177,7 @@ def _opened(
 
 
 def _trace(
-    from_fits: Path, stream: Stream, *, reference: Path | None, reading: ReadOptions, every: float,
+    origin: Origin, stream: Stream, *, reference: Path | None, reading: ReadOptions, every: float,
     axes: list[str] | None, pictures: bool,
 ) -> Trace:  # fmt: skip
     """Return the monitor of a stream. What a user needs to know about it becomes warnings."""
@@ -182,22 +185,21 @@ def _trace(
     from gmwm.monitor.setup import check_rate
     from gmwm.readers.api import stream_file
 
-    models = _models(from_fits)
+    models, rate = _models(origin, stream.rate)
     both = [axis for axis in stream.axes if axis in models]
     if not both:
         raise OptionError(
-            f"the models and the recording have no axis in common: {from_fits} has {', '.join(models)}, the recording "
+            f"the models and the recording have no axis in common: {origin} has {', '.join(models)}, the recording "
             f"has {', '.join(stream.axes)}",
             argument="from_fits",
-            got=str(from_fits),
+            got=str(origin),
         )
     names = chosen_names(both, axes)
-    rate = next(iter(models.values())).wavelet_variance.rate
     check_rate(stream.rate, rate)
     known: Mapping[str, Baseline] | None = None
     if reference is not None:
         known = baselines(models, stream_file(reference, reading), names)
-    made = Monitor(models, every, baseline="auto" if known is None else known, axes=names)
+    made = Monitor(models, every, rate=rate, baseline="auto" if known is None else known, axes=names)
     for remark in made.remarks:
         tell(remark)
     return Trace(made, pictures=pictures)
@@ -214,16 +216,16 @@ def _require_alone(**options: object) -> None:
 
 
 def _side_by_side(
-    files: list[str], reading: ReadOptions, *, from_fits: Path, every: float, axes: list[str] | None, json: bool
+    files: list[str], reading: ReadOptions, *, origin: Origin, every: float, axes: list[str] | None, json: bool
 ) -> Outcome:
     """Monitor several units against each other."""
     from gmwm.monitor import redundant
     from gmwm.readers.api import stream_file
 
-    models = _models(from_fits)
     streams = {
         name: stream_file(file, reading) for name, file in zip(names_of([Path(f) for f in files]), files, strict=True)
     }
+    models, _ = _models(origin, next(iter(streams.values())).rate)
     both = [axis for axis in models if all(axis in stream.axes for stream in streams.values())]
     found: list[UnitEvent] = []
 
@@ -242,7 +244,36 @@ def _side_by_side(
     )
 
 
-def _models(path: Path) -> Mapping[str, Any]:
+@dataclass(frozen=True)
+class Origin:
+    """Where the models come from: a file of fits, or noise without a recording."""
+
+    fits: Path | None
+    source: str | None
+
+    def __post_init__(self) -> None:
+        if (self.fits is None) == (self.source is None):
+            raise OptionError(
+                "exactly one of --from-fits and --from is needed",
+                argument="from_fits",
+                got=self.source,
+                advice="Pass a calibration with {--from-fits}, or the numbers of a datasheet with {--from}.",
+            )
+
+    def __str__(self) -> str:
+        return str(self.fits or self.source)
+
+
+def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
+    """Return the calibration, the fits or the models, and their rate; given noise has the rate of the recording."""
+    if origin.source is not None:
+        return given(origin.source, rate).models, rate
+    assert origin.fits is not None
+    found = _fitted(origin.fits)
+    return found, next(iter(found.values())).wavelet_variance.rate
+
+
+def _fitted(path: Path) -> Mapping[str, Any]:
     """Return the calibration at a path, or the fits."""
     from gmwm import Calibration, Fit
     from gmwm.cli.output import calibration_file

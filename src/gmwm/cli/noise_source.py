@@ -1,4 +1,4 @@
-"""The noise of a sensor as the argument of a command: a calibration or fits."""
+"""The noise of a sensor as an argument of a command: a calibration, fits, or noise without a recording."""
 
 from __future__ import annotations
 
@@ -9,16 +9,29 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.errors import OptionError
+from gmwm.cli.option_names import named_as_options
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
+    from gmwm.importers import Given
     from gmwm.processes.model import Model
 
 NoiseText = Annotated[
     str,
     typer.Argument(
-        help="calibration.json of gmwm calibrate, fits.json of gmwm fit, or the folder of one of them.",
+        help="calibration.json of gmwm calibrate, fits.json of gmwm fit, or the folder of one of them; or a source "
+        "without a recording, as for gmwm export --from.",
+        metavar="SOURCE",
+        show_default=False,
+    ),
+]
+GivenText = Annotated[
+    str | None,
+    typer.Option(
+        "--from",
+        help="Noise without a recording: the numbers of a datasheet, such as 'gyro: N=0.15deg/√h, B=3deg/h over 100s; "
+        "accel: N=60µg/√Hz, B=0.02mg', or a file of Kalibr, allan_variance_ros, imu_utils, OpenVINS, Kimera, VINS, "
+        "ORB-SLAM3, LIO-SAM, FAST-LIO, KF-GINS, PX4, ArduPilot or MATLAB.",
         metavar="SOURCE",
         show_default=False,
     ),
@@ -33,21 +46,30 @@ class NoiseSource:
     rate: float | None = None
 
 
-def noise_of(text: str, rate: float | None) -> NoiseSource:
-    """Read the noise of a sensor.
+def given(text: str, rate: float | None, option: str = "--from") -> Given:
+    """Read noise without a recording; errors name the option."""
+    from gmwm.importers import given_noise
+
+    with named_as_options({"source": option}):
+        return given_noise(text, rate)
+
+
+def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSource:
+    """Read the noise of a sensor: a calibration, fits, or noise without a recording.
 
     Raises
     ------
     OptionError
-        If there is no such file.
+        If it is none of them.
     ReadError
-        If the file has no fits.
+        If the file has no fits, and no numbers of another program.
     """
     from gmwm import Fit
     from gmwm.cli.plan import fits_in
 
     path = Path(text)
-    if not path.exists():
-        raise OptionError(argument="source", expected="an existing file or folder", got=text)
-    _, fits = fits_in(path)
-    return NoiseSource({axis: Fit.from_dict(content) for axis, content in fits.items()}, rate)
+    if path.is_dir() or path.suffix == ".json":
+        _, fits = fits_in(path)
+        return NoiseSource({axis: Fit.from_dict(content) for axis, content in fits.items()}, rate)
+    found = given(text, rate, option)
+    return NoiseSource(found.models, found.rate)

@@ -10,11 +10,13 @@ import typer
 
 from gmwm._files import read_json
 from gmwm.cli.command import command
+from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress, tell
 from gmwm.durations import parse_length, parse_share
 from gmwm.errors import OptionError, ReadError
 from gmwm.remarks import Remark
+from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm plan 'GM(beta=1, sigma2=1e-8) + WN(sigma2=4e-6)' --rate 100 --duration 2h",
     "gmwm plan --from-fits fits.json --axis gyro_x --duration 1d --accuracy 5%",
+    "gmwm plan --from 'gyro: N=0.15deg/√h, K=2deg/h/√h' --rate 100 --duration 2h",
 )
 
 
@@ -57,7 +60,8 @@ def plan(
             show_default=False,
         ),
     ] = None,
-    axis: Annotated[str | None, typer.Option(help="Axis of --from-fits.", show_default=False)] = None,
+    source: GivenText = None,
+    axis: Annotated[str | None, typer.Option(help="Axis of --from-fits or --from.", show_default=False)] = None,
     rate: Annotated[
         float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.", show_default=False)
     ] = None,
@@ -84,37 +88,55 @@ def plan(
     50 %, a recording does not determine the parameter. With --from-fits, the planned recording has the gaps of the
     pilot recording.
     """
-    if (model is None) == (from_fits is None):
+    if sum(one is not None for one in (model, from_fits, source)) != 1:
         raise OptionError(
-            "exactly one of MODEL and --from-fits is needed",
+            "exactly one of MODEL, --from-fits and --from is needed",
             argument="model",
             got=model,
-            advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}.",
+            advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}, or the "
+            "numbers of a datasheet with {--from}.",
         )
     seconds, wanted = parse_length(duration), parse_share(accuracy)
-    source: dict[str, Any] = {}
+    origin: dict[str, Any] = {}
     unit, curve = "", None
     if from_fits is not None:
         axis, found = pilot(from_fits, axis)
-        source = {"file": str(from_fits), "axis": axis}
+        origin = {"file": str(from_fits), "axis": axis}
         model, remarks = _as_seen(found)
         for remark in remarks:
             tell(remark)
         unit, rate = found["wavelet_variance"]["unit"], _pilot_rate(found, rate, from_fits)
         curve = found["wavelet_variance"]
+    elif source is not None:
+        axis, model, rate = _given_axis(source, axis, rate)
+        origin = {"file": source, "axis": axis}
+        unit = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
     elif axis is not None:
-        raise OptionError("--axis applies only to --from-fits", argument="axis", got=axis, advice="Leave {--axis} out.")
+        raise OptionError(
+            "--axis applies only to --from-fits and --from", argument="axis", got=axis, advice="Leave {--axis} out."
+        )
     made, needed = _planned(
         str(model), seconds, rate=rate, accuracy=wanted, weighting=weighting, unit=unit, curve=curve
     )
     drawn = () if plot is None else (NewFile(plot, lambda path: made.plot(accuracy=wanted, path=path), "plotting"),)
     return Outcome(
         command="plan",
-        document={**source, **made.to_dict(), "accuracy": wanted, "needed": needed},
+        document={**origin, **made.to_dict(), "accuracy": wanted, "needed": needed},
         text=made.summary(wanted),
         files=drawn,
         in_text=made.remarks,
     )
+
+
+def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str, str, float]:
+    """Return axis, model and rate of noise without a recording; the axis can be left out if all have one model."""
+    found = given(source, rate)
+    models = {name: str(model) for name, model in found.models.items()}
+    if axis is None and len(set(models.values())) == 1:
+        axis = next(iter(models))
+    if axis not in models:
+        raise OptionError(argument="axis", expected=f"one of {', '.join(models)}", got=axis)
+    return str(axis), models[axis], found.rate
 
 
 def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> float:

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.cli.command import command
+from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import parse_models
 from gmwm.cli.output import Outcome, progress
 from gmwm.durations import parse_length
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:
+    from gmwm.importers import Given
     from gmwm.processes.model import Model
     from gmwm.signals import Imu
 
@@ -22,6 +24,7 @@ EXAMPLES = (
     "gmwm simulate --reference --duration 1h --output imu.csv",
     "gmwm simulate --model 'gyro=WN(sigma2=4e-8)' --duration 10min -o gyro.parquet",
     "gmwm simulate --reference --duration 10min -o imu.csv --components parts.csv",
+    "gmwm simulate --from 'gyro: N=0.15deg/√h, B=3deg/h' --rate 200 --duration 10min -o gyro.csv",
 )
 
 
@@ -53,7 +56,11 @@ def simulate(
         bool,
         typer.Option("--reference", help="Instead of --model: the six axes of the demo, a good MEMS unit."),
     ] = False,
-    rate: Annotated[float, typer.Option(help="Sampling rate (Hz).")] = 100.0,
+    source: GivenText = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from.", show_default=False),
+    ] = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the simulation. The same seed gives the same recording.", min=0)
     ] = 1,
@@ -75,19 +82,27 @@ def simulate(
     from gmwm.simulation import models_by_axis, reference_imu
     from gmwm.writers import table_path
 
-    if reference == bool(model):
+    if sum((reference, bool(model), source is not None)) != 1:
         raise OptionError(
-            "exactly one of --model and --reference is needed",
+            "exactly one of --model, --reference and --from is needed",
             argument="model",
             got=model,
-            advice="Write a model with {--model}, or simulate the unit of the demo with {--reference}.",
+            advice="Write a model with {--model}, the numbers of a datasheet with {--from}, or simulate the unit of "
+            "the demo with {--reference}.",
         )
     seconds = parse_length(duration)
     # Check the output files before the simulation, which can take minutes.
     if components is not None and table_path(components).resolve() == output.resolve():
         raise OptionError(argument="components", expected="another file than --output", got=str(components))
-    truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
-    imu, columns = _written(truth, rate, seconds=seconds, seed=seed, output=output, components=components)
+    if source is not None:
+        noise = _given_at(source, rate)
+        rate = noise.rate
+    truth = models_by_axis(
+        noise.models if source is not None else reference_imu() if reference else parse_models(model or [])
+    )
+    imu, columns = _written(
+        truth, 100.0 if rate is None else rate, seconds=seconds, seed=seed, output=output, components=components
+    )
     lines = [f"{axis:<8} {m}" for axis, m in truth.items()]
     lines.append(f"Wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
     if components is not None:
@@ -120,3 +135,13 @@ def _written(
     with progress(f"writing {output.name}"):
         imu.write(output)
         return imu, () if components is None or made is None else tuple(made.write_components(components))
+
+
+def _given_at(source: str, rate: float | None) -> Given:
+    """Return noise without a recording, at 100 Hz if neither the file nor the user gives the rate."""
+    try:
+        return given(source, rate)
+    except OptionError as error:
+        if error.argument != "rate" or rate is not None:
+            raise
+    return given(source, 100.0)

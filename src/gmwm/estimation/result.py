@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 _HOW_WRITTEN = "Pass the values that `Fit.to_dict()` returned."
 
 
+GIVEN = "given"
+"""Weighting of a `Fit` whose values were given, and not estimated from data."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Diagnostics:
     """Diagnostics of a fit: terms that the data do not determine, the search, and remarks.
@@ -98,7 +102,7 @@ class Fit(InferenceMethods, KalmanMethods):
     decomposition : mapping of term to (J,) array
         Wavelet variance of each term; their sum is `implied`.
     weighting : str
-        Ω: "diagonal", "optimal", "identity", or "matrix" if an array was passed.
+        Ω: "diagonal", "optimal", "identity", or "matrix" if an array was passed; "given" if there were no data.
     weighting_matrix : (J, J) array
         Ω, in unit⁻⁴.
     diagnostics : Diagnostics

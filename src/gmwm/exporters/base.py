@@ -26,7 +26,7 @@ from gmwm.exporters.reduction import (
     SensorNoise,
     sensor_noise,
 )
-from gmwm.exporters.text import cautions, commented, paragraphs, recording, written_rate
+from gmwm.exporters.text import cautions, commented, is_given, paragraphs, recording, written_rate
 from gmwm.remarks import Remark
 from gmwm.units import Quantity
 
@@ -229,9 +229,10 @@ class TwoNumbers(Exporter):
             axes = ", ".join(one.axis for one in sensor.axes)
             which = f"all numbers are of {sensor.worst.axis}, " if options.axes == "worst" else ""
             head.append(f"{NAMES[sensor.quantity].capitalize()}: {which}{RULES[options.axes]} {axes}.")
+        measured = not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         head += [
-            f"Inflation factor: {options.inflation:g}.{at_rest}",
+            f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''}",
             f"Horizon: {options.horizon:g} s. Terms with a shorter correlation time are part of N, the others of K.",
             *models(noise, calibration), *sweep(noise), *stated(calibration, self.biases_of), *last,
         ]  # fmt: skip

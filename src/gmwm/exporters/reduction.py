@@ -14,7 +14,7 @@ from gmwm.datasheets.entry import Entry
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
 from gmwm.errors import DataError, GmwmError
-from gmwm.estimation.result import Fit
+from gmwm.estimation.result import GIVEN, Fit
 from gmwm.units import SI_UNIT, Quantity
 
 if TYPE_CHECKING:
@@ -134,17 +134,15 @@ def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, 
     require_unit(axis, fit, quantity)
     # Many files are written from one calibration, and an upper limit needs another fit.
     known: dict[tuple[Use, float], tuple[Number, Number]] = fit.__dict__.setdefault("_two_numbers", {})
+    flicker = _flicker(found)
     if (use, level) not in known:
         entries = noise_in_use(fit, use, level)
-        known[use, level] = (
-            _number(axis, fit, entries["N_eff"], level),
-            _number(axis, fit, entries["K_eff"], level),
-        )
-    (white, walk), flicker = known[use, level], _flicker(found)
-    if use.flicker and flicker.value > 0 and not any(WALK in counted(p, use, fit.wavelet_variance.rate)
-                                                     for p in translated(fit)[0].model.processes):  # fmt: skip
+        white = _number(axis, fit, entries["N_eff"], level)
+        processes, rate = translated(fit)[0].model.processes, fit.wavelet_variance.rate
         # The flicker term describes the slow changes; an upper limit of a random walk is not added to it.
-        walk = Number(0.0, False)
+        alone = use.flicker and flicker.value > 0 and not any(WALK in counted(p, use, rate) for p in processes)
+        known[use, level] = (white, Number(0.0, False) if alone else _number(axis, fit, entries["K_eff"], level))
+    white, walk = known[use, level]
     return AxisNoise(axis=axis, fit=fit, N=white, K=walk, B=flicker, use=use)
 
 
@@ -181,6 +179,11 @@ def _number(axis: str, fit: Fit, entry: Entry, level: float) -> Number:
     """Return the value of an entry, or its upper limit if the data do not distinguish it from zero."""
     if entry.value > 0 and not entry.upper_only:
         return Number(entry.value, False)
+    if fit.weighting == GIVEN:
+        raise DataError(
+            f"the numbers of {axis} contain no {entry.title}, and there is no recording that limits it",
+            advice="Add it, for example a random walk as K=2deg/h/√h, or a bias instability as B=3deg/h.",
+        )
     try:
         high = max(entry.high or 0.0, hidden(fit, entry, level))
     except DataError as error:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm._text import listed
+from gmwm.estimation.result import GIVEN
 from gmwm.exporters.reduction import Number
 from gmwm.inspection.findings import covariates_text, effect_text
 from gmwm.remarks import Remark, Severity, with_groups
@@ -26,6 +27,8 @@ _ASCII = {
 def recording(calibration: Calibration) -> str:
     """Return source, length, rate and digest of the recording, and the effects that were removed from it, for the head
     of a file."""
+    if is_given(calibration):
+        return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
     source = f"{calibration.source}, " if calibration.source else ""
     one = calibration.recording
     found = [one] if one else list(calibration.recordings.values())
@@ -36,6 +39,11 @@ def recording(calibration: Calibration) -> str:
         extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
     extent = " and ".join(extents.values())
     return f"Recording: {source}{extent}{f', SHA-256 {listed(digests)}' if digests else ''}.{_conditions(calibration)}"
+
+
+def is_given(calibration: Calibration) -> bool:
+    """Return whether the numbers were given, and not measured."""
+    return all(fit.weighting == GIVEN for fit in calibration.values())
 
 
 def _conditions(calibration: Calibration) -> str:

@@ -16,11 +16,11 @@ from gmwm.app.session import Session
 from gmwm.app.workspace import Workspace
 from gmwm.axis_names import by_sensor
 from gmwm.calibration import Calibration
-from gmwm.calibration.reference import as_reference, parse_reference
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.datasheets.effective import effective_noise
 from gmwm.errors import GmwmError, OptionError
+from gmwm.importers.quantities import as_reference, parse_reference
 from gmwm.remarks import Dialect
 from gmwm.reports.verdict import state_of
 

@@ -1,4 +1,4 @@
-"""Reference values of the manufacturer, in datasheet units."""
+"""Numbers with the units of datasheets."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Reference:
         return f"{self.value:g} {self.unit}"
 
 
-def as_reference(name: str, given: tuple[float, str], si: str) -> Reference:
+def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str = "reference") -> Reference:
     """Convert a reference value with its unit, for a number whose SI unit is `si`.
 
     >>> as_reference("gyro.N", (60.0, "°/sqrt(hr)"), "rad/s/√Hz").si == math.radians(1)
@@ -60,11 +60,11 @@ def as_reference(name: str, given: tuple[float, str], si: str) -> Reference:
         whole = False
     if not whole:
         expected = f"a positive number and its unit for {name}, such as (2.0, 'deg/√h')"
-        raise OptionError(argument="reference", expected=expected, got=given)
-    return Reference(float(value), unit, float(value) * _factor(name, unit, si))
+        raise OptionError(argument=argument, expected=expected, got=given)
+    return Reference(float(value), unit, float(value) * _factor(name, unit, si, argument))
 
 
-def _factor(name: str, text: str, si: str) -> float:
+def _factor(name: str, text: str, si: str, argument: str) -> float:
     """Return the factor from a unit to SI."""
     known = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
     if (size := known.get(spelt(text))) is not None:
@@ -74,7 +74,7 @@ def _factor(name: str, text: str, si: str) -> float:
     if signal is not None and noise_unit(0.0, signal.name)[0] == si:
         return signal.factor
     units = ", ".join(dict.fromkeys((*datasheet_units(si), si)))
-    raise UnitError(argument="reference", expected=f"in one of {units} for {name}", got=text)
+    raise UnitError(argument=argument, expected=f"in one of {units} for {name}", got=text)
 
 
 def parse_reference(text: str) -> tuple[str, tuple[float, str]]:

@@ -1,0 +1,76 @@
+"""Noise that was given instead of measured, in the form that the exporters take."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.datasheets import datasheet
+from gmwm.estimation.result import GIVEN, Diagnostics, Fit
+from gmwm.importers import Given
+from gmwm.processes.model import Model
+from gmwm.processes.parameter import Fixed
+from gmwm.selection import Ranking
+from gmwm.units import SI_UNIT
+from gmwm.variance.result import WaveletVariance
+
+SECONDS = 3600.0
+"""Length (s) of a recording of given noise: the correlation time of a random walk in a program whose bias is a
+Gauss-Markov process."""
+
+
+def given_calibration(given: Given) -> Calibration:
+    """Return given noise as a calibration, whose numbers have no intervals.
+
+    The weighting of its fits is "given". There are no data, so an exporter raises an error instead of writing
+    an upper limit from the data.
+
+    Parameters
+    ----------
+    given : Given
+        From `gmwm.importers.given_noise`.
+
+    Raises
+    ------
+    MissingTheoryError
+        If the wavelet variance of a process is unknown.
+
+    Examples
+    --------
+    >>> from gmwm.importers import given_noise
+    >>> found = given_calibration(given_noise("gyro: N=0.15deg/√h, K=1e-6rad/s/√s; accel: N=60µg/√Hz, B=9µg", 200.0))
+    >>> [line for line in found.export().splitlines() if line.startswith("gyroscope_n")]
+    ['gyroscope_noise_density: 4.363323e-05  # rad/s/sqrt(Hz)']
+    """
+    axes = {axis: _axis(axis, model, given.rate) for axis, model in given.models.items()}
+    return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=given.source)
+
+
+def _axis(axis: str, model: Model, rate: float) -> AxisCalibration:
+    held = model.with_values(
+        {name: Fixed(float(value)) for name, value in model.parameters.items() if value is not None}
+    )
+    samples = round(SECONDS * rate)
+    levels = int(np.log2(samples))
+    variance = held.wavelet_variance(levels, rate)
+    unit = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
+    curve = WaveletVariance.from_values(variance, samples, rate, unit=unit, axis=axis)
+    fit = Fit(
+        wavelet_variance=curve,
+        model=held,
+        parameters={name: float(value) for name, value in held.parameters.items() if value is not None},
+        objective=0.0,
+        lower_bound=None,
+        relaxed_bound=0.0,
+        implied=variance,
+        decomposition=held.decomposition(levels, rate),
+        weighting=GIVEN,
+        weighting_matrix=np.diag(1.0 / variance**2),
+        diagnostics=Diagnostics(acts_as={}, not_supported=(), nodes=0),
+    )
+    ranking = Ranking(
+        candidates=(), within=held, general=fit, weighting=GIVEN, weighting_matrix=fit.weighting_matrix,
+        wavelet=np.diag(variance**2), confidence=0.95,
+    )  # fmt: skip
+    return AxisCalibration(fit=fit, intervals={}, test=None, datasheet=datasheet(fit), ranking=ranking)

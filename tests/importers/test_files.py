@@ -1,0 +1,161 @@
+"""Files of other programs: written by gmwm, read by the rule of each consumer and by the importer, with one result."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gmwm.errors import DataError, OptionError, ReadError
+from gmwm.exporters import export_formats
+from gmwm.exporters.given import given_calibration
+from gmwm.importers import given_noise
+from gmwm.importers.files import FORMATS
+from tests.exporters.consumers import CONSUMERS, PER_AXIS
+from tests.helpers import raises
+
+RATE = 200.0
+DATASHEET = "gyro: N=0.15deg/√h, K=2deg/h/√h; accel: N=60µg/√Hz, K=1e-4m/s²/√s"
+WRITTEN = (
+    "kalibr",
+    "openvins",
+    "kimera",
+    "vins",
+    "orbslam3",
+    "liosam",
+    "fastlio",
+    "kfgins",
+    "px4",
+    "ardupilot",
+    "matlab",
+)
+NUMBERS = {"gyro": (0.15 * math.pi / 180 / 60, 2 * math.pi / 180 / 3600 / 60), "accel": (60e-6 * 9.80665, 1e-4)}
+WALK_AT_HORIZON = 1e-3
+"""Relative error that a Gauss-Markov bias of an hour may have as a random walk: T_h/T."""
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    return given_calibration(given_noise(DATASHEET, RATE))
+
+
+@pytest.mark.parametrize("format", WRITTEN)
+def test_a_datasheet_through_a_file_and_back(calibration, format, tmp_path):
+    text = calibration.export(format=format, axes="each" if format in PER_AXIS else None)
+    file = tmp_path / "file.txt"
+    file.write_text(text, encoding="utf-8")
+    consumed = CONSUMERS[format](text)
+    found = given_noise(file, RATE)
+    for sensor, (white, walk) in NUMBERS.items():
+        # What the consumer makes of the file …
+        assert consumed[sensor][0] == pytest.approx(white, rel=2e-6)
+        if format != "kfgins":
+            assert consumed[sensor][1] == pytest.approx(walk, rel=2e-6)
+        for k, letter in enumerate("xyz"):
+            values = found.values[f"{sensor}_{letter}"]
+            # … is what the importer reads.
+            assert pytest.approx(consumed[sensor][0][k], rel=1e-6) == values.N
+            if format == "kfgins":
+                assert values.sigma * math.sqrt(2 / values.time) == pytest.approx(consumed[sensor][1][k], rel=1e-6)
+            else:
+                assert pytest.approx(consumed[sensor][1][k], rel=1e-6) == values.K
+
+
+def test_every_format_is_read_or_known_not_to_be():
+    others = {"csv", "latex", "json", "state-space", "ros", "gtsam", "gtsam-python", "gazebo"}
+    assert set(WRITTEN) | others <= set(export_formats())
+    assert len(FORMATS) == len(WRITTEN) - 2 + 1  # Kalibr, OpenVINS and Kimera share their keys; imu_utils is read only
+
+
+def test_rates_in_files(calibration, tmp_path):
+    for format in ("kalibr", "orbslam3"):
+        (tmp_path / "f").write_text(calibration.export(format=format), encoding="utf-8")
+        assert given_noise(tmp_path / "f").rate == RATE
+        assert given_noise(tmp_path / "f", 400.0).rate == 400.0
+    for format in ("vins", "fastlio"):
+        (tmp_path / "f").write_text(calibration.export(format=format), encoding="utf-8")
+        with raises(OptionError, argument="rate"):
+            given_noise(tmp_path / "f")
+
+
+def test_imu_utils(tmp_path):
+    """gyr_n is √f σ(1 s), gyr_w the minimum of the Allan deviation: FitAllanGyr of imu_utils."""
+    n, floor = 2e-4, 3e-6
+    lines = ["%YAML:1.0", "---", "type: IMU", 'name: "unit"']
+    for name, key, unit in (("Gyr", "gyr", "rad/s"), ("Acc", "acc", "m/s^2")):
+        lines += [f"{name}:", f'   unit: " {unit}"']
+        for k, axis in enumerate(("avg", "x", "y", "z")):
+            lines += [
+                f"   {axis}-axis:",
+                f"      {key}_n: {n * (k + 1) * math.sqrt(RATE):.16e}",
+                f"      {key}_w: {floor:.16e}",
+            ]
+    (tmp_path / "unit_imu_param.yaml").write_text("\n".join(lines), encoding="utf-8")
+    found = given_noise(tmp_path / "unit_imu_param.yaml", RATE)
+    assert [found.values[f"gyro_{x}"].N for x in "xyz"] == pytest.approx([2 * n, 3 * n, 4 * n])
+    assert found.values["accel_y"].B * math.sqrt(2 * math.log(2) / math.pi) == pytest.approx(floor)
+    assert found.models["gyro_x"].structure == "WN + FN"
+    assert found.format == "imu_utils"
+
+
+def test_matlab_with_its_default_noise_type_and_its_flicker_noise(tmp_path):
+    text = """% a comment with 'NoiseDensity', 7
+gyro = gyroparams( ...
+    'NoiseDensity', 1e-4, ...
+    'BiasInstability', [2e-5 3e-5 4e-5], 'RandomWalk', 1e-6);
+"""
+    (tmp_path / "f.m").write_text(text)
+    values = given_noise(tmp_path / "f.m", RATE).values
+    assert list(values) == ["gyro_x", "gyro_y", "gyro_z"]
+    # double-sided: the bandwidth is f/2.
+    assert pytest.approx(1e-4 / math.sqrt(2)) == values["gyro_x"].N
+    assert pytest.approx(1e-6 * math.sqrt(2)) == values["gyro_x"].K
+    assert pytest.approx(4e-5 / math.sqrt(2)) == values["gyro_z"].B
+
+
+@pytest.mark.parametrize(
+    "written", ["EKF2_GYR_NOISE\t{}", "1\t1\tEKF2_GYR_NOISE\t{}\t9", "param set EKF2_GYR_NOISE {}", "EKF2_GYR_NOISE,{}"]
+)
+def test_parameter_files_in_any_notation(written, tmp_path):
+    others = "\nEKF2_GYR_B_NOISE 0.001\nEKF2_ACC_NOISE 0.35\nEKF2_ACC_B_NOISE 0.003\n"
+    (tmp_path / "f").write_text(written.format(0.015) + others)
+    assert pytest.approx(0.015 * math.sqrt(0.010)) == given_noise(tmp_path / "f", 250.0).values["gyro_x"].N
+
+
+def test_unknown_and_incomplete_files(tmp_path):
+    (tmp_path / "a").write_text("nothing: 1\n")
+    with raises(ReadError, "Kalibr"):
+        given_noise(tmp_path / "a", 100.0)
+    (tmp_path / "b").write_text("gyroscope_noise_density: 1.0e-4\n")
+    with raises(ReadError, "gyroscope_random_walk", str(tmp_path / "b")):
+        given_noise(tmp_path / "b", 100.0)
+    (tmp_path / "c").write_text("gyroscope_noise_density: soon\ngyroscope_random_walk: 1\n")
+    with pytest.raises(ReadError):
+        given_noise(tmp_path / "c", 100.0)
+
+
+def test_a_number_that_is_missing_is_not_invented():
+    only_white = given_calibration(given_noise("gyro: N=0.15deg/√h; accel: N=60µg/√Hz", RATE))
+    with raises(DataError, "gyro_x", "random walk"):
+        only_white.export()
+
+
+def test_flicker_noise_for_a_program_that_has_it():
+    found = given_calibration(given_noise("gyro: N=0.15deg/√h, B=3deg/h; accel: N=60µg/√Hz, B=20µg", RATE))
+    text = found.export(format="matlab")
+    assert f"'BiasInstability', [{3 * math.pi / 180 / 3600:.6e}" in text
+    assert "'RandomWalk', [0.000000e+00" in text
+
+
+def test_the_head_says_that_nothing_was_measured(calibration):
+    text = " ".join(calibration.export().replace("#", " ").split())
+    assert "given, and not measured" in text
+    assert "N=0.15deg/sqrt(h)" in text
+    assert "samples" not in text
+
+
+def test_state_space_and_numbers_of_a_datasheet(calibration):
+    names = {}
+    exec(calibration.export(format="state-space"), names)
+    found = names["matrices"]("gyro_x")
+    assert found["R"][0, 0] == pytest.approx(NUMBERS["gyro"][0] ** 2 * RATE)
+    assert np.sqrt(found["Q"][0, 0] * RATE) == pytest.approx(NUMBERS["gyro"][1])
