@@ -1,13 +1,16 @@
 """The lower bound of a joint fit: below every fit, close to the best one, and safe between the nodes of its table."""
 
+import time
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from gmwm.errors import OptionError
 from gmwm.joint import fit_joint
 from gmwm.joint.certificate import GAP, Prover
 from gmwm.joint.search import descend
+from tests.helpers import raises
 from tests.joint.test_joint_fit import RATE, signals
 
 
@@ -62,3 +65,24 @@ def test_a_fit_with_a_proof():
     assert found.objective <= plain.objective * (1 + 1e-9)
     assert found.objective * (1 - 1.001 * GAP) <= found.lower_bound <= found.objective
     assert "No other parameters" in found.summary()
+
+
+@pytest.mark.slow
+def test_a_proof_ends_at_its_time_limit_and_says_that_it_proves_nothing():
+    x = dict(zip("xy", np.random.default_rng(4).normal(size=(2, 8000)), strict=True))
+    slow = np.random.default_rng(5).normal(size=8000)
+    for k in range(1, 8000):
+        slow[k] += 0.98 * slow[k - 1]
+    x = {axis: values + share * slow for (axis, values), share in zip(x.items(), (0.3, -0.2), strict=True)}
+    begin = time.monotonic()
+    short = fit_joint("2*shared(GM) + WN", x, RATE, certify=1e-9)
+    assert time.monotonic() - begin < 30
+    assert 0 <= short.lower_bound < short.objective
+    assert not short.proved
+    assert "does not prove" in short.summary()
+    assert not short.to_dict()["proved"]
+    whole = fit_joint("shared(GM) + WN", x, RATE, certify=True)
+    assert whole.proved
+    assert "does not prove" not in whole.summary()
+    with raises(OptionError, argument="certify"):
+        fit_joint("shared(GM) + WN", x, RATE, certify=-1.0)

@@ -12,6 +12,7 @@ from gmwm.cli.command import command
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress, tell_inspection
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.durations import parse_length
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 
@@ -50,6 +51,10 @@ def joint(
         bool,
         typer.Option("--certify", help="Prove by branch and bound that no other correlation times fit better."),
     ] = False,
+    certify_within: Annotated[
+        str,
+        typer.Option(help="Time for the proof: 60s, 10min. If it is too short, the bound is lower.", metavar="TIME"),
+    ] = "60s",
     plot: Annotated[
         Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
@@ -65,7 +70,8 @@ def joint(
     recording = load(file, reading)
     signals = chosen_axes(recording, axis)
     with progress("fitting"):
-        found = fit_joint(model, signals, levels=parse_levels(levels), certify=certify)
+        time = parse_length(certify_within) if certify else False
+        found = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
     files = [] if plot is None else [NewFile(plot, partial(_draw, found), "plotting")]
     return Outcome(

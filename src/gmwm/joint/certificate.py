@@ -12,6 +12,7 @@ largest eigenvalue is convex.
 from __future__ import annotations
 
 import heapq
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -169,8 +170,17 @@ class Prover:
         self.curves = [Curve.of(problem, place, weights) for place in problem.searched]
         self.fixed = problem.shapes(np.array([curve.nodes[0] for curve in self.curves]))[self.linear]
 
-    def prove(self, found: Found) -> Certificate:
-        """Bound the objective of the model from below, and improve the fit if a better one is met."""
+    def prove(self, found: Found, seconds: float = np.inf) -> Certificate:
+        """Bound the objective of the model from below, and improve the fit if a better one is met.
+
+        Parameters
+        ----------
+        found : Found
+            The best fit so far.
+        seconds : float
+            Time after which the search ends; the bound is then farther from the objective than `GAP`.
+        """
+        end = time.monotonic() + seconds
         whole: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
         best, ticket = found, count()
         bound, places = self.bound(whole, 0.0)
@@ -179,7 +189,7 @@ class Prover:
         seen, nodes, low = {whole}, 1, bound
         while heap:
             low, _, node = heapq.heappop(heap)
-            if low >= best.objective * (1 - GAP) or nodes >= NODES:
+            if low >= best.objective * (1 - GAP) or nodes >= NODES or time.monotonic() > end:
                 break
             for child in self._children(node):
                 if child in seen:

@@ -110,10 +110,11 @@ def least_squares(
     warm : (P, d, d) array, optional
         `Conic.warm` of a similar problem.
     """
-    q, r = np.linalg.qr(design)
-    reduced = q.T @ target
+    k = design.shape[1]
+    triangle: Matrix = np.linalg.qr(np.column_stack([design, target]), mode="r")
+    r, reduced = triangle[:k, :k], triangle[:k, k]
     size = float(np.linalg.norm(reduced)) or 1.0
-    beyond = max(float(target @ target) - size**2, 0.0) / size**2
+    beyond = float(np.sum(triangle[k:, k] ** 2)) / size**2
     lengths = np.zeros(cone.full.size)
     np.add.at(lengths, cone.terms, np.linalg.norm(r, axis=0) ** 2)
     unit = (size / np.sqrt(np.where(lengths > 0, lengths, 1.0)))[cone.terms]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
+from gmwm.errors import OptionError
 from gmwm.joint.certificate import Prover
 from gmwm.joint.fitting import Settled, chosen_signals, measured_at, settle
 from gmwm.joint.joint_result import JointFit
@@ -16,6 +17,9 @@ from gmwm.joint.terms import joint_terms
 from gmwm.processes.model import ModelLike
 from gmwm.signals import Imu, Signal
 
+SECONDS = 60.0
+"""Time of a proof by default. A choice: one Gauss-Markov term of three signals takes seconds."""
+
 
 def fit_joint(
     model: ModelLike,
@@ -24,7 +28,7 @@ def fit_joint(
     *,
     axes: str | Sequence[str] | None = None,
     levels: int | Sequence[int] | None = None,
-    certify: bool = False,
+    certify: bool | float = False,
 ) -> JointFit:
     """Fit a sum of noise processes to several signals at once, with the noise that they share.
 
@@ -51,9 +55,10 @@ def fit_joint(
         The levels to use, or the number of the first ones; by default all with at least five coefficients per scale.
         Finer levels than the noise model describes, for example those of a low-pass filter, should be left out.
 
-    certify : bool
-        Whether to bound the objective of models with searched correlation times from below, by branch and bound. This
-        takes seconds for one Gauss-Markov term of three signals, and up to minutes for two. Models without correlation
+    certify : bool or float
+        Whether to bound the objective of models with searched correlation times from below, by branch and bound, for at
+        most a time (s); True is 60 s. This takes seconds for one Gauss-Markov term of three signals, and up to minutes
+        for two. If the time is not enough, the bound is lower, and `fit.proved` is False. Models without correlation
         times have the bound in any case.
 
     Returns
@@ -89,25 +94,35 @@ def fit_joint(
     >>> found.shared("RW").pvalue < 0.001
     True
     """
+    seconds = _as_seconds(certify)
     terms = joint_terms(model)
     signals = chosen_signals(x, rate, axes)
     unknowns = len(terms) + sum(term.branch is not None for term in terms)
     settled = settle(terms, measured_at(signals, levels, unknowns))
-    bounds, settled = _bounds(settled, certify=certify)
+    bounds, settled = _bounds(settled, seconds)
     return JointFit.of(settled, {name: signal.unit for name, signal in signals.items()}, bounds)
 
 
-def _bounds(settled: Settled, *, certify: bool) -> tuple[tuple[float, float] | None, Settled]:
+def _as_seconds(certify: bool | float) -> float:
+    """Return the time (s) of a proof; 0 for none."""
+    if isinstance(certify, bool):
+        return SECONDS if certify else 0.0
+    if not isinstance(certify, int | float) or not certify > 0:
+        raise OptionError(argument="certify", expected="True, False or a positive time (s)", got=certify)
+    return float(certify)
+
+
+def _bounds(settled: Settled, seconds: float) -> tuple[tuple[float, float] | None, Settled]:
     """Lower bound of the objective and of its relaxation, and the fit, which a better one may replace."""
     problem, found = settled.problem, settled.found
     if not problem.searched:
         convex = problem.solve(found.u)
         bound = min(convex.objective - convex.gap, found.objective)
         return (bound, bound), settled
-    if not certify:
+    if not seconds:
         return None, settled
     single = any(term.kind == "common" for term in problem.terms)
-    proof = Prover(problem).prove(descend(problem, found.u) if single else found)
+    proof = Prover(problem).prove(descend(problem, found.u) if single else found, seconds)
     if not single and proof.best.objective < found.objective:
         products = lag_products(problem.processes(proof.best.u), problem.design)
         settled = replace(settled, found=proof.best, products=products)

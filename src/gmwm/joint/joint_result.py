@@ -16,6 +16,7 @@ from gmwm._tables import headed
 from gmwm._text import Named, Summarised
 from gmwm.errors import MissingTheoryError, OptionError
 from gmwm.inference.goodness import GoodnessOfFit
+from gmwm.joint.certificate import GAP
 from gmwm.joint.fitting import Settled, settle
 from gmwm.joint.inference import (
     SINGULAR,
@@ -158,6 +159,12 @@ class JointFit(Summarised):
             implied=np.einsum("pj,pab->jab", problem.shapes(found.u), sigmas),
             settled=settled,
         )
+
+    @property
+    def proved(self) -> bool:
+        """Whether the bound proves that no other parameters of the model lower the objective by more than 0.2 %; False
+        without a bound."""
+        return self.lower_bound is not None and self.lower_bound >= (1 - 2 * GAP) * self.objective
 
     # --- estimates ------------------------------------------------------------------------------------
 
@@ -376,6 +383,7 @@ class JointFit(Summarised):
             "levels": self.levels.tolist(),
             "objective": self.objective,
             "lower_bound": self.lower_bound,
+            "proved": self.proved,
             "relaxed_bound": self.relaxed_bound,
             "parameters": dict(self.parameters),
             "parameter_errors": {name: _number(value) for name, value in self.parameter_errors.items()},
@@ -421,6 +429,8 @@ class JointFit(Summarised):
         if self.lower_bound is not None:
             share = max(1 - self.lower_bound / self.objective, 0.0)
             tests.append(f"No other parameters of this model lower the objective by more than {100 * share:.2g} %.")
+            if not self.proved:
+                tests.append("This bound does not prove that the fit is the optimum.")
         return "\n".join([*lines, "", *tests])
 
     def __repr__(self) -> str:
