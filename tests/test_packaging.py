@@ -1,5 +1,6 @@
 """What is passed on: the source archive, the wheel's promise to run on any processor, and the workflows."""
 
+import json
 import re
 import tarfile
 import tomllib
@@ -124,6 +125,36 @@ def test_the_group_of_development_tools_is_the_extra():
     assert described()["dependency-groups"]["dev"] == ["gmwm[dev]"]
 
 
+# --- descriptions for other archives ------------------------------------------------------------------
+
+
+def test_every_description_states_the_same_version_and_words():
+    project = described()["project"]
+    citation = YAML(typ="safe", pure=True).load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    zenodo = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    recipe = (ROOT / "release" / "conda" / "meta.yaml").read_text(encoding="utf-8")
+    assert citation["version"] == project["version"] == re.search(r'set version = "([^"]+)"', recipe)[1]
+    assert zenodo["license"] == citation["license"] == project["license"]
+    assert zenodo["keywords"] == citation["keywords"]
+    assert [one["identifier"] for one in zenodo["related_identifiers"]] == [
+        one["value"] for one in citation["preferred-citation"]["identifiers"]
+    ]
+
+
+def test_the_conda_recipe_needs_what_the_package_needs():
+    recipe = (ROOT / "release" / "conda" / "meta.yaml").read_text(encoding="utf-8")
+    run = recipe.partition("  run:\n")[2].partition("\n\n")[0]
+    needed = {re.sub(r"[-_]base$", "", name) + least for name, least in re.findall(r"- (\S+) (>=\S+)", run)}
+    stated = {re.sub(r";.*", "", one) for one in described()["project"]["dependencies"]}
+    assert needed == stated
+    host = recipe.partition("  host:\n")[2].partition("  run:")[0]
+    assert {name + least for name, least in re.findall(r"- (\S+) (>=\S+)", host)} == set(
+        described()["build-system"]["requires"]
+    )
+    (script,) = described()["project"]["scripts"].items()
+    assert f"- {script[0]} = {script[1]}\n" in recipe
+
+
 # --- the workflows ------------------------------------------------------------------------------------
 
 
@@ -143,7 +174,10 @@ def test_workflows_may_do_little_and_pin_what_they_use(path):
     assert all("timeout-minutes" in job for job in content["jobs"].values())
     used = [step["uses"] for step in steps(path) if "uses" in step]
     assert used
-    assert [name for name in used if not re.search(r"@(v\d+|[0-9a-f]{40})$", name)] == []
+    # A tag can be moved to other code, a commit cannot.
+    assert [name for name in used if not re.search(r"@[0-9a-f]{40}$", name)] == []
+    text = path.read_text(encoding="utf-8")
+    assert len(re.findall(r"uses: \S+@[0-9a-f]{40} # v\d+\.\d+\.\d+\n", text)) == len(used)
     assert "secrets." not in path.read_text(encoding="utf-8")
 
 
