@@ -258,3 +258,14 @@ def test_files_and_topics_are_units(tmp_path):
     assert error.value.code == "no-array"
     with pytest.raises(OptionError):
         read_array([files[0], files[0]])
+
+
+def test_arrays_of_the_axes_of_an_imu_have_si_units():
+    rng = np.random.default_rng(3)
+    x = {f"{axis}[{k}]": rng.normal(size=4000) for axis in ("gyro_x", "accel_z") for k in range(3)}
+    virtual = gmwm.fuse(x, rate=100.0, horizon=1.0)
+    assert (virtual["gyro_x"].unit, virtual["accel_z"].unit) == ("rad/s", "m/s²")
+    figure = virtual.plot()
+    assert any("rad/s" in axes.get_ylabel() for axes in figure.axes)
+    nameless = gmwm.fuse({str(k): rng.normal(size=4000) for k in range(3)}, rate=100.0, horizon=1.0)
+    assert [nameless[axis].unit for axis in nameless.axes] == [""]

@@ -111,7 +111,7 @@ def least_squares(
         `Conic.warm` of a similar problem.
     """
     k = design.shape[1]
-    triangle: Matrix = np.linalg.qr(np.column_stack([design, target]), mode="r")
+    triangle = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"), dtype=np.float64)
     r, reduced = triangle[:k, :k], triangle[:k, k]
     size = float(np.linalg.norm(reduced)) or 1.0
     beyond = float(np.sum(triangle[k:, k] ** 2)) / size**2

@@ -59,6 +59,7 @@ def fuse(
     x : sequence of Imu, or mapping
         A recording at rest of each of d units, sampled together; like axes are fused. Or a mapping of names such as
         "gyro_x[2]" to signals or (N,) arrays. Signals whose names have no brackets are all of one axis.
+        Arrays of the axes of an IMU are in rad/s and m/s².
     rate : float
         Sampling rate (Hz); only for plain arrays.
     horizon : float, optional

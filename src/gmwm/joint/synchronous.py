@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from gmwm._arrays import as_rate, as_vector
+from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError
 from gmwm.filling import fill_gaps
 from gmwm.signals import Imu, Signal
+from gmwm.units import SI_UNIT
 
 
 def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dict[str, Signal]:
@@ -25,7 +27,10 @@ def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dic
     found: dict[str, Signal] = {}
     for name, item in x.items():
         if not isinstance(item, Signal):
-            item = Signal(as_vector(item, name), as_rate(rate), "", name)
+            # As in `Imu.from_arrays`, arrays of the axes of an IMU are in SI units; "gyro_x[2]" is one of an array.
+            axis = name.partition("[")[0].strip()
+            unit = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
+            item = Signal(as_vector(item, name), as_rate(rate), unit, name)
         elif rate is not None and as_rate(rate) != item.rate:
             raise DataError(f"rate={rate:g} contradicts the rate of {name}, {item.rate:g} Hz", argument="rate")
         found[name] = item
