@@ -133,7 +133,7 @@ def test_matrices_are_read_only_and_checked():
         ContinuousStateSpace(A=np.eye(2), Qc=1.0, H=[1.0, 0.0])
     with raises(OptionError, "rate", 0):
         found.discrete(0.0)
-    with raises(MissingTheoryError, "FN", "state space"):
-        Model.parse("FN(b2=1.0) + WN(sigma2=1.0)").continuous(10.0)
+    with raises(MissingTheoryError, "PL", "state space"):
+        Model.parse("PL(alpha=-0.5, nu2=1.0) + WN(sigma2=1.0)").continuous(10.0)
     with raises(ModelError, "GM.beta"):
         Model.parse("GM + WN").state_terms(10.0)

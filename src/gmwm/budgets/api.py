@@ -106,7 +106,7 @@ def budget(
     --------
     >>> found = budget({"gyro_y": "WN(sigma2=1e-6)", "accel_x": "WN(sigma2=1e-4)"}, "60s", rate=100.0)
     >>> f"{found['tilt_y'].error[-1]:.3f} deg, {found['position_x'].error[-1]:.1f} m"
-    '0.044 deg, 1.6 m'
+    '0.044 deg, 6.1 m'
 
     White noise of density N gives a tilt of N √t:
 

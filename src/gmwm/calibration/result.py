@@ -450,7 +450,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         >>> [line for line in text.splitlines() if line.startswith(("gyroscope", "update"))]
         ['gyroscope_noise_density: 6...e-05  # rad/s/sqrt(Hz)', 'gyroscope_random_walk: ...  # rad/s^2/sqrt(Hz)',
          'update_rate: 100.0  # Hz']
-        >>> "K of the accelerometers" in text  # a comment says that it is an upper limit
+        >>> "K of accel_x" in text  # a comment says that it is an upper limit
         True
         """
         from gmwm.exporters import export

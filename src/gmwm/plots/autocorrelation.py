@@ -90,6 +90,13 @@ def plot_autocorrelation(
         If `lags` is not from 1 to the number of samples less one.
     DataError, ModelError
         If the signal has fewer than 8 samples, or all of them are equal.
+
+    Examples
+    --------
+    >>> from gmwm.simulation import example_recording
+    >>> figure = plot_autocorrelation(example_recording()["gyro_x"], lags=40)
+    >>> figure.axes[0].get_ylabel()
+    'Autocorrelation'
     """
     from gmwm.plots.matplotlib import draw
 

@@ -87,6 +87,15 @@ def plot_coefficients(
     ------
     OptionError
         If a level has no coefficients, or the rate is not a positive number.
+
+    Examples
+    --------
+    >>> from gmwm.simulation import example_recording
+    >>> from gmwm.variance import modwt
+    >>> signal = example_recording()["gyro_y"]
+    >>> figure = plot_coefficients(modwt(signal, levels=8), signal.rate, unit=signal.unit, levels=[1, 4, 8])
+    >>> len(figure.axes)
+    3
     """
     from gmwm.plots.matplotlib import draw
 
