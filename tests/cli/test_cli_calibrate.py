@@ -55,12 +55,12 @@ def test_json_is_the_document(gmwm, recording, found):
 
 def test_axes_and_options_reach_the_library(gmwm, recording):
     arguments = ("--axis", "gyro", "--robust", "yes", "--efficiency", 0.8, "--confidence", 0.9, "--seed", 3)
-    arguments += ("--model", "gyro_x=RW")
+    arguments += ("--model", "gyro_x=RW", "--gravity", 9.81, "--tilt", 0.5)
     content = gmwm("calibrate", recording, "--within", "WN + RW", "--weighting", "diagonal", *arguments, "--json").json
     assert list(content["axes"]) == ["gyro_x", "gyro_y", "gyro_z"]
     assert content["settings"] == {
         "within": "WN + RW", "robust": True, "weighting": "diagonal", "criterion": "asymptotic", "confidence": 0.9,
-        "efficiency": 0.8, "draws": 1000, "seed": 3, "against": "auto", "gravity": None, "tilt": None,
+        "efficiency": 0.8, "draws": 1000, "seed": 3, "against": "auto", "gravity": 9.81, "tilt": 0.5,
         "models": {"gyro_x": "RW"},
     }  # fmt: skip
     assert {axis["fit"]["wavelet_variance"]["efficiency"] for axis in content["axes"].values()} == {0.8}

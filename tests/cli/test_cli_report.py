@@ -45,7 +45,7 @@ def test_the_folder_of_a_calibration_stands_for_it(gmwm, results, tmp_path):
     [
         ("results/report.html", "x.html", "results/report.html"),
         ("results/none.json", "x.html", "none.json"),
-        ("results/calibration.json", "x.pdf", ".html"),
+        ("results/calibration.json", "x.txt", ".html"),
         ("results/calibration.json", "none/x.html", "none"),
     ],
 )

@@ -493,7 +493,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
         return budget(self, duration, rest=rest, latitude=latitude, level=level)
 
-    def report(self, path: str | os.PathLike[str]) -> Path:
+    def report(self, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
         """Write the calibration as one self-contained HTML page: verdict, plots, numbers, models, configuration files.
 
         The page makes no network request, and the same calibration gives the same bytes.
@@ -501,7 +501,11 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Parameters
         ----------
         path : path
-            A file name that ends in .html; the file is written whole or not at all.
+            A file name that ends in .html, or in .pdf for a document to print; the file is written whole or not at all.
+            A PDF needs an installed Chromium, except with `one_page`.
+        one_page : bool
+            Only what fits a page: the verdict, N, B, K and the bias of each axis, one plot, the most severe remarks,
+            and the recording with its SHA-256.
 
         Returns
         -------
@@ -511,7 +515,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Raises
         ------
         OptionError
-            If `path` does not end in .html.
+            If `path` ends in neither .html nor .pdf, or a PDF cannot be printed.
         OSError
             If the file cannot be written.
 
@@ -527,7 +531,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         """
         from gmwm.reports import report
 
-        return report(self, path)
+        return report(self, path, one_page=one_page)
 
     def __repr__(self) -> str:
         models = ", ".join(f"{axis}: {fit.model.structure}" for axis, fit in self.items())

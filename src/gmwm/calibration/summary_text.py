@@ -51,7 +51,7 @@ def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, ever
         Show all remarks instead of the five most severe ones.
     """
     equality = equality_remarks(calibration)
-    parts = [_head(calibration), wrapped(calibration.verdict.text(dialect))]
+    parts = [wrapped(calibration.verdict.text(dialect)), _head(calibration)]
     parts += [wrapped(text) for text in texts(equality, dialect, codes=True)]
     for sensor, axes in by_sensor(calibration.axes).items():
         parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])

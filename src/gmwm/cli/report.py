@@ -10,8 +10,13 @@ import typer
 from gmwm.cli.command import command
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import Outcome, calibration_file, progress
+from gmwm.errors import OptionError
 
-EXAMPLES = ("gmwm report results/calibration.json", "gmwm report results/calibration.json --output unit7.html")
+EXAMPLES = (
+    "gmwm report results/calibration.json",
+    "gmwm report results/calibration.json --output unit7.html",
+    "gmwm report results --one-page --pdf",
+)
 
 
 @command
@@ -24,18 +29,31 @@ def report(
             show_default=False,
         ),
     ],
+    one_page: Annotated[
+        bool,
+        typer.Option(
+            "--one-page",
+            help="Only what fits a page: the verdict, four numbers of each axis, one plot, the cautions and the data.",
+        ),
+    ] = False,
+    pdf: Annotated[
+        bool,
+        typer.Option(
+            "--pdf", help="Write a PDF. It needs Chromium or Chrome; with --one-page, Matplotlib draws it without them."
+        ),
+    ] = False,
     output: Annotated[
         Path | None,
         typer.Option(
             "--output",
             "-o",
-            help="Write to this file. Default: report.html in the folder of the calibration.",
+            help="Write to this file. Default: report.html, or one_page.html, in the folder of the calibration.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
     ] = None,
 ) -> Outcome:
-    """Write a calibration as one HTML page that needs no network.
+    """Write a calibration as one HTML page that needs no network, or as a PDF.
 
     The page shows the verdict, the recording, interactive curves, the numbers in SI units and in units of datasheets,
     the comparison of models, outliers, configuration files for other programs, and how to cite gmwm.
@@ -45,5 +63,8 @@ def report(
     file = calibration_file(file)
     with progress("writing the report"):
         found = Calibration.load(file)
-        page = found.report(file.with_name("report.html") if output is None else output)
+        name = f"{'one_page' if one_page else 'report'}.{'pdf' if pdf else 'html'}"
+        if pdf and output is not None and output.suffix.lower() != ".pdf":
+            raise OptionError(argument="output", expected="a file name that ends in .pdf with {--pdf}", got=str(output))
+        page = found.report(file.with_name(name) if output is None else output, one_page=one_page)
     return Outcome(command="report", document={"file": str(file), "written": [str(page)]}, written=(page,))

@@ -118,11 +118,11 @@ def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
     if axes is not None and axes not in RULES:
         raise OptionError(argument="axes", expected=f"one of {', '.join(map(repr, RULES))}", got=axes)
     return ExportOptions(
-        exporter.default_axes if axes is None else axes,
-        _positive("inflation", inflation),
-        checked_horizon(given["horizon"]),
-        None if rate is None else _positive("rate", rate),
-        None if duration is None else _positive("duration", duration),
+        axes=exporter.default_axes if axes is None else axes,
+        inflation=_positive("inflation", inflation),
+        horizon=checked_horizon(given["horizon"]),
+        rate=None if rate is None else _positive("rate", rate),
+        duration=None if duration is None else _positive("duration", duration),
     )
 
 

@@ -264,7 +264,7 @@ class TwoNumbers(Exporter):
                 f"only {', '.join(calibration)}",
                 advice="Calibrate a recording with axes such as gyro_x and accel_x.",
             ).about(self.name)
-        return Noise(gyro, accel, options, topic_of(calibration), calibration.rest)
+        return Noise(gyro, accel, options, topic=topic_of(calibration), rest=calibration.rest)
 
 
 def topic_of(calibration: Calibration) -> str:

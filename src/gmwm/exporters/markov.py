@@ -87,7 +87,7 @@ class _Slow:
             if p.scale > 0 and p.line(rate) is None and WALK in counted(p, one.use, rate)
         }
         slow = np.asarray(np.sum(list(parts.values()), axis=0) if parts else np.zeros(clusters.size))
-        return cls(one, tuple(parts), clusters, slow, one.N.value**2 * rate / clusters)
+        return cls(axis=one, terms=tuple(parts), clusters=clusters, slow=slow, white=one.N.value**2 * rate / clusters)
 
     def unit(self, time: float) -> Vector:
         """Allan variance of a Gauss-Markov process of variance 1."""
@@ -138,7 +138,7 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
                 sigma, error = Number(math.sqrt(variance), False), slow.error(time, variance)
             else:
                 sigma, error = one.K.scaled(math.sqrt(high / 6)), 0.0
-            found[one.axis] = Bias(one.axis, sigma, time, slow.terms, error)
+            found[one.axis] = Bias(axis=one.axis, sigma=sigma, time=time, terms=slow.terms, error=error)
     return found
 
 

@@ -72,8 +72,10 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     wv = next(iter(calibration.axes.values())).fit.wavelet_variance
     total = len(calibration.axes) + len(calibration.failed)
     length = duration_text(wv.samples / wv.rate)
-    yield Remark.of("axes-calibrated", axes=len(calibration.axes), total=total, length=length, rate=f"{wv.rate:g} Hz")
     lost = unusable(calibration)
+    if not lost:  # the headline counts the axes that cannot be used
+        rate = f"{wv.rate:g} Hz"
+        yield Remark.of("axes-calibrated", axes=len(calibration.axes), total=total, length=length, rate=rate)
     for sensor, members in by_sensor(calibration.axes).items():
         if numbers := _numbers({axis: one for axis, one in members.items() if axis not in lost}):
             yield Remark.of("numbers-found", SENSORS.get(sensor, sensor or "Axes"), numbers=numbers)

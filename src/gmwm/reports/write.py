@@ -13,9 +13,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gmwm._files import write_text
+from gmwm._files import write_text, written_whole
 from gmwm.errors import OptionError
 from gmwm.reports.content import report_data
+from gmwm.reports.printing import browser, print_html
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
@@ -24,12 +25,24 @@ if TYPE_CHECKING:
 _IN_SCRIPT = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 
 
-def report(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
-    """Write a calibration as one HTML page: see `Calibration.report`."""
+def report(calibration: Calibration, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
+    """Write a calibration as HTML or PDF: see `Calibration.report`."""
+    from gmwm.reports.one_page import draw_one_page
+    from gmwm.reports.one_page import one_page as short
+
     file = Path(path)
-    if file.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(argument="path", expected="a file name that ends in .html", got=str(path))
-    write_text(file, page(report_data(calibration)))
+    suffix = file.suffix.lower()
+    if suffix not in (".html", ".htm", ".pdf"):
+        raise OptionError(argument="path", expected="a file name that ends in .html or .pdf", got=str(path))
+    data = report_data(calibration) if not one_page else None
+    if suffix != ".pdf":
+        write_text(file, short(calibration) if data is None else page(data))
+        return file
+    with written_whole(file) as new:
+        if data is None and browser() is None:
+            draw_one_page(calibration, new)
+        else:
+            print_html(short(calibration) if data is None else page(data), new)
     return file
 
 

@@ -3,7 +3,7 @@
   const pictures = JSON.parse(document.getElementById("pictures").textContent);
   const places = [...document.querySelectorAll("[data-picture]")];
   const chosen = { view: "allan", units: "datasheet" };
-  const printed = 680; // CSS pixels between the margins of A4
+  const printed = { whole: 680, half: 330 }; // CSS pixels between the margins of A4, and of one of two pictures
   let printing = false;
   const font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif';
 
@@ -17,24 +17,32 @@
   function layoutOf(picture, width) {
     const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
     // Plotly limits the legend to the width of the panel; entries that do not fit go to the next row.
-    const entry = Math.min(width - 90, 70 + 7 * longest);
+    const entry = Math.min(width - 90, printing ? 50 + 4.6 * longest : 70 + 7 * longest);
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor((width - 80) / entry)));
-    const foot = 66 + 20 * rows;
+    const foot = printing ? 54 + 15 * rows : 66 + 20 * rows;
+    const layout = structuredClone(picture.layout);
+    for (const [name, axis] of Object.entries(layout)) {
+      if (printing && name.startsWith("yaxis") && axis.title) axis.title.font = { size: 8 };
+    }
     return {
-      ...structuredClone(picture.layout),
-      width, height: (printing ? 240 : 330) + foot, autosize: false,
-      margin: { l: 64, r: 14, t: 26, b: foot, pad: 0 },
-      font: { family: font, size: 12, color: "#1b1f24" },
+      ...layout,
+      width, height: (printing ? (width > printed.half ? 150 : 115) : 330) + foot, autosize: false,
+      margin: { l: 64, r: 14, t: printing ? 18 : 26, b: foot, pad: 0 },
+      font: { family: font, size: printing ? 10 : 12, color: "#1b1f24" },
       paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff",
       hovermode: "closest", dragmode: false, hoverlabel: { align: "left", bgcolor: "#ffffff", font: { size: 13 } },
-      legend: { orientation: "h", x: 0, xref: "container", y: 0, yref: "container", yanchor: "bottom",
-                entrywidth: entry - 50, traceorder: "normal", font: { size: 11.5 } },
+      legend: { orientation: "h", maxheight: 1000, x: 0, xref: "container", y: 0, yref: "container", yanchor: "bottom",
+                entrywidth: entry - 50, traceorder: "normal", font: { size: printing ? 9 : 11.5 } },
     };
   }
 
   // A hidden curve stays hidden in another view. Its name may differ there, but its place in the legend does not.
   function hiddenIn(place) {
     return new Set((place.data || []).filter((t) => t.visible === "legendonly").map((t) => t.legendrank));
+  }
+
+  function paper(place) {
+    return place.closest(".pair") ? printed.half : printed.whole;
   }
 
   function draw(place) {
@@ -46,7 +54,7 @@
     }
     const config = { displaylogo: false, displayModeBar: false, responsive: false };
     place.style.minHeight = "0";
-    return Plotly.react(place, data, layoutOf(picture, printing ? printed : place.clientWidth), config);
+    return Plotly.react(place, data, layoutOf(picture, printing ? paper(place) : place.clientWidth), config);
   }
 
   function drawAll() {
@@ -99,16 +107,11 @@
     drawAll();
   });
 
-  let closed = [];
   window.addEventListener("beforeprint", () => {
-    // Configuration files are printed only if they are open.
-    closed = [...document.querySelectorAll("details:not([open], .file)")];
-    for (const one of closed) one.open = true;
     printing = true;
     drawAll();
   });
   window.addEventListener("afterprint", () => {
-    for (const one of closed) one.open = false;
     printing = false;
     drawAll();
   });

@@ -1,0 +1,75 @@
+"""The page to hand over, and PDFs: one page, the verdict first, and never a verdict that contradicts another."""
+
+import dataclasses
+import re
+
+import pytest
+
+import gmwm
+from gmwm.calibration.findings import unusable
+from gmwm.errors import OptionError
+from gmwm.plots.labels import axis_title
+from gmwm.reports import printing, report_data
+from gmwm.reports.one_page import MOST, one_page, one_page_data
+from gmwm.reports.write import page
+from tests.helpers import raises
+
+PAGES = re.compile(rb"/Type\s*/Page\b(?!s)")
+needs_browser = pytest.mark.skipif(printing.browser() is None, reason="needs Chromium")
+
+
+def test_it_has_the_verdict_four_numbers_a_plot_and_the_data(calibration):
+    data = one_page_data(calibration)
+    assert data["headline"] == report_data(calibration)["verdict"]["headline"]
+    assert [row[0] for row in data["rows"][1:]] == [axis_title(axis) for axis in calibration]
+    for row, (axis, sheet) in zip(data["rows"][1:], calibration.datasheets.items(), strict=True):
+        assert row[2] == sheet["N"].text()
+        assert row[5] == "tilt unknown" or calibration.rest[axis].bias is not None
+    assert len(data["cautions"]) <= MOST + 1
+    html = one_page(calibration)
+    assert html.index(data["headline"]) < html.index("<table>") < html.index("data:image/png;base64,")
+    assert "<script" not in html
+
+
+def test_names_from_files_are_escaped(hostile):
+    html = one_page(hostile)
+    assert "<script" not in html
+    assert "onerror=" not in html.replace("onerror=&", "")
+
+
+def test_matplotlib_draws_the_page_without_a_browser(calibration, tmp_path, monkeypatch):
+    monkeypatch.setattr("gmwm.reports.write.browser", lambda: None)
+    monkeypatch.setattr("gmwm.reports.printing.browser", lambda: None)
+    file = calibration.report(tmp_path / "unit.pdf", one_page=True)
+    content = file.read_bytes()
+    assert content.startswith(b"%PDF")
+    assert len(PAGES.findall(content)) == 1
+    with raises(OptionError, "Chromium", argument="path"):
+        calibration.report(tmp_path / "long.pdf")
+    assert [one.name for one in tmp_path.iterdir()] == ["unit.pdf"]
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.browser
+def test_a_browser_prints_one_page_and_a_short_report(calibration, tmp_path):
+    assert len(PAGES.findall(calibration.report(tmp_path / "one.pdf", one_page=True).read_bytes())) == 1
+    long = len(PAGES.findall(calibration.report(tmp_path / "long.pdf").read_bytes()))
+    # A page for each axis, two for the summary and one for the rest: ten for six axes.
+    assert long <= len(calibration) + 4
+
+
+@pytest.mark.slow
+def test_no_verdict_contradicts_another():
+    truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
+    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, rng=4), "WN")
+    assert unusable(found) == ["gyro_y"]
+    data = report_data(found)
+    assert "axes-calibrated" not in {point["code"] for point in data["verdict"]["points"]}
+    # The same words come first on the page, on the terminal and in the report.
+    first = found.summary().split("\n\n")[0].replace("\n", " ")
+    assert first == found.verdict.text()
+    assert one_page_data(found)["rows"][2][0] == "Gyroscope Y (cannot be used)"
+    assert page(data).index("cannot be used") < page(data).index("The recording")
+    failed = dataclasses.replace(found, failed={"gyro_z": "the signal is constant"})
+    assert one_page_data(failed)["rows"][-1][:2] == ["Gyroscope Z (not calibrated)", "the signal is constant"]
