@@ -183,3 +183,9 @@ def test_a_sensor_of_a_recording_is_a_recording():
     assert Imu.from_arrays({"accel_y": [1.0, 2.0]}, 50)["accel"].axes == ("accel_y",)
     with raises(DataError, "gyro_x", "gyro_y", "gyro_z", "'accel'", argument="axis"):
         imu["gyro"]["accel"]
+
+
+def test_samples_at_odd_addresses_are_copied():
+    odd = np.frombuffer(bytearray(801), np.uint8)[1:].view(np.float64)
+    assert not odd.flags.aligned
+    assert Signal(odd, 100.0).values.flags.aligned

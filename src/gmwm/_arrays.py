@@ -58,6 +58,8 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
         if array.dtype.kind not in "fiub":
             raise TypeError(f"dtype {array.dtype}")
         vector = np.ascontiguousarray(array, dtype=np.float64)
+        if not vector.flags.aligned:  # for example, a part of a file in memory
+            vector = vector.copy()
     except (TypeError, ValueError) as error:
         message = f"{name} must be real numbers; got {type(values).__name__} ({error})"
         raise DataError(message, argument=name, got=values) from error
