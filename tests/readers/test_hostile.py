@@ -3,14 +3,17 @@
 import bz2
 import contextlib
 import os
+import re
 import subprocess
 import sys
 import time
 import tracemalloc
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
 import gmwm
 from gmwm.errors import DataError, ReadError
@@ -166,6 +169,21 @@ def test_an_array_that_is_cut_while_it_is_read_is_an_error(tmp_path, order):
         file.truncate(5000)
     with raises(ReadError, path, code="changed"):
         list(source)
+
+
+def test_a_matlab_file_that_is_cut_while_it_is_read_is_read_or_an_error(tmp_path):
+    scipy.io.savemat(path := tmp_path / "static.mat", {"gyro": np.random.default_rng(1).normal(size=(3000, 3))})
+    source = gmwm.stream(path, 100.0, units=UNITS)
+    with path.open("r+b") as file:
+        file.truncate(5000)
+    with contextlib.suppress(ReadError):
+        assert sum(map(len, source)) == 3000
+
+
+def test_no_reader_maps_files():
+    """The process is killed if a mapped file is cut while it is read."""
+    sources = Path(gmwm.__file__).parent.rglob("*.py")
+    assert [path.name for path in sources if re.search(r"\b(mmap|memmap|mmap_mode)\b", path.read_text("utf-8"))] == []
 
 
 @pytest.mark.parametrize("shape", ["(True,)", "(-1, 6)", f"(0, {1 << 70})", "(3, 2.0)"])

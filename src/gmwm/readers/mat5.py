@@ -9,7 +9,6 @@ Source: The MathWorks, MAT-File Format (Level 5).
 
 from __future__ import annotations
 
-import mmap
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,15 +45,15 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     ReadError
         If the file is cut off or damaged, or decompresses to more than any recording.
     """
-    with path.open("rb") as file:
-        head = file.read(_HEADER)
-        if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
-            raise ReadError(
-                f"{path} is not a complete MATLAB file: its header is cut off or damaged",
-                code="incomplete",
-                advice="Copy the file again.",
-            )
-        data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    # Not mapped: if a mapped file is cut while it is read, the process is killed.
+    data = memoryview(path.read_bytes())
+    head = bytes(data[:_HEADER])
+    if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
+        raise ReadError(
+            f"{path} is not a complete MATLAB file: its header is cut off or damaged",
+            code="incomplete",
+            advice="Copy the file again.",
+        )
     order = "<" if head[126:128] == b"IM" else ">"
     packed = unpacked = 0
     at = _HEADER

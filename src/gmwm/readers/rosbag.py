@@ -47,7 +47,7 @@ _ELEMENT = re.compile(r"(.*)\[([012])\]")
 _TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"
 _SENSORS = {"angular_velocity": "gyro", "linear_acceleration": "accel"}
 _PEEK = 64  # first messages by which a sensor that is zero throughout is recognised; noise is never zero in 64 samples
-_YAML_LIMIT = 4 << 20  # bytes: a metadata.yaml lists one line for each file and topic
+_YAML_LIMIT = 1 << 20  # bytes: a metadata.yaml lists one line for each file and topic; a larger one takes 10 s
 _FILES = 10_000  # files of a recording: a bag is split into parts of some hundred MB at least
 _PACKED = (".db3.zstd", ".mcap.zstd")
 
