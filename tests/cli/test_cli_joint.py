@@ -102,3 +102,13 @@ def test_joint(gmwm, recordings, tmp_path):
     assert "WN is shared" in text.out
     assert gmwm("joint", path, "--model", "shared(WN)", "--levels", "x").code == 2
     assert gmwm("joint", path, "--model", "shared(WN").code == 2
+
+
+@pytest.mark.slow
+def test_cross_of_a_file_in_chunks(gmwm, recording):
+    given = ("cross", recording, "--axis", "gyro", "--json")
+    whole, chunked = (gmwm(*given, "--chunked", how).json for how in ("no", "yes"))
+    assert whole["axes"] == chunked["axes"] == ["gyro_x", "gyro_y", "gyro_z"]
+    assert whole["pairs"].keys() == chunked["pairs"].keys()
+    for pair, own in whole["pairs"].items():
+        assert own["correlation"] == pytest.approx(chunked["pairs"][pair]["correlation"], rel=1e-6, abs=1e-9)

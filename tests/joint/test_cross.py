@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm import batches
 from gmwm.covariance.design import Design
 from gmwm.errors import DataError, OptionError
 from gmwm.joint.cross import _freedom, _Noise, cross
@@ -15,6 +16,7 @@ from gmwm.joint.pairs import Pairs
 from gmwm.multiple_tests import holm
 from gmwm.processes.model import Model
 from gmwm.variance import wavelet_variance
+from tests.helpers import raises
 
 RATE = 50.0
 
@@ -190,3 +192,34 @@ def test_the_curves_are_those_of_the_wavelet_variance():
     found = cross(x, RATE)
     for name, values in x.items():
         assert np.allclose(found.variance[name], wavelet_variance(values, RATE).variance)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_stream_has_the_covariances_of_memory(tmp_path, monkeypatch, robust):
+    """Also with lost samples, in batches of any size, and where coarse levels use a part of the coefficients."""
+    rng = np.random.default_rng(8)
+    n = 20_000
+    table = np.cumsum(0.05 * rng.normal(size=n))
+    kept = rng.random(n) > 0.01
+    kept[9000:12_500] = False
+    shares = {"gyro_x": 1.0, "gyro_y": -0.5, "gyro_z": 0.1}
+    x = {axis: rng.normal(size=n) + share * table for axis, share in shares.items()}
+    text = np.column_stack([np.arange(n) / 100, *x.values()])[kept]
+    head = "time [s],gyro_x,gyro_y,gyro_z"
+    np.savetxt(tmp_path / "a.csv", text, delimiter=",", fmt="%.9g", header=head, comments="")
+    units = {"gyro": "rad/s"}
+    expected = gmwm.cross(gmwm.read(tmp_path / "a.csv", units=units), robust=robust)
+    for size in (1 << 21, 5000):
+        monkeypatch.setattr(batches, "BATCH", size)
+        found = gmwm.cross(gmwm.stream(tmp_path / "a.csv", units=units, chunk=777), robust=robust)
+        assert (found.axes, found.units, found.samples) == (expected.axes, expected.units, expected.samples)
+        for pair in expected.covariance:
+            np.testing.assert_allclose(found.covariance[pair], expected.covariance[pair], rtol=1e-8, atol=1e-10)
+            np.testing.assert_allclose(found.pvalues[pair], expected.pvalues[pair], rtol=1e-6)
+    two = gmwm.cross(gmwm.stream(tmp_path / "a.csv", units=units), axes=["gyro_x", "gyro_z"], robust=robust)
+    np.testing.assert_allclose(
+        two.covariance["gyro_x", "gyro_z"], expected.covariance["gyro_x", "gyro_z"], rtol=1e-8, atol=1e-10
+    )
+    with raises(OptionError, argument="axes"):
+        gmwm.cross(gmwm.stream(tmp_path / "a.csv", units=units), axes="gyro_x")

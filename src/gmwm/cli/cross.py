@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.cli.command import command
+from gmwm.cli.measuring import Chunked, opened
 from gmwm.cli.options import RESULT, Efficiency
-from gmwm.cli.output import NewFile, Outcome, tell_inspection, text_file
-from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.output import NewFile, Outcome, progress, tell_inspection, text_file
+from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def cross(
         ),
     ] = False,
     efficiency: Efficiency = None,
+    chunked: Chunked = "auto",
     size: Annotated[
         float,
         typer.Option(help="Significance level of all tests together.", rich_help_panel="Estimation"),
@@ -55,9 +57,12 @@ def cross(
     """
     from gmwm.joint import cross
 
-    recording = load(file, reading)
-    signals = chosen_axes(recording, axis)
-    found = cross(signals, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size)
+    recording = opened(file, reading, chunked)
+    axes = chosen_names(recording.axes, axis)
+    with progress("measuring"):
+        found = cross(
+            recording, axes=axes, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size
+        )
     tell_inspection(recording)
     files = [] if csv is None else [text_file(csv, _csv_text(found))]
     if plot is not None:

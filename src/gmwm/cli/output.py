@@ -22,6 +22,7 @@ from gmwm.remarks import Dialect, Remark, Severity, brief
 from gmwm.remarks.rendering import MOST
 
 if TYPE_CHECKING:
+    from gmwm.readers.streams import Stream
     from gmwm.regression.conditions import Conditions
     from gmwm.signals import Imu
 
@@ -307,7 +308,7 @@ def tell(remark: Remark) -> None:
     warnings.warn(GmwmWarning(remark), stacklevel=2)
 
 
-def tell_inspection(imu: Imu, against: str = NONE) -> Conditions:
+def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     """Inspect a recording, and add the remarks about motion, knocks and the like to the warnings of the command.
 
     Returns

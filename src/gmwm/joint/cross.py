@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,11 +18,13 @@ from gmwm.joint.delays import delays_of
 from gmwm.joint.matrices import measured, product_moment, units_of
 from gmwm.joint.pairs import Pairs, pairs_of
 from gmwm.joint.result import CrossCovariance
-from gmwm.joint.synchronous import synchronous_signals
+from gmwm.joint.streamed import Curves, streamed_curves
+from gmwm.joint.synchronous import chosen_names, synchronous_signals
 from gmwm.multiple_tests import holm
 from gmwm.options import as_confidence, as_size
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
+from gmwm.readers.streams import Stream
 from gmwm.signals import Imu, Signal
 from gmwm.variance.biweight import require_robust
 
@@ -33,9 +35,10 @@ LEAST_ROBUST = 8.0
 
 
 def cross(
-    x: Imu | Mapping[str, Signal | ArrayLike],
+    x: Imu | Stream | Mapping[str, Signal | ArrayLike],
     rate: float | None = None,
     *,
+    axes: str | Sequence[str] | None = None,
     robust: bool = False,
     efficiency: float = 0.6,
     size: float = 0.05,
@@ -58,10 +61,13 @@ def cross(
 
     Parameters
     ----------
-    x : Imu, or mapping of name to Signal or (N,) array
-        Two or more signals that were sampled together: of one rate, one length, and with the same gaps.
+    x : Imu, Stream, or mapping of name to Signal or (N,) array
+        Two or more signals that were sampled together: of one rate, one length, and with the same gaps. A Stream is
+        read in bounded memory: once, or up to four times for robust estimates.
     rate : float
         Sampling rate (Hz); only for plain arrays.
+    axes : str or sequence of str, optional
+        The signals to use, such as "gyro" or ["gyro_x", "accel_z"]; all by default.
     robust : bool
         Whether to use the robust estimates of ν²_{a+b} and ν²_{a−b}: outliers that two axes have in common are no
         shared noise then. The variance of γ̂ is exact if the spectra of the two axes have the same shape.
@@ -101,14 +107,11 @@ def cross(
     require_robust(robust, efficiency)
     size = as_size(size)
     as_confidence(confidence)
-    signals = synchronous_signals(x, rate)
-    names = list(signals)
-    own = {name: measured(signal, robust, efficiency) for name, signal in signals.items()}
-    unit = units_of(own)
+    own, moments, signals = _curves(x, rate, axes, robust=robust, efficiency=efficiency)
+    names = list(own)
     design = Design.of(next(iter(own.values())))
     models = {name: _Noise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
               for name, wv in own.items()}  # fmt: skip
-    moments = {pair: product_moment(signals, own, unit, pair=pair) for pair in pairs_of(names)}
     freedom = {(a, b): _freedom(models[a], models[b], design) for a, b in moments}
     correlation = {
         (a, b): np.clip(gamma / np.sqrt(own[a].variance * own[b].variance), -1.0, 1.0)
@@ -123,7 +126,7 @@ def cross(
     first = own[names[0]]
     return CrossCovariance(
         axes=tuple(names),
-        units={name: signal.unit for name, signal in signals.items()},
+        units={name: wv.unit for name, wv in own.items()},
         levels=first.levels,
         rate=first.rate,
         samples=first.samples,
@@ -139,6 +142,28 @@ def cross(
         confidence=confidence,
         efficiency=efficiency if robust else None,
     )
+
+
+def _curves(
+    x: Imu | Stream | Mapping[str, Signal | ArrayLike],
+    rate: float | None,
+    axes: str | Sequence[str] | None,
+    *,
+    robust: bool,
+    efficiency: float,
+) -> Curves:
+    """Measure the wavelet variances and cross-covariances of the chosen signals."""
+    if isinstance(x, Stream):
+        chosen = chosen_names(x.axes, axes)
+        found = streamed_curves(x, chosen, robust=robust, efficiency=efficiency)
+        units_of(found.own)  # checks that every level has a variance
+        return found
+    signals = synchronous_signals(x, rate)
+    signals = {name: signals[name] for name in chosen_names(tuple(signals), axes)}
+    own = {name: measured(signal, robust, efficiency) for name, signal in signals.items()}
+    unit = units_of(own)
+    moments = {pair: product_moment(signals, own, unit, pair=pair) for pair in pairs_of(list(signals))}
+    return Curves(own, moments, signals)
 
 
 class _Noise(NamedTuple):

@@ -15,7 +15,7 @@ from gmwm.joint.matrices import WaveletMatrices, wavelet_matrices
 from gmwm.joint.moments import lag_products, moment_covariance, stacked, symmetric
 from gmwm.joint.problem import JointProblem
 from gmwm.joint.search import Found, resume, search
-from gmwm.joint.synchronous import synchronous_signals
+from gmwm.joint.synchronous import chosen_names, synchronous_signals
 from gmwm.joint.terms import JointTerm
 from gmwm.signals import Imu, Signal
 
@@ -177,13 +177,7 @@ def chosen_signals(
         If the signals are not synchronous, or too many or too few; or an axis does not exist.
     """
     signals = synchronous_signals(x, rate)
-    if axes is not None:
-        wanted = [axes] if isinstance(axes, str) else list(axes)
-        known = [name for name in signals if any(name == one or name.startswith(f"{one}_") for one in wanted)]
-        missing = [one for one in wanted if not any(name == one or name.startswith(f"{one}_") for name in known)]
-        if missing or len(known) < 2:
-            raise OptionError(argument="axes", expected=f"two or more of {', '.join(signals)}", got=axes)
-        signals = {name: signals[name] for name in known}
+    signals = {name: signals[name] for name in chosen_names(tuple(signals), axes)}
     if len(signals) > MOST_SIGNALS:
         raise DataError(f"a joint model has at most {MOST_SIGNALS} signals; got {len(signals)}", argument="x")
     return signals

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,7 +99,16 @@ def product_moment(
         values = unit[a] * signals[a].values + sign * unit[b] * signals[b].values
         both = replace(signals[a], values=values)
         curves.append(measured(both, robust, own[a].efficiency or 0.6).variance)
-    if robust:
+    return moment_of(curves, own, unit, pair=pair)
+
+
+def moment_of(
+    curves: Sequence[Vector], own: Mapping[str, WaveletVariance], unit: Mapping[str, float], *, pair: tuple[str, str]
+) -> Vector:
+    """γ̂_j (J,) of a pair, in u_a u_b, from the variances of the sum of the scaled signals, and of their difference if
+    it was measured."""
+    a, b = pair
+    if len(curves) == 2:
         gamma = (curves[0] - curves[1]) / 4
     else:
         # The difference is known from the curves of the two signals: ν²₊ + ν²₋ = 2 (ν_a² + ν_b²).

@@ -152,7 +152,7 @@ def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, acc
         u, now = there, new
         if settled:
             break
-    return Found(u, now.sigmas, now.objective, now.gap, now.warm)
+    return Found(u, now.sigmas, now.objective, now.gap, warm=now.warm)
 
 
 def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
@@ -192,7 +192,7 @@ def polish(problem: JointProblem, found: Found) -> Found:
         xtol=1e-12, gtol=1e-12, max_nfev=300,
     )  # fmt: skip
     u, sigmas = factors.of(solved.x)
-    return Found(u, sigmas, 2 * float(solved.cost), 0.0, found.warm)
+    return Found(u, sigmas, 2 * float(solved.cost), warm=found.warm)
 
 
 class _Factors:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gmwm._arrays import as_rate, as_vector
 from gmwm.axis_names import AXES, axis_quantity
-from gmwm.errors import DataError
+from gmwm.errors import DataError, OptionError
 from gmwm.filling import fill_gaps
 from gmwm.signals import Imu, Signal
 from gmwm.units import SI_UNIT
@@ -51,3 +51,21 @@ def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dic
                     advice="Pass signals that were sampled together.",
                 )  # fmt: skip
     return fill_gaps(found) if fill else found
+
+
+def chosen_names(names: Sequence[str], axes: str | Sequence[str] | None) -> list[str]:
+    """The signals that `axes` selects, by name or by sensor; all by default.
+
+    Raises
+    ------
+    OptionError
+        If one does not exist, or fewer than two are left.
+    """
+    if axes is None:
+        return list(names)
+    wanted = [axes] if isinstance(axes, str) else list(axes)
+    known = [name for name in names if any(name == one or name.startswith(f"{one}_") for one in wanted)]
+    missing = [one for one in wanted if not any(name == one or name.startswith(f"{one}_") for name in known)]
+    if missing or len(known) < 2:
+        raise OptionError(argument="axes", expected=f"two or more of {', '.join(names)}", got=axes)
+    return known
