@@ -38,6 +38,12 @@ _WORDS = re.compile(rb"(?i)n/?a\b|null|none")
 OR_SKIP = " To count such lines as lost samples, pass {--bad_lines=skip}."
 
 
+def _has_words(block: bytes) -> bool:
+    """Return whether a block contains a word for a missing number; all of them begin with N."""
+    # The search for a byte takes a hundredth of the time of the regular expression.
+    return (b"n" in block or b"N" in block) and _WORDS.search(block) is not None
+
+
 class RowParser:
     """Parse blocks of text into arrays."""
 
@@ -144,7 +150,7 @@ class RowParser:
             return None
         try:
             # Polars finds the number of columns in the first line, even if it is blank.
-            many = b"\n\n" in block or b"\n\r\n" in block
+            many = b"\n\n" in block or (b"\r" in block and b"\n\r\n" in block)
             frame = self._frame_or_none(_without_blank_lines(block) if many else _BLANK_BEGIN.sub(b"", block, count=1))
             if frame is not None and any(series.null_count() for series in frame):
                 frame = self._frame_or_none(
@@ -176,7 +182,7 @@ class RowParser:
                 # Polars searches every line for the comment sign, so it is passed only if there is one.
                 comment_prefix=self.dialect.comment if self.sign and self.sign in block else None,
                 quote_char='"' if b'"' in block else None,
-                null_values=list(MISSING_WORDS) if _WORDS.search(block) else None,
+                null_values=list(MISSING_WORDS) if _has_words(block) else None,
             )
         except pl.exceptions.NoDataError:
             return None
