@@ -365,6 +365,7 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
     diagnostics = Diagnostics(
         acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
     )
+    decomposition = model.decomposition(wv.levels, wv.rate, wv.filter)
     return Fit(
         wavelet_variance=wv,
         model=model,
@@ -372,8 +373,8 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
         objective=solution.objective,
         lower_bound=solution.lower_bound,
         relaxed_bound=solution.relaxed_bound,
-        implied=model.wavelet_variance(wv.levels, wv.rate, wv.filter),
-        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
+        implied=np.asarray(sum(decomposition.values()), dtype=np.float64),
+        decomposition=decomposition,
         weighting=weighting,
         weighting_matrix=problem.matrix,
         diagnostics=diagnostics,

@@ -12,16 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from gmwm._arrays import Matrix, Vector
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Design, covariance, variances
 from gmwm.covariance.mixture import mixture
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import Solution, estimated, final, resume, solve
 from gmwm.estimation.weighting import precision, weighting_matrix
+from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
@@ -156,7 +158,16 @@ def settle(
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
-    """Fit with weights that have nearly converged, to compare models; also return V (J, J), which determines them."""
+    """Fit with weights that have nearly converged, to compare models; also return V (J, J), which determines them.
+
+    The last fits are kept, because a search for a model and the ranking after it begin with the same fit.
+    """
+    return _nearly_settled(model.processes, wv, weighting)
+
+
+@lru_cache(maxsize=12)
+def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
+    model = Model(processes)
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
@@ -167,7 +178,7 @@ def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[S
             raise _no_noise(model)
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         solution = resume(problem, solution)
-    return Settled(problem, solve(problem, certify=False, near=solution)), wavelet
+    return Settled(problem, solve(problem, certify=False, near=solution)), freeze(wavelet)
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:

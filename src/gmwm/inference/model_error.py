@@ -162,7 +162,7 @@ def model_error(fit: Fit) -> float:
 
 def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
     """Return the wavelet variance with a relative error of the model at each level."""
-    return replace(wv, model_error=error)
+    return wv if error == wv.model_error else replace(wv, model_error=error)
 
 
 def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:

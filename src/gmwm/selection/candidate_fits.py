@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -53,6 +54,11 @@ class Explored:
 
     def __post_init__(self) -> None:
         freeze(self.wavelet)
+
+    @cached_property
+    def columns(self) -> tuple[Matrix, int]:
+        """The result of `relaxed_columns`, which all tests of equivalence use."""
+        return relaxed_columns(self)
 
 
 def explore(
@@ -163,10 +169,12 @@ class _Exploration:
 
     def mend(self) -> None:
         """Replace a solution whose objective is larger than the objective of a model that it contains."""
-        for key, found in sorted(self.solved.items(), key=lambda item: sum(item[1].structure.values())):
+        for key, found in sorted(self.solved.items(), key=lambda item: item[1].structure.total()):
             square, reached = found.problem.unit**2, found.solution.objective
+            most = found.structure.total()
             lower = sorted(
-                (p for p in self.solved.values() if p.solution.objective < reached), key=lambda p: p.solution.objective
+                (p for p in self.solved.values() if p.solution.objective < reached and p.structure.total() <= most),
+                key=lambda p: p.solution.objective,
             )
             best = next((p for p in lower if of_lower_order(p.structure, found.structure)), found)
             if not found.problem.as_low(reached / square, best.solution.objective / square, NOT_LOWER):

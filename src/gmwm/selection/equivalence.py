@@ -29,7 +29,7 @@ from gmwm.estimation.reweighting import Settled, drawn_covariance
 from gmwm.estimation.solver import solve
 from gmwm.estimation.weighting import precision, square_root
 from gmwm.inference.criterion import optimism
-from gmwm.selection.candidate_fits import Explored, relaxed_columns
+from gmwm.selection.candidate_fits import Explored
 from gmwm.selection.structure import without_values
 
 SPARE = 1e-8
@@ -126,7 +126,7 @@ class Hypothesis:
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
         """Unit vectors (n, J) of all processes, and the number of processes without a search, which come first."""
-        shapes, linear = relaxed_columns(self.explored)
+        shapes, linear = self.explored.columns
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
 
