@@ -74,6 +74,10 @@ def test_import_stays_light() -> None:
     command = [sys.executable, "-c", "import sys, gmwm; print(*sys.modules)"]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     assert "gmwm" in loaded
+    assert [name for name in loaded if name.startswith(("gmwm.", "numpy"))] == []
+    command[2] = "import sys, gmwm; [getattr(gmwm, name) for name in gmwm.__all__]; print(*sys.modules)"
+    loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert "gmwm.calibration" in loaded
     assert [name for name in HEAVY if name in loaded] == []
 
 

@@ -1,5 +1,6 @@
 """What `gmwm` and its packages offer: few names, each in one place, and one way to do each thing."""
 
+import ast
 import inspect
 import pydoc
 from importlib import import_module
@@ -26,6 +27,14 @@ def test_the_package_has_about_fifty_names():
     assert len(set(gmwm.__all__)) == len(gmwm.__all__)
     visible = {name for name in dir(gmwm) if name[0] != "_" and not inspect.ismodule(getattr(gmwm, name))}
     assert visible == set(gmwm.__all__)
+
+
+def test_names_come_from_the_packages_that_type_checkers_see():
+    blocks = [node for node in ast.parse(inspect.getsource(gmwm)).body if isinstance(node, ast.If)]
+    imports = [node for node in blocks[0].body if isinstance(node, ast.ImportFrom) and node.module != "gmwm"]
+    seen = {name.name: node.module for node in imports for name in node.names}
+    assert seen == {name: f"gmwm.{package}" for package, names in gmwm._NAMES.items() for name in names}
+    assert set(seen) == set(gmwm.__all__)
 
 
 def test_help_lists_every_function_and_class():

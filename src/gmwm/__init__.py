@@ -32,53 +32,57 @@ process, which is in 1/s. Levels count from 1; the scale of level j is τ_j = 2^
 averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
 """
 
-# Packages of results and special purposes that nothing below imports.
-from gmwm import exporters as exporters
-from gmwm import reports as reports
-from gmwm.calibration import Calibration, agree, calibrate
-from gmwm.errors import GmwmError
-from gmwm.estimation import Fit, fit
-from gmwm.fleets import fleet
-from gmwm.inference import plan
-from gmwm.inspection import inspect
-from gmwm.joint import cross, fit_joint, fuse, same
-from gmwm.likelihood import fit_ml
-from gmwm.monitor import Monitor
-from gmwm.outliers import contamination
-from gmwm.plots import compare
-from gmwm.processes import (
-    AR,
-    AR1,
-    ARMA,
-    DR,
-    FGN,
-    FN,
-    GM,
-    MA,
-    MAT,
-    PL,
-    QN,
-    RW,
-    SARMA,
-    SIN,
-    WN,
-    Model,
-    fixed,
-)  # fmt: skip
-from gmwm.readers import read, stream
-from gmwm.selection import rank, select
-from gmwm.signals import Imu, Signal
-from gmwm.simulation import simulate, simulate_signal
-from gmwm.spectrum import psd
-from gmwm.variance import (
-    WaveletAccumulator,
-    WaveletVariance,
-    allan_variance,
-    avlr,
-    hadamard_variance,
-    total_variance,
-    wavelet_variance,
-)
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    # Packages of results and special purposes that nothing below imports.
+    from gmwm import exporters as exporters
+    from gmwm import reports as reports
+    from gmwm.calibration import Calibration, agree, calibrate
+    from gmwm.errors import GmwmError
+    from gmwm.estimation import Fit, fit
+    from gmwm.fleets import fleet
+    from gmwm.inference import plan
+    from gmwm.inspection import inspect
+    from gmwm.joint import cross, fit_joint, fuse, same  # type: ignore[no-redef]  # modules have these names too
+    from gmwm.likelihood import fit_ml
+    from gmwm.monitor import Monitor
+    from gmwm.outliers import contamination
+    from gmwm.plots import compare
+    from gmwm.processes import (
+        AR,
+        AR1,
+        ARMA,
+        DR,
+        FGN,
+        FN,
+        GM,
+        MA,
+        MAT,
+        PL,
+        QN,
+        RW,
+        SARMA,
+        SIN,
+        WN,
+        Model,
+        fixed,
+    )  # fmt: skip
+    from gmwm.readers import read, stream
+    from gmwm.selection import rank, select
+    from gmwm.signals import Imu, Signal
+    from gmwm.simulation import simulate, simulate_signal
+    from gmwm.spectrum import psd
+    from gmwm.variance import (
+        WaveletAccumulator,
+        WaveletVariance,
+        allan_variance,
+        avlr,
+        hadamard_variance,
+        total_variance,
+        wavelet_variance,
+    )
 
 __version__ = "0.1.0"
 
@@ -134,3 +138,50 @@ __all__ = [
     "total_variance",
     "wavelet_variance",
 ]  # fmt: skip
+
+_NAMES = {
+    "calibration": ("Calibration", "agree", "calibrate"),
+    "errors": ("GmwmError",),
+    "estimation": ("Fit", "fit"),
+    "fleets": ("fleet",),
+    "inference": ("plan",),
+    "inspection": ("inspect",),
+    "joint": ("cross", "fit_joint", "fuse", "same"),
+    "likelihood": ("fit_ml",),
+    "monitor": ("Monitor",),
+    "outliers": ("contamination",),
+    "plots": ("compare",),
+    "processes": (
+        "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Model",
+        "fixed",
+    ),
+    "readers": ("read", "stream"),
+    "selection": ("rank", "select"),
+    "signals": ("Imu", "Signal"),
+    "simulation": ("simulate", "simulate_signal"),
+    "spectrum": ("psd",),
+    "variance": (
+        "WaveletAccumulator", "WaveletVariance", "allan_variance", "avlr", "hadamard_variance", "total_variance",
+        "wavelet_variance",
+    ),
+}  # fmt: skip
+"""Names of `__all__` by package. A package is imported when one of its names is used: all of them take 0.4 s."""
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Import a name of `__all__` or a package."""
+        package = next((package for package, names in _NAMES.items() if name in names), None)
+        if package is not None:
+            found = globals()[name] = getattr(import_module(f"gmwm.{package}"), name)
+            return found
+        if not name.startswith("_"):
+            try:
+                return import_module(f"gmwm.{name}")
+            except ModuleNotFoundError as error:
+                if error.name != f"gmwm.{name}":
+                    raise
+        raise AttributeError(f"module 'gmwm' has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__} - {"Any", "TYPE_CHECKING", "import_module"})

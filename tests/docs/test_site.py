@@ -114,7 +114,7 @@ def test_inherited_methods_are_documented_like_others(built):
     places = set().union(*(page.places for page in built.values()))
     inherited = [
         f"gmwm.{name}.{attribute}"
-        for name, thing in vars(gmwm).items()
+        for name, thing in [(name, getattr(gmwm, name)) for name in gmwm.__all__]
         if inspect.isclass(thing)
         for base in thing.__mro__[1:]
         if base.__name__.endswith("Methods")
