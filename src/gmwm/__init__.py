@@ -151,10 +151,6 @@ _NAMES = {
     "monitor": ("Monitor",),
     "outliers": ("contamination",),
     "plots": ("compare",),
-    "processes": (
-        "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Model",
-        "fixed",
-    ),
     "readers": ("read", "stream"),
     "selection": ("rank", "select"),
     "signals": ("Imu", "Signal"),
@@ -165,14 +161,15 @@ _NAMES = {
         "wavelet_variance",
     ),
 }  # fmt: skip
-"""Names of `__all__` by package. A package is imported when one of its names is used: all of them take 0.4 s."""
+"""Names of `__all__` by package; the others are in `gmwm.processes`, because only a process knows its name. A package is
+imported when one of its names is used: all of them take 0.4 s."""
 
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         """Import a name of `__all__` or a package."""
-        package = next((package for package, names in _NAMES.items() if name in names), None)
-        if package is not None:
+        if name in __all__:
+            package = next((package for package, names in _NAMES.items() if name in names), "processes")
             found = globals()[name] = getattr(import_module(f"gmwm.{package}"), name)
             return found
         if not name.startswith("_"):
