@@ -161,8 +161,8 @@ _NAMES = {
         "wavelet_variance",
     ),
 }  # fmt: skip
-"""Names of `__all__` by package; the others are in `gmwm.processes`, because only a process knows its name. A package is
-imported when one of its names is used: all of them take 0.4 s."""
+"""Names of `__all__` by package; the others are in `gmwm.processes`, because only a process knows its name. A package
+is imported when one of its names is used: all of them take 0.4 s."""
 
 if not TYPE_CHECKING:
 
