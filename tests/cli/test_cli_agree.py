@@ -81,7 +81,7 @@ def test_errors_take_one_line(gmwm, files, tmp_path):
     cut = tmp_path / "cut.json"
     cut.write_text(json.dumps(content), encoding="utf-8")
     for arguments, facts in (
-        ((files[0],), ["1"]),
+        ((files[0],), ["one calibration", "--reference"]),
         ((files[0], files[0]), [f"{files[0]}, {files[0]}"]),
         ((files[0], none), [str(none)]),
         ((files[0], broken), [str(broken)]),
@@ -113,3 +113,17 @@ def test_plan_takes_a_calibration(gmwm, files):
     assert (outcome.code, outcome.out) == (2, "")
     assert outcome.err.startswith("error: --axis must be one of gyro_x")
     assert outcome.err.endswith("; got 'gyro_z'\n")
+
+
+def test_one_calibration_against_a_file(gmwm, tmp_path):
+    imu = library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=20_000, rng=1)
+    library.calibrate(imu, within="WN + RW").save(tmp_path / "calibration.json")
+    (tmp_path / "old.yaml").write_text("gyr_n: 2.0e-3\ngyr_w: 1.0e-3\nacc_n: 0.02\nacc_w: 1.0e-4\n")
+    outcome = gmwm("agree", tmp_path, "--reference", tmp_path / "old.yaml")
+    assert outcome.code == 0
+    assert "gyr_n 0.002" in outcome.out
+    assert "larger than measured" in outcome.out
+    content = gmwm("agree", tmp_path, "--reference", "gyro.N=0.34deg/√h", "--json").json
+    assert content["rows"][0]["factor"] == pytest.approx(1.0, rel=0.05)
+    assert "--reference" in gmwm("agree", tmp_path).err
+    assert "gmwm agree" in gmwm("compare", tmp_path / "calibration.json").err

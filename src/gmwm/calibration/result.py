@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
     from gmwm.budgets import Budget
+    from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
     from gmwm.exporters.reduction import Rule
     from gmwm.plots.view import UnitSystem, ViewName
 
@@ -456,6 +457,46 @@ class Calibration(Summarised, Mapping[str, Fit]):
         from gmwm.exporters import export
 
         return export(self, path, format, axes=axes, inflation=inflation, horizon=horizon, rate=rate, duration=duration)
+
+    def agree(self, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:
+        """Compare the numbers with a reference: a file of another program, or the numbers of a datasheet.
+
+        A datasheet is compared with N, K, B, Q and R of the calibration. The file of a filter is compared with N and K
+        for a horizon, as `export` writes them, and each number is also shown in the convention of the file. To compare
+        calibrations with each other, use `gmwm.agree`.
+
+        Parameters
+        ----------
+        reference : path, str, Given, or mapping of "gyro.N" or "gyro_x.N" to (value, unit)
+            A file that `gmwm.importers.given_noise` reads, text with the numbers of a datasheet, or single numbers.
+        horizon : float
+            Horizon (s) of N and K for a file.
+
+        Returns
+        -------
+        ReferenceCheck
+            Each number beside its reference, with the factor and a verdict.
+
+        Raises
+        ------
+        OptionError
+            If the reference has no number of a calibrated axis, or is neither a file nor numbers.
+        ReadError
+            If the file has no known keys.
+        UnitError
+            If a unit does not belong to a number.
+
+        Examples
+        --------
+        >>> from gmwm import calibrate, simulate
+        >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=50_000, rng=1)
+        >>> found = calibrate(imu, within="WN + RW").agree({"gyro.N": (0.5, "deg/√h")})
+        >>> round(found["gyro_x.N"].factor, 1), found["gyro_x.N"].verdict
+        (2.3, 'larger')
+        """
+        from gmwm.calibration.reference_check import check_reference
+
+        return check_reference(self, reference, horizon=horizon)
 
     def budget(
         self, duration: float | str, *, rest: float | str = 0.0, latitude: float = 45.0, level: float = 0.95

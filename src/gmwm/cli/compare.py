@@ -11,7 +11,7 @@ import typer
 
 from gmwm.cli.command import command
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, View
-from gmwm.cli.output import NewFile, Outcome, table_text, tell
+from gmwm.cli.output import NewFile, Outcome, calibration_file, table_text, tell
 from gmwm.cli.read_options import Axes, chosen_axes, load
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
@@ -55,6 +55,15 @@ def compare(
     half of the coefficients are zero, as for a coarsely quantized sensor, the robust curve may be zero; a warning says
     so.
     """
+    if calibrations := [
+        file for file in files if calibration_file(file).is_file() and calibration_file(file).suffix == ".json"
+    ]:
+        raise OptionError(
+            f"gmwm compare compares recordings, and {calibrations[0]} is a calibration or a result",
+            argument="files",
+            got=str(calibrations[0]),
+            advice="Compare calibrations with each other or with a reference with `gmwm agree`.",
+        )
     if efficiency is not None and classical and not robust:
         raise OptionError(
             "--efficiency applies only to the robust curve",

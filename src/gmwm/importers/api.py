@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gmwm._arrays import as_rate
@@ -33,6 +33,8 @@ class Given:
         The program of a file; "datasheet" for text.
     source : str
         The file, or the text.
+    written : mapping of axis to mapping of symbol to (key, value)
+        The key of each number in the file, and the value there; empty for text.
     """
 
     models: Mapping[str, Model]
@@ -40,6 +42,7 @@ class Given:
     rate: float
     format: str
     source: str
+    written: Mapping[str, Mapping[str, tuple[str, float | None]]] = field(default_factory=dict)
 
 
 def given_noise(source: str | Path, rate: float | None = None) -> Given:
@@ -93,7 +96,8 @@ def given_noise(source: str | Path, rate: float | None = None) -> Given:
         values = form.read(content, needed)
     except ReadError as error:
         raise error.at(str(path)) from error
-    return _given(dict(values), _rate(rate, known, str(path)), form.name, str(path))
+    found = _given(dict(values), _rate(rate, known, str(path)), form.name, str(path))
+    return replace(found, written={axis: form.written(content, axis) for axis in values})
 
 
 def _is_file(path: Path) -> bool:

@@ -34,21 +34,37 @@ class Format:
     read : callable
         Values by axis, from the text and the sampling rate (Hz), which is None if neither the file nor the user gives
         it.
+    names : mapping of sensor to mapping of symbol to str
+        The key of each number of `Values`.
     rate_key : str
         Key of the sampling rate (Hz); "" if the file has none.
     needs_rate : bool
         Whether the numbers depend on the sampling rate.
+    one : bool
+        Whether a file has each key once.
     """
 
     name: str
     keys: tuple[str, ...]
     read: Reader
+    names: Mapping[Quantity, Mapping[str, str]]
     rate_key: str = ""
     needs_rate: bool = False
+    one: bool = True
 
     def matches(self, text: str) -> bool:
         """Return whether a text has a key of the format."""
         return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in self.keys)
+
+    def written(self, text: str, axis: str) -> dict[str, tuple[str, float | None]]:
+        """Return key and value in the file of each number of an axis; None for a key that a file has several times."""
+        quantity: Quantity = "gyro" if axis.startswith("gyro") else "accel"
+        found: dict[str, tuple[str, float | None]] = {}
+        for symbol, key in self.names.get(quantity, {}).items():
+            values = _find(text, key) if self.one else None
+            value = None if not values else values["xyz".index(axis[-1])] if len(values) == 3 else values[0]
+            found[symbol] = (key, value)
+        return found
 
     def rate(self, text: str) -> float | None:
         """Return the sampling rate in a file, if there is one."""
@@ -169,27 +185,34 @@ def _named_row(body: str, key: str) -> list[float]:
     return row * 3 if len(row) == 1 else row
 
 
+def _format(
+    name: str, keys: tuple[str, str, str, str], change: Callable[[float, float | None], float],
+    *, rate_key: str = "", needs_rate: bool = False,
+) -> Format:  # fmt: skip
+    """Return a format with keys for N and K of gyroscopes, and for N and K of accelerometers."""
+    gyro_n, gyro_k, accel_n, accel_k = keys
+    pairs: dict[Quantity, tuple[str, str]] = {"gyro": (gyro_n, gyro_k), "accel": (accel_n, accel_k)}
+    names: dict[Quantity, dict[str, str]] = {q: {"N": white, "K": walk} for q, (white, walk) in pairs.items()}
+    return Format(name, (gyro_n, accel_n), _two(pairs, change), names=names, rate_key=rate_key, needs_rate=needs_rate)
+
+
+_KALIBR = ("gyroscope_noise_density", "gyroscope_random_walk", "accelerometer_noise_density",
+           "accelerometer_random_walk")  # fmt: skip
 FORMATS = (
-    Format("imu_utils", ("avg-axis",), _imu_utils, needs_rate=True),
-    Format(
-        "Kalibr, allan_variance_ros, OpenVINS or Kimera", ("gyroscope_noise_density", "accelerometer_noise_density"),
-        _two({"gyro": ("gyroscope_noise_density", "gyroscope_random_walk"),
-              "accel": ("accelerometer_noise_density", "accelerometer_random_walk")}, _density),
-        rate_key="update_rate",
-    ),
-    Format("ORB-SLAM3", ("IMU.NoiseGyro",), _two({"gyro": ("IMU.NoiseGyro", "IMU.GyroWalk"),
-           "accel": ("IMU.NoiseAcc", "IMU.AccWalk")}, _density), rate_key="IMU.Frequency"),
-    Format("VINS", ("gyr_n", "acc_n"), _two({"gyro": ("gyr_n", "gyr_w"), "accel": ("acc_n", "acc_w")}, _per_step),
-           needs_rate=True),
-    Format("LIO-SAM", ("imuGyrNoise",), _two({"gyro": ("imuGyrNoise", "imuGyrBiasN"),
-           "accel": ("imuAccNoise", "imuAccBiasN")}, _density)),
-    Format("FAST-LIO", ("b_gyr_cov",), _two({"gyro": ("gyr_cov", "b_gyr_cov"), "accel": ("acc_cov", "b_acc_cov")},
-           _variance_per_step), needs_rate=True),
-    Format("KF-GINS", ("arw",), _kf_gins),
-    Format("PX4", ("EKF2_GYR_NOISE",), _two({"gyro": ("EKF2_GYR_NOISE", "EKF2_GYR_B_NOISE"),
-           "accel": ("EKF2_ACC_NOISE", "EKF2_ACC_B_NOISE")}, _for_step(0.010))),
-    Format("ArduPilot", ("EK3_GYRO_P_NSE",), _two({"gyro": ("EK3_GYRO_P_NSE", "EK3_GBIAS_P_NSE"),
-           "accel": ("EK3_ACC_P_NSE", "EK3_ABIAS_P_NSE")}, _for_step(0.012))),
-    Format("MATLAB imuSensor", ("NoiseDensity",), _matlab),
+    Format("imu_utils", ("avg-axis",), _imu_utils, needs_rate=True,
+           names={"gyro": {"N": "gyr_n", "B": "gyr_w"}, "accel": {"N": "acc_n", "B": "acc_w"}}, one=False),
+    _format("Kalibr, allan_variance_ros, OpenVINS or Kimera", _KALIBR, _density, rate_key="update_rate"),
+    _format("ORB-SLAM3", ("IMU.NoiseGyro", "IMU.GyroWalk", "IMU.NoiseAcc", "IMU.AccWalk"), _density,
+            rate_key="IMU.Frequency"),
+    _format("VINS", ("gyr_n", "gyr_w", "acc_n", "acc_w"), _per_step, needs_rate=True),
+    _format("LIO-SAM", ("imuGyrNoise", "imuGyrBiasN", "imuAccNoise", "imuAccBiasN"), _density),
+    _format("FAST-LIO", ("gyr_cov", "b_gyr_cov", "acc_cov", "b_acc_cov"), _variance_per_step, needs_rate=True),
+    Format("KF-GINS", ("arw",), _kf_gins,
+           names={"gyro": {"N": "arw", "sigma": "gbstd"}, "accel": {"N": "vrw", "sigma": "abstd"}}),
+    _format("PX4", ("EKF2_GYR_NOISE", "EKF2_GYR_B_NOISE", "EKF2_ACC_NOISE", "EKF2_ACC_B_NOISE"), _for_step(0.010)),
+    _format("ArduPilot", ("EK3_GYRO_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ACC_P_NSE", "EK3_ABIAS_P_NSE"),
+            _for_step(0.012)),
+    Format("MATLAB imuSensor", ("NoiseDensity",), _matlab, one=False,
+           names={q: {"N": "NoiseDensity", "K": "RandomWalk", "B": "BiasInstability"} for q in _QUANTITIES}),
 )  # fmt: skip
 """The formats, in the order in which they are tried."""

@@ -1,0 +1,300 @@
+"""Compare one calibration with a reference: a file of another program, or the numbers of a datasheet."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any, Literal
+
+from gmwm._text import Summarised
+from gmwm.axis_names import sensor_of
+from gmwm.calibration.reference_text import POWERS, summary
+from gmwm.datasheets import Entry, effective_noise
+from gmwm.errors import OptionError
+from gmwm.importers import Given, Values, given_noise
+from gmwm.importers.quantities import as_reference
+from gmwm.remarks import Remark
+from gmwm.units import SI_UNIT, datasheet_units, noise_unit
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import Calibration
+
+Verdict = Literal["agrees", "close", "larger", "smaller", "unknown"]
+ReferenceLike = Mapping[str, tuple[float, str]] | Given | str | os.PathLike[str]
+
+CLOSE = 0.1
+"""Relative difference up to which a number outside the interval is close: datasheets round to two digits."""
+NEAR = 0.15
+"""Relative distance from a conversion factor within which a remark names it. A choice, wider than most intervals."""
+LEAST = 3.0
+"""Smallest factor for which a wrong unit is suspected."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceNumber:
+    """A number of one axis beside its reference.
+
+    Attributes
+    ----------
+    axis, symbol : str
+        "gyro_x" and "N".
+    reference : float
+        The reference in the SI unit of `measured`.
+    measured : Entry or None
+        The number of the calibration; None if it has none. For files, N and K at the horizon, as in exported files.
+    key : str
+        Key of the number in a file; "" for a datasheet.
+    written : float or None
+        Value in the file, in its own convention.
+    verdict : "agrees", "close", "larger", "smaller" or "unknown"
+        "agrees": the reference is inside the interval. Otherwise "close" within 10 %, and "larger" or "smaller" than
+        measured beyond this.
+    """
+
+    axis: str
+    symbol: str
+    reference: float
+    measured: Entry | None
+    key: str = ""
+    written: float | None = None
+    verdict: Verdict = "unknown"
+
+    @property
+    def factor(self) -> float | None:
+        """Reference divided by the measured value or its upper limit; None if one is missing."""
+        measured = self.measured
+        if measured is None:
+            return None
+        value = measured.high if measured.upper_only else measured.value
+        return None if not value or not math.isfinite(value) else self.reference / abs(value)
+
+    @property
+    def as_written(self) -> float | None:
+        """The measured value, or its upper limit, in the convention of the file; None without a file."""
+        if not self.written or not self.factor:
+            return None
+        # Variances grow with the square of a density: the file tells by the value for the reference itself.
+        return float(self.written / self.factor**self.power)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the number."""
+        return noise_unit(POWERS[self.symbol], SI_UNIT["gyro" if self.axis.startswith("gyro") else "accel"])[0]
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """The reference in the usual unit of a datasheet, and the unit."""
+        name, size = next(iter(datasheet_units(self.unit).items()), (self.unit, 1.0))
+        return size * self.reference, name
+
+    @property
+    def power(self) -> float:
+        """Power of the number that the file contains: 2 for variances."""
+        return 2.0 if self.key.endswith("_cov") else 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the numbers as plain values, ready for JSON."""
+        return {
+            "axis": self.axis, "symbol": self.symbol, "reference": self.reference, "key": self.key,
+            "measured": None if self.measured is None else self.measured.to_dict(), "written": self.written,
+            "as_written": self.as_written, "factor": self.factor, "verdict": self.verdict,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ReferenceCheck(Summarised):
+    """A calibration beside a reference: the numbers, and whether the reference agrees with each.
+
+    Attributes
+    ----------
+    rows : tuple of ReferenceNumber
+        The numbers, axis by axis.
+    name : str
+        The file, or "reference".
+    format : str
+        The program of the file; "datasheet" for numbers.
+    horizon : float
+        Horizon (s) of N and K for a file.
+    rate : float
+        Sampling rate (Hz) of the calibration.
+    level : float
+        Confidence level of the intervals.
+    unmatched : tuple of str
+        Axes of the reference that the calibration does not have.
+    """
+
+    rows: tuple[ReferenceNumber, ...]
+    name: str
+    format: str
+    horizon: float
+    rate: float
+    level: float
+    unmatched: tuple[str, ...] = ()
+
+    def __iter__(self) -> Iterator[ReferenceNumber]:
+        return iter(self.rows)
+
+    def __getitem__(self, name: str) -> ReferenceNumber:
+        """Return a number by its name, such as "gyro_x.N"."""
+        for row in self.rows:
+            if f"{row.axis}.{row.symbol}" == name:
+                return row
+        raise KeyError(f"no {name!r}; there are {', '.join(f'{row.axis}.{row.symbol}' for row in self.rows)}")
+
+    def of(self, *verdicts: Verdict) -> tuple[ReferenceNumber, ...]:
+        """Return the numbers with one of these verdicts."""
+        return tuple(row for row in self.rows if row.verdict in verdicts)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """The verdict, and a remark for factors that look like a wrong unit."""
+        counts = {name: len(self.of(name)) for name in ("smaller", "larger", "unknown")}
+        state = "file" if self.format != "datasheet" else "datasheet"
+        agreeing = len(self.of("agrees", "close"))
+        worst = next((name for name, count in counts.items() if count), "all")
+        verdict = Remark.of(
+            "reference-verdict", count=len(self.rows), agreeing=agreeing, smaller=counts["smaller"],
+            larger=counts["larger"], state=f"{state}-{worst}", reference=self.name,
+        )  # fmt: skip
+        return (verdict, *self._factors())
+
+    def _factors(self) -> Iterator[Remark]:
+        # A wrong unit shows in all axes of a sensor.
+        sensors: dict[tuple[str, str], list[ReferenceNumber]] = {}
+        for row in self.rows:
+            sensors.setdefault((sensor_of(row.axis), row.symbol), []).append(row)
+        for rows in sensors.values():
+            causes, factor = {_cause(row, self.rate) for row in rows}, rows[0].factor
+            if len(causes) == 1 and (cause := causes.pop()) is not None and factor is not None:
+                names = tuple(f"{row.axis} {row.symbol}" for row in rows)
+                yield Remark.of("reference-factor", numbers=names, factor=factor, cause=cause, rate=self.rate)
+
+    def summary(self) -> str:
+        """Write the numbers side by side, with the factor and the verdict of each."""
+        return summary(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as plain values, ready for JSON."""
+        return {
+            "reference": self.name, "format": self.format, "horizon": self.horizon, "level": self.level,
+            "rows": [row.to_dict() for row in self.rows], "unmatched": list(self.unmatched),
+            "remarks": [remark.to_dict() for remark in self.remarks],
+        }  # fmt: skip
+
+
+def check_reference(calibration: Calibration, reference: ReferenceLike, horizon: float = 1.0) -> ReferenceCheck:
+    """Compare a calibration with a reference: see `Calibration.agree`."""
+    level = calibration.settings.confidence
+    rate = max(fit.wavelet_variance.rate for fit in calibration.values())
+    if isinstance(reference, Mapping):
+        rows, unmatched = _of_numbers(calibration, reference)
+        name, form = "reference", "datasheet"
+    else:
+        given = reference if isinstance(reference, Given) else _given(reference, rate)
+        name, form = (PurePath(given.source).name if given.written else "datasheet"), given.format
+        unmatched = tuple(axis for axis in given.values if axis not in calibration)
+        rows = [
+            row
+            for axis, values in given.values.items()
+            if axis in calibration
+            for row in _of_axis(calibration, axis, values, given, horizon=horizon)
+        ]
+    if not rows:
+        raise OptionError(
+            argument="reference", expected=f"numbers of an axis of {', '.join(calibration)}", got=", ".join(unmatched)
+        )
+    return ReferenceCheck(
+        rows=tuple(rows), name=name, format=form, horizon=horizon, rate=rate, level=level, unmatched=tuple(unmatched)
+    )  # fmt: skip
+
+
+def _given(source: str | os.PathLike[str], rate: float) -> Given:
+    """Return the noise of a source; the rate of the calibration stands in if the file has none."""
+    text = os.fspath(source)
+    try:
+        return given_noise(text)
+    except OptionError as error:
+        if error.argument != "rate":
+            error.options = {**error.options, "source": "--reference"}
+            raise
+    return given_noise(text, rate)
+
+
+def _of_numbers(
+    calibration: Calibration, reference: Mapping[str, tuple[float, str]]
+) -> tuple[list[ReferenceNumber], tuple[str, ...]]:
+    """Return the rows for numbers such as gyro.N; a number of an axis replaces the number of its sensor."""
+    found: dict[tuple[str, str], ReferenceNumber] = {}
+    unmatched: list[str] = []
+    for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in calibration):
+        place, _, symbol = key.rpartition(".")
+        axes = [axis for axis in calibration if place in (axis, sensor_of(axis))]
+        if symbol not in POWERS:
+            raise OptionError(argument="reference", expected=f"of {', '.join(POWERS)}", got=key)
+        for axis in axes:
+            row = _row(axis, symbol, 0.0, calibration.datasheets[axis].get(symbol))
+            value = as_reference(key, reference[key], row.unit).si
+            found[axis, symbol] = replace(row, reference=value, verdict=_verdict(value, row.measured))
+        if not axes:
+            unmatched.append(key)
+    return [found[key] for key in sorted(found, key=lambda key: (list(calibration).index(key[0]), key[1]))], tuple(
+        unmatched
+    )
+
+
+def _of_axis(
+    calibration: Calibration, axis: str, values: Values, given: Given, *, horizon: float
+) -> Iterator[ReferenceNumber]:
+    """Yield the rows of one axis. A filter has N and K for a horizon; a datasheet has its own numbers."""
+    measured: Mapping[str, Entry] = calibration.datasheets[axis]
+    written = given.written.get(axis, {})
+    if written:
+        found = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
+        measured = {**measured, "N": found["N_eff"], "K": found["K_eff"]}
+    numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
+    keys = dict(written)
+    if values.sigma and values.time:
+        # Over times below T, a Gauss-Markov process is a random walk with K = σ √(2/T).
+        numbers["K"] = values.sigma * math.sqrt(2 / values.time)
+        keys["K"] = written.get("sigma", ("sigma", None))
+    for symbol, value in numbers.items():
+        if value:
+            key, raw = keys.get(symbol, ("", None))
+            yield _row(axis, symbol, value, measured.get(symbol), key, raw)
+
+
+def _row(
+    axis: str, symbol: str, value: float, measured: Entry | None, key: str = "", written: float | None = None
+) -> ReferenceNumber:
+    verdict = _verdict(value, measured)
+    return ReferenceNumber(
+        axis=axis, symbol=symbol, reference=value, measured=measured, key=key, written=written, verdict=verdict
+    )  # fmt: skip
+
+
+def _verdict(reference: float, measured: Entry | None) -> Verdict:
+    if measured is None or (measured.high is not None and not math.isfinite(measured.high)):
+        return "unknown"
+    value, low, high = abs(measured.value), measured.low, measured.high
+    if measured.upper_only:
+        assert high is not None
+        return "agrees" if reference <= high else "close" if reference <= (1 + CLOSE) * high else "larger"
+    if low is not None and high is not None and low <= reference <= high:
+        return "agrees"
+    if abs(reference / value - 1) <= CLOSE:
+        return "close"
+    return "larger" if reference > value else "smaller"
+
+
+def _cause(row: ReferenceNumber, rate: float) -> str | None:
+    """Return the conversion that a factor looks like: √f, √3600 or 180/π; None for none."""
+    if row.factor is None or max(row.factor, 1 / row.factor) < LEAST:
+        return None
+    distance = abs(math.log(row.factor))
+    for cause, size in {"rate": math.sqrt(rate), "hour": 60.0, "degree": 180 / math.pi}.items():
+        if abs(distance - math.log(size)) < math.log1p(NEAR) and size > LEAST:
+            return cause
+    return None
