@@ -141,6 +141,23 @@ def budget(
     )
 
 
+def budget_of_fits(
+    fits: Mapping[str, Fit],
+    duration: float | str,
+    *,
+    rest: float | str = 0.0,
+    latitude: float = 45.0,
+    level: float = 0.95,
+) -> Budget:
+    """Return the budget of a calibration: see `Calibration.budget`."""
+    return budget(fits, duration, rest=rest, latitude=latitude, level=level)
+
+
+def budget_of_fit(fit: Fit, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
+    """Return the budget of one axis: see `Fit.budget`."""
+    return budget({fit.wavelet_variance.axis: fit}, duration, rest=rest, level=level)
+
+
 def _seconds(given: float | str, name: str, least: float = 1e-9) -> float:
     value = parse_length(given, name) if isinstance(given, str) else given
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= 1e7:

@@ -185,7 +185,7 @@ class ReferenceCheck(Summarised):
         }  # fmt: skip
 
 
-def check_reference(calibration: Calibration, reference: ReferenceLike, horizon: float = 1.0) -> ReferenceCheck:
+def check_reference(calibration: Calibration, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:
     """Compare a calibration with a reference: see `Calibration.agree`."""
     level = calibration.settings.confidence
     rate = max(fit.wavelet_variance.rate for fit in calibration.values())
@@ -263,11 +263,11 @@ def _of_axis(
     for symbol, value in numbers.items():
         if value:
             key, raw = keys.get(symbol, ("", None))
-            yield _row(axis, symbol, value, measured.get(symbol), key, raw)
+            yield _row(axis, symbol, value, measured.get(symbol), key=key, written=raw)
 
 
 def _row(
-    axis: str, symbol: str, value: float, measured: Entry | None, key: str = "", written: float | None = None
+    axis: str, symbol: str, value: float, measured: Entry | None, *, key: str = "", written: float | None = None
 ) -> ReferenceNumber:
     verdict = _verdict(value, measured)
     return ReferenceNumber(

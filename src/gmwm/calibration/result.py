@@ -530,9 +530,9 @@ class Calibration(Summarised, Mapping[str, Fit]):
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.budgets import budget
+        from gmwm.budgets.api import budget_of_fits
 
-        return budget(self, duration, rest=rest, latitude=latitude, level=level)
+        return budget_of_fits(self, duration, rest=rest, latitude=latitude, level=level)
 
     def report(self, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
         """Write the calibration as one self-contained HTML page: verdict, plots, numbers, models, configuration files.

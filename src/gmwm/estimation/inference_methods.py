@@ -382,9 +382,9 @@ class InferenceMethods:
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.budgets import budget
+        from gmwm.budgets.api import budget_of_fit
 
-        return budget({self._fit.wavelet_variance.axis: self._fit}, duration, rest=rest, level=level)
+        return budget_of_fit(self._fit, duration, rest=rest, level=level)
 
     def summary(
         self,
