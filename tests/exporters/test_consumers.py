@@ -20,7 +20,8 @@ from .consumers import BIASES, CONSUMERS, MARKOV, PER_AXIS, yaml
 
 GOLDEN = Path(__file__).parent / "golden"
 HORIZON = 1.0
-FULL = ("json", "csv", "latex", "state-space")
+SPACES = ("state-space", "state-space-json", "state-space-matlab", "state-space-cpp")
+FULL = ("json", "csv", "latex", *SPACES)
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.\d*|\d+)(?:e[-+]?\d+)?(?![\w.])")
 
 

@@ -1,5 +1,7 @@
 """The matrices that are written have the wavelet variance of the model, in steps and in continuous time."""
 
+import json
+import re
 import subprocess
 import sys
 
@@ -8,6 +10,8 @@ import pytest
 
 from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.statespace import StateSpace
+
+from .conftest import RATE
 
 
 def loaded(text):
@@ -63,3 +67,57 @@ def test_it_runs_with_numpy_alone(units, tmp_path):
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert printed.splitlines()[0] == "6 axes, 1 states in all"
     assert len(printed.splitlines()) == 7
+
+
+def matlab(text):
+    """Structures of a MATLAB file: noise.AXIS.MATRIX = [...; ...];"""
+    found = {}
+    code = "\n".join(line for line in text.splitlines() if not line.startswith("%"))
+    for axis, key, rows in re.findall(r"^noise\.(\w+)\.(\w+) = \[([^\]]*)\];$", code, re.MULTILINE):
+        found.setdefault(axis, {})[key] = np.array([[float(x) for x in row.split()] for row in rows.split(";")])
+    return found
+
+
+def cpp(text):
+    """Functions of a C++ header: s.MATRIX.resize(rows, columns); s.MATRIX << values;"""
+    found = {}
+    for axis, body in re.findall(r"^inline StateSpace (\w+)\(\) \{$(.*?)^\}$", text, re.MULTILINE | re.DOTALL):
+        sizes = {key: (int(a), int(b)) for key, a, b in re.findall(r"s\.(\w+)\.resize\((\d+), (\d+)\);", body)}
+        values = {
+            key: np.array([float(x) for x in row.split(",")]) for key, row in re.findall(r"s\.(\w+) << (.*);", body)
+        }
+        # Eigen's comma initializer fills by rows, and needs every element.
+        found[axis] = {key: values.get(key, np.zeros(0)).reshape(size) for key, size in sizes.items()}
+    return found
+
+
+READ = {"state-space-matlab": matlab, "state-space-cpp": cpp,
+        "state-space-json": lambda text: {a: {k: np.array(v) for k, v in one.items() if isinstance(v, list)}
+                                          for a, one in json.loads(text)["axes"].items()}}  # fmt: skip
+
+
+@pytest.mark.parametrize("format", READ)
+@pytest.mark.parametrize("rate", [None, 50.0])
+def test_other_languages_have_the_same_matrices(units, format, rate):
+    for unit in (units["quantized"], units["gauss-markov"]):
+        found = READ[format](unit.export(format=format, rate=rate))
+        assert list(found) == list(unit)
+        for axis, fit in unit.items():
+            smooth = fit.model.continuous(RATE)
+            space = fit.model.state_space(RATE) if rate is None else smooth.discrete(rate)
+            for key in ("F", "Q", "H", "R", "P0"):
+                assert np.array_equal(np.reshape(found[axis][key], getattr(space, key).shape), getattr(space, key))
+            for key, wanted in (("A", smooth.A), ("Qc", smooth.Qc), ("H_c", smooth.H), ("Rc", smooth.Rc)):
+                assert np.array_equal(np.reshape(found[axis][key], wanted.shape), wanted)
+
+
+def test_another_rate_keeps_the_noise_of_long_times(units):
+    """Ten seconds of the sum of the noise have the same variance at the rate of the recording and at a tenth of it."""
+    unit = units["gauss-markov"]
+    for axis, fit in unit.items():
+        own = fit.model.state_space(RATE)
+        at = loaded(unit.export(format="state-space", rate=20.0))["matrices"](axis)
+        slow = StateSpace(**{key: at[key] for key in ("F", "Q", "H", "R", "m0", "P0")})
+        n = 10 * RATE
+        ratio = (slow.block_variance([n / 10])[0] / (n / 10) ** 2) / (own.block_variance([n])[0] / n**2)
+        assert ratio == pytest.approx(1.0, rel=0.02)

@@ -1,7 +1,9 @@
-"""State-space matrices of the full model, as a Python file that needs only NumPy."""
+"""State-space matrices of the full model, for NumPy, MATLAB, C++ and other programs."""
 
 from __future__ import annotations
 
+import json
+import re
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
@@ -79,22 +81,20 @@ if __name__ == "__main__":
 '''
 
 
-@register
-class StateSpaceFile(Exporter):
-    """Python file with F, Q, H, R, m0, P0 and A, Qc, H_c, Rc of each axis, and code that combines and simulates
-    them."""
+class StateSpaces(Exporter):
+    """Base of the files with F, Q, H, R, m0, P0 and A, Qc, H_c, Rc of each axis."""
 
-    name = "state-space"
-    title = "NumPy (state-space matrices of the full model, as a Python file)"
-    extension = ".py"
+    takes = frozenset({"rate"})
 
-    def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the text of a Python file."""
+    def head(self, calibration: Calibration, options: ExportOptions) -> list[str]:
+        """Return the paragraphs of the head."""
         first, last = paragraphs(self.remarks(calibration, options))
-        head = commented([title_line(self), recording(calibration), *first, *_MEANING, *last], "#")
-        axes = {plain(axis): axis_matrices(axis, calibration) for axis in calibration}
-        table = pformat(axes, indent=1, width=110, sort_dicts=False)
-        return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
+        step = (
+            "Steps: of one sample of the recording."
+            if options.rate is None
+            else f"Steps: of 1/{options.rate:g} s, from the matrices in continuous time. Terms in left_out are missing."
+        )
+        return [title_line(self), recording(calibration), *first, *_MEANING, step, *last]
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return warnings of the calibration, and remarks on its rate ramps."""
@@ -106,19 +106,138 @@ class StateSpaceFile(Exporter):
         return (*cautions(calibration), *of_ramps(calibration), *states)
 
 
-def axis_matrices(axis: str, calibration: Calibration) -> dict[str, Any]:
-    """Return the matrices of one axis as lists, with all digits."""
+@register
+class StateSpaceFile(StateSpaces):
+    """Python file with the matrices of each axis, and code that combines and simulates them."""
+
+    name = "state-space"
+    title = "NumPy (state-space matrices of the full model, as a Python file)"
+    extension = ".py"
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return the text of a Python file."""
+        axes = {plain(axis): axis_matrices(axis, calibration, options.rate) for axis in calibration}
+        table = pformat(axes, indent=1, width=110, sort_dicts=False)
+        head = commented(self.head(calibration, options), "#")
+        return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
+
+
+@register
+class StateSpaceJson(StateSpaces):
+    """JSON file with the matrices of each axis."""
+
+    name = "state-space-json"
+    title = "other programs (state-space matrices of the full model, as JSON)"
+    extension = ".json"
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return a JSON document; the head is the list "gmwm"."""
+        axes = {plain(axis): axis_matrices(axis, calibration, options.rate) for axis in calibration}
+        head = [line[2:].strip() for line in commented(self.head(calibration, options), "#")]
+        return json.dumps({"axes": axes, "gmwm": head}, indent=1, allow_nan=False) + "\n"
+
+
+@register
+class StateSpaceMatlab(StateSpaces):
+    """MATLAB or Octave file that makes a structure with the matrices of each axis."""
+
+    name = "state-space-matlab"
+    title = "MATLAB and Octave (state-space matrices of the full model)"
+    extension = ".m"
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return assignments to noise.AXIS.MATRIX."""
+        lines = [*commented(self.head(calibration, options), "%"), "", "noise = struct();"]
+        for axis in calibration:
+            one = axis_matrices(axis, calibration, options.rate)
+            name = f"noise.{_identifier(axis)}"
+            lines += ["", f"{name}.model = '{one['model']}';", f"{name}.rate = {one['rate']!r};"]
+            lines += [f"{name}.{key} = {_matlab(one[key])};" for key in MATRICES]
+            lines.append(f"{name}.diffuse = {_matlab([one['diffuse']])} == 1;")
+        return "\n".join(lines) + "\n"
+
+
+@register
+class StateSpaceCpp(StateSpaces):
+    """C++ header with the matrices of each axis for Eigen."""
+
+    name = "state-space-cpp"
+    title = "C++ with Eigen (state-space matrices of the full model, as a header)"
+    extension = ".hpp"
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return a header with a function for each axis."""
+        lines = [
+            *commented(self.head(calibration, options), "//"), "", "#pragma once", "", "#include <Eigen/Dense>", "",
+            "namespace gmwm_noise {", "", "struct StateSpace {", "  double rate;  // Hz",
+            "  Eigen::MatrixXd F, Q, H, R, m0, P0;  // discrete; m0 is a column",
+            "  Eigen::MatrixXd A, Qc, H_c, Rc;  // continuous", "};",
+        ]  # fmt: skip
+        for axis in calibration:
+            one = axis_matrices(axis, calibration, options.rate)
+            lines += ["", f"// {one['model']}", f"inline StateSpace {_identifier(axis)}() {{", "  StateSpace s;"]
+            lines.append(f"  s.rate = {float(one['rate'])!r};")
+            for key in MATRICES:
+                matrix = _matrix(one[key])
+                width = len(matrix[0]) if matrix else 0
+                lines.append(f"  s.{key}.resize({len(matrix)}, {width});")
+                if width:
+                    lines.append(f"  s.{key} << {', '.join(repr(float(x)) for row in matrix for x in row)};")
+            lines += ["  return s;", "}"]
+        return "\n".join([*lines, "", "}  // namespace gmwm_noise"]) + "\n"
+
+
+MATRICES = ("F", "Q", "H", "R", "m0", "P0", "A", "Qc", "H_c", "Rc")
+"""The matrices of an axis, in the order of the files."""
+
+
+def _matrix(value: Any) -> list[list[float]]:
+    """Return a matrix as rows; a vector as a column."""
+    return [[x] for x in value] if value and not isinstance(value[0], list) else value
+
+
+def _matlab(value: Any) -> str:
+    """Write a matrix for MATLAB, with all digits."""
+    matrix = _matrix(value)
+    if not any(matrix):
+        return f"zeros({len(matrix)}, 0)"
+    return f"[{'; '.join(' '.join(repr(float(x)) for x in row) for row in matrix)}]"
+
+
+def _identifier(axis: str) -> str:
+    """Return the name of an axis as a name of MATLAB and C++.
+
+    >>> _identifier("gyro x[2]")
+    'gyro_x_2_'
+    """
+    name = re.sub(r"[^A-Za-z0-9_]", "_", axis)
+    return name if name[:1].isalpha() else f"axis_{name}"
+
+
+def axis_matrices(axis: str, calibration: Calibration, rate: float | None = None) -> dict[str, Any]:
+    """Return the matrices of one axis as lists, with all digits.
+
+    Parameters
+    ----------
+    axis : str
+    calibration : Calibration
+    rate : float, optional
+        Steps per second (Hz) of F, Q, H and R; by default the samples of the recording.
+    """
     fit = calibration[axis]
-    rate = fit.wavelet_variance.rate
+    own = fit.wavelet_variance.rate
     try:
-        space, smooth = fit.model.state_space(rate), fit.model.continuous(rate)
+        space, smooth = fit.model.state_space(own), fit.model.continuous(own)
     except MissingTheoryError as error:
         raise error.at(axis) from error
+    states = list(fit.model.state_terms(own))
+    if rate is not None and rate != own:
+        space, states = smooth.discrete(rate), list(smooth.terms)
     return {
-        "model": str(fit.model),
+        "model": plain(str(fit.model)),
         "unit": plain(fit.wavelet_variance.unit),
-        "rate": rate,
-        "states": list(fit.model.state_terms(rate)),
+        "rate": own if rate is None else rate,
+        "states": states,
         "F": rows(space.F),
         "Q": rows(space.Q),
         "H": rows(space.H),
