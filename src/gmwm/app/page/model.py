@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, State, dcc, html, no_update
+from dash import ALL, Dash, Input, Output, State, html, no_update
 
 from gmwm.app.desk import Desk
 from gmwm.app.figures import compared, drawn, fitted, misfit, movable, moved
@@ -80,9 +80,11 @@ def register(app: Dash, desk: Desk) -> None:
 
     def change(session: Session, *given: Any) -> Session | None:
         *_, typed, term, page = given
-        done = [(hit, value) for hit, value in triggers() if value]
-        for hit, value in done:
-            session = _changed(session, desk.workspace(page), hit, value, typed=str(typed or ""), term=term)
+        done = [one for one in triggers() if one[2]]
+        for hit, change_of, value in done:
+            # Leaving the field without a change is no decision for the recommended model.
+            if change_of != "n_blur" or typed != model_of(session, desk.workspace(page)):
+                session = _changed(session, desk.workspace(page), hit, value, typed=str(typed or ""), term=term)
         return session if done else None
 
     inputs = [
@@ -108,7 +110,7 @@ def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, ty
         return session.with_model(axis, hit["model"])
     model = model_of(session, workspace)
     if kind == "model":
-        return session if not typed.strip() or typed == model else session.with_model(axis, typed)
+        return session.with_model(axis, typed) if typed.strip() else session
     if not model:
         return session
     if kind == "spread":
@@ -231,10 +233,10 @@ def _parameters(fit: Fit, session: Session) -> Any:
         held = row.name in fit.model.fixed_names
         value: Any = row.estimate
         if held:
-            value = dcc.Input(
-                id={"type": "held", "parameter": row.name}, type="text", debounce=True, value=row.estimate,
-                className="number", **{"aria-label": f"Value of {row.name}"},
-            )  # fmt: skip
+            name = {"type": "held", "parameter": row.name}
+            value = html.Label(
+                [html.Span(f"Value of {row.name}", className="unseen"), text_input(name, "", row.estimate)]
+            )
         hold = button("Free" if held else "Hold", {"type": "hold", "parameter": row.name}, "small")
         shown.append([row.name, hold, value, row.interval, row.unit])
     level = f"{100 * session.confidence:g} % interval"

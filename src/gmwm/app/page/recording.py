@@ -269,12 +269,13 @@ def _cutting(app: Dash, desk: Desk) -> None:
         Input({"type": "trace", "axis": ALL}, "relayoutData"), State("time-unit", "data"), prevent_initial_call=True,
     )(mark)  # fmt: skip
 
-    def change(session: Session, _: int, __: int, ___: list[int], begin: str, end: str) -> Session | None:
-        ((hit, value), *_others) = triggers()
+    def change(session: Session, *given: Any) -> Session | None:
+        hit, _, value = triggers()[0]
         if not value:
             return None
         if isinstance(hit, dict):
             return _without(session, str(hit["span"]))
+        *_others, begin, end = given
         first, last = parse_length(begin or "", "start"), parse_length(end or "", "stop")
         if hit == "keep":
             return session.read_as(start=first, stop=last)

@@ -58,10 +58,10 @@ def restores(app: Dash, desk: Desk, fields: Sequence[str], values: Callable[[Ses
     )
 
 
-def triggers() -> list[tuple[Any, Any]]:
-    """Return the name and the new value of each input that changed; two may change at once."""
+def triggers() -> list[tuple[Any, str, Any]]:
+    """Return the component, the property and its value of each input that changed; two may change at once."""
     names = ctx.triggered_prop_ids
-    return [(names[one["prop_id"]], one["value"]) for one in ctx.triggered]
+    return [(names[one["prop_id"]], one["prop_id"].rpartition(".")[2], one["value"]) for one in ctx.triggered]
 
 
 Change = Callable[..., Session | None]

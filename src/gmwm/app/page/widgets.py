@@ -30,7 +30,7 @@ def field(label: str, control: Any, name: str, hint: str = "") -> Any:
     )
 
 
-def text_input(name: str, placeholder: str = "", value: str = "") -> Any:
+def text_input(name: Any, placeholder: str = "", value: str = "") -> Any:
     """Return a text field whose value is used when the user presses Enter or leaves it."""
     return dcc.Input(id=name, type="text", debounce=True, placeholder=placeholder, value=value, spellCheck="false")
 
