@@ -15,7 +15,7 @@ import pytest
 
 import gmwm
 from gmwm.app.folders import Folders
-from gmwm.app.server import opened, running
+from gmwm.app.server import LOADED, opened, running
 from gmwm.app.session import Session
 from gmwm.errors import OptionError, ReadError
 from tests.helpers import raises
@@ -162,6 +162,17 @@ def test_without_the_extra_it_says_what_to_install(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "dash", None)
     with raises(OptionError, advises=["pip install 'gmwm[app]'"]), running(folder):
         pytest.fail("it runs")
+
+
+def test_everything_that_threads_load_is_loaded_before():
+    source = Path(gmwm.__file__).parent
+    used = {
+        name
+        for file in source.rglob("*.py")
+        for name in re.findall(r"^ +(?:from|import) (scipy\.\w+)", file.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert "scipy.special" in used
+    assert used <= set(LOADED)
 
 
 def test_nothing_else_imports_the_application():

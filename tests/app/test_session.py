@@ -20,7 +20,7 @@ FULL = Session(
     },
     axis="gyro_x", robust=True, models={"gyro_x": "WN(sigma2=fixed(1e-6)) + 2*GM"}, confidence=0.9, curve="both",
     view="wavelet", units="si", rule="mean", inflation=2.5, horizon=0.1, export="openvins",
-    reference={"gyro.N": "2.0 deg/√h"},
+    reference={"gyro.N": "2.0 deg/√h"}, duration=600,
 )  # fmt: skip
 
 

@@ -36,6 +36,8 @@ from gmwm.variance.result import WaveletVariance
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif'
 SIDE = 90
 """Width (CSS pixels) of the margins of a figure."""
+NARROW, WIDEST = 760, 1360
+"""Width (CSS pixels) below which figures are in one column, and largest width of the page, as in app.css."""
 LEFT_OUT = "#d55e00"
 """Colour of the spans that are left out."""
 HANDLE = 8
@@ -47,6 +49,11 @@ EVEN = 50.0
 IMPLIED_DOTS = replace(IMPLIED, symbol="circle")
 Drawn = dict[str, Any]
 """A figure as `dcc.Graph` takes it."""
+
+
+def half_of(width: float) -> float:
+    """Return the width of a figure in a grid of two columns, or of one column on a narrow page (CSS pixels)."""
+    return width - 40 if width < NARROW else min(width, WIDEST) / 2 - 30
 
 
 def drawn(panel: Panel, width: float, height: float = 330, *, title: bool = False) -> Drawn:

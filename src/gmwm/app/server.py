@@ -13,6 +13,7 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,6 +23,11 @@ from gmwm.app.session import Session
 from gmwm.errors import GmwmWarning, OptionError
 
 HOST = "127.0.0.1"
+LOADED = (
+    "scipy.fft", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats",
+)  # fmt: skip
+"""What gmwm loads when it is first used. SciPy cannot be loaded by several threads at once, so it is loaded before
+(tests/app/test_server.py)."""
 CHECK = 0.2
 """Time (s) between two looks for signals."""
 
@@ -79,6 +85,8 @@ def running(path: Path, *, port: int = 0) -> Iterator[Served]:
         from werkzeug.serving import make_server
     except ImportError as error:
         raise OptionError("gmwm app needs Dash", advice="Install it: `pip install 'gmwm[app]'`.") from error
+    for name in LOADED:
+        import_module(name)
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     with tempfile.TemporaryDirectory(prefix="gmwm-app-") as temporary, warnings.catch_warnings():
         # Remarks of the recording have the same texts, and the page shows them.

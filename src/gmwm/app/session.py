@@ -60,6 +60,8 @@ class Session:
         The export format.
     reference : mapping of number to text
         Values of the manufacturer, such as {"gyro.N": "2.0 deg/√h"}.
+    duration : float
+        Time of unaided navigation of the error budget (s).
 
     Raises
     ------
@@ -86,13 +88,14 @@ class Session:
     horizon: float = HORIZON
     export: str = "kalibr"
     reference: Mapping[str, str] = field(default_factory=dict)
+    duration: float = 60.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reading", self.options.to_dict())
         object.__setattr__(self, "models", {axis: str(model) for axis, model in self.calibration.models.items()})
         for name, allowed in _ALLOWED.items():
             one_of(getattr(self, name), name, allowed)
-        for name in ("inflation", "horizon"):
+        for name in ("inflation", "horizon", "duration"):
             object.__setattr__(self, name, _positive(getattr(self, name), name))
 
     @property

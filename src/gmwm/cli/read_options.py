@@ -14,6 +14,7 @@ from gmwm.durations import parse_length
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.readers.columns import parse_columns
+from gmwm.readers.scale_factors import parse_scale
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
@@ -243,28 +244,6 @@ def parse_units(text: str | None) -> dict[str, str] | None:
             raise OptionError(argument="units", expected=expected, got=part.strip())
         units[name] = unit
     return units
-
-
-def parse_scale(text: str | None) -> dict[str, float] | None:
-    """Parse scale factors, numbers or fractions, to the mapping that `gmwm.read` takes.
-
-    >>> parse_scale("gyro=1/131,accel_x=6.1e-5")
-    {'gyro': 0.007633587786259542, 'accel_x': 6.1e-05}
-    """
-    if text is None:
-        return None
-    factors = {}
-    for part in text.split(","):
-        name, mark, number = (piece.strip() for piece in part.partition("="))
-        above, _, below = number.partition("/")
-        try:
-            factors[name] = float(above) / float(below or 1)
-        except (ValueError, ZeroDivisionError):
-            mark = ""
-        if not mark or not name:
-            expected = "factors of sensors or axes, such as gyro=1/131,accel_x=6.1e-5"
-            raise OptionError(argument="scale", expected=expected, got=part.strip())
-    return factors
 
 
 def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:

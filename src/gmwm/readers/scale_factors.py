@@ -63,3 +63,25 @@ def multiply(
     remarks = [Remark.of("scaled", key, factor=factor, source="declared") for key, factor in factors.items()]
     remarks += [Remark.of("increments", key, source="declared") for key in increments if key in read]
     return tuple(remarks)
+
+
+def parse_scale(text: str | None) -> dict[str, float] | None:
+    """Parse scale factors, numbers or fractions, to the mapping that `gmwm.read` takes.
+
+    >>> parse_scale("gyro=1/131,accel_x=6.1e-5")
+    {'gyro': 0.007633587786259542, 'accel_x': 6.1e-05}
+    """
+    if text is None:
+        return None
+    factors = {}
+    for part in text.split(","):
+        name, mark, number = (piece.strip() for piece in part.partition("="))
+        above, _, below = number.partition("/")
+        try:
+            factors[name] = float(above) / float(below or 1)
+        except (ValueError, ZeroDivisionError):
+            mark = ""
+        if not mark or not name:
+            expected = "factors of sensors or axes, such as gyro=1/131,accel_x=6.1e-5"
+            raise OptionError(argument="scale", expected=expected, got=part.strip())
+    return factors

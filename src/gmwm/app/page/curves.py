@@ -7,7 +7,7 @@ from typing import Any
 from dash import Dash, Input, html
 
 from gmwm.app.desk import Desk
-from gmwm.app.figures import curves, drawn, spectra
+from gmwm.app.figures import curves, drawn, half_of, spectra
 from gmwm.app.page.render import changes, draws, restores
 from gmwm.app.page.widgets import choices, graph, of_job
 from gmwm.app.session import Session
@@ -65,7 +65,7 @@ def _shown(session: Session, found: tuple[WaveletVariances, ...], width: float) 
         title = SENSORS.get(sensor, sensor or "Axes")
         panel = curves(of, session.view, session.units)
         made.append(
-            html.Div([html.H3(title), graph(drawn(panel, _half(width)), f"curve-{sensor}", f"{title}: curves")])
+            html.Div([html.H3(title), graph(drawn(panel, half_of(width)), f"curve-{sensor}", f"{title}: curves")])
         )
     return made
 
@@ -75,7 +75,7 @@ def _spectra(session: Session, workspace: Workspace, width: float) -> Any:
         made = []
         for sensor, axes in by_sensor(found).items():
             title = SENSORS.get(sensor, sensor or "Axes")
-            figure = drawn(spectra(axes, session.units), _half(width))
+            figure = drawn(spectra(axes, session.units), half_of(width))
             place = graph(figure, f"spectrum-{sensor}", f"{title}: spectrum")
             made.append(html.Div([html.H3(title), place, _peaks(axes)]))
         return made
@@ -94,12 +94,3 @@ def _peaks(axes: Any) -> Any:
         )
     ]
     return html.Ul(found, className="peaks") if found else html.P("No line is found.", className="hint")
-
-
-def _half(width: float) -> float:
-    """Return the width of a figure in a grid of two columns, one on a narrow page."""
-    return width - 40 if width < NARROW else min(width, WIDEST) / 2 - 30
-
-
-NARROW, WIDEST = 760, 1360
-"""Width (CSS pixels) below which figures are in one column, and largest width of the page, as in app.css."""

@@ -16,7 +16,7 @@ from gmwm.app.page.widgets import button, field, menu, message, of_job
 from gmwm.app.session import EMPTY, Session
 from gmwm.app.workspace import Workspace
 from gmwm.calibration import Calibration
-from gmwm.errors import GmwmError
+from gmwm.errors import GmwmError, OptionError
 from gmwm.exporters import export_formats
 from gmwm.exporters.reduction import RULES
 
@@ -98,6 +98,8 @@ def _file(wanted: str, session: Session, workspace: Workspace) -> tuple[str, str
     job.join(3600)
     if job.error is not None:
         raise job.error
+    if job.state != "done":
+        raise OptionError("the calibration was cancelled", advice="Start it again above.")
     found: Calibration = job.value
     if wanted == "get-report":
         return "report.html", _written(found.report, "report.html")

@@ -10,17 +10,21 @@ from dash import Dash, Input, State, dcc, html
 
 from gmwm.app.commands import number
 from gmwm.app.desk import Desk
+from gmwm.app.figures import drawn, half_of
 from gmwm.app.page.render import changes, draws, restores
-from gmwm.app.page.widgets import button, choices, field, of_job, remarks, table, text_input
+from gmwm.app.page.widgets import button, choices, field, graph, of_job, remarks, table, text_input
 from gmwm.app.session import Session
 from gmwm.app.workspace import Workspace
 from gmwm.axis_names import by_sensor
+from gmwm.budgets.summary_text import headline
 from gmwm.calibration import Calibration
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.datasheets.effective import effective_noise
+from gmwm.durations import parse_length
 from gmwm.errors import GmwmError, OptionError
 from gmwm.importers.quantities import as_reference, parse_reference
+from gmwm.plots.budget import budget_figure
 from gmwm.remarks import Dialect
 from gmwm.reports.verdict import state_of
 
@@ -68,6 +72,9 @@ def panel() -> list[Any]:
         ),
         html.P(id="error-horizon", className="error", role="alert"),
         html.Div(id="effective"),
+        html.H2("Unaided navigation"),
+        html.Div(field("Time without corrections", text_input("duration", value="60s"), "duration"), className="span"),
+        html.Div(id="budget"),
         html.H2("Compare with a datasheet"),
         html.Label("Values of the manufacturer, one a line", htmlFor="reference"),
         dcc.Textarea(id="reference", placeholder="gyro.N = 2.0 deg/√h\naccel.B = 0.2 mg", rows=3),
@@ -81,7 +88,13 @@ def register(app: Dash, desk: Desk) -> None:
     """Connect the tab."""
     draws(app, desk, tab="numbers", place="numbers", draw=_numbers)
     draws(app, desk, tab="numbers", place="effective", draw=_effective)
+    draws(app, desk, tab="numbers", place="budget", draw=_budget)
     draws(app, desk, tab="numbers", place="against", draw=_against)
+
+    def navigate(session: Session, text: str | None) -> Session:
+        return session.with_(duration=parse_length(text or "", "duration"))
+
+    changes(app, desk, [Input("duration", "value")], navigate, errors=("duration",))
 
     def slide(session: Session, power: float, inflation: float) -> Session:
         return session.with_(horizon=float(f"{10**power:.3g}"), inflation=inflation)
@@ -99,7 +112,7 @@ def register(app: Dash, desk: Desk) -> None:
     changes(
         app, desk, [Input("robust", "value"), Input("confidence", "value")], settings, errors=("confidence",)
     )  # fmt: skip
-    fields = ("horizon", "inflation", "robust", "confidence", "reference")
+    fields = ("horizon", "inflation", "robust", "confidence", "duration", "reference")
     restores(app, desk, fields, _field_values)
 
     def compare(session: Session, _: int, text: str | None) -> Session:
@@ -114,7 +127,8 @@ def register(app: Dash, desk: Desk) -> None:
 def _field_values(session: Session) -> list[Any]:
     robust = next(name for name, value in ROBUST.items() if value == session.robust)
     reference = "\n".join(f"{name} = {text}" for name, text in session.reference.items())
-    return [math.log10(session.horizon), session.inflation, robust, number(session.confidence), reference]
+    level, duration = number(session.confidence), f"{number(session.duration)}s"
+    return [math.log10(session.horizon), session.inflation, robust, level, duration, reference]
 
 
 def _pair(line: str) -> tuple[str, str]:
@@ -160,6 +174,19 @@ def _effective(session: Session, workspace: Workspace, width: float) -> Any:
             rows.append([axis, *(_inflated(entries[name], session) for name in ("N_eff", "K_eff"))])
         times = f", multiplied by {session.inflation:g}" if session.inflation != 1 else ""
         return [table(head, rows, "numbers"), html.P(f"The files of the tab Download have these numbers{times}.")]
+
+    job = workspace.calibration(session)
+    return of_job(job, show) if job.state == "done" else []
+
+
+def _budget(session: Session, workspace: Workspace, width: float) -> Any:
+    def show(found: Calibration) -> Any:
+        budget = found.budget(session.duration, level=session.confidence)
+        figures = [
+            graph(drawn(panel, half_of(width), 260, title=True), {"type": "budget", "number": k}, panel.title)
+            for k, panel in enumerate(budget_figure(budget).panels)
+        ]
+        return [html.P(headline(budget), className="facts"), html.Div(figures, className="grid")]
 
     job = workspace.calibration(session)
     return of_job(job, show) if job.state == "done" else []

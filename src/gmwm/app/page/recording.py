@@ -21,12 +21,13 @@ from gmwm.errors import GmwmError, OptionError
 from gmwm.inspection import Inspection
 from gmwm.plots.labels import axis_title
 from gmwm.readers.columns import parse_columns
+from gmwm.readers.scale_factors import parse_scale
 from gmwm.signals import Imu
 from gmwm.units import unit_names
 
-FIELDS = ("rate", "gyro", "accel", "time", "columns", "topic")
+FIELDS = ("rate", "gyro", "accel", "time", "columns", "topic", "scale")
 """The fields of the options for reading."""
-PLACES = ("rate", "units", "columns", "topic", "file")
+PLACES = ("rate", "units", "columns", "topic", "scale", "file")
 """The places for errors of reading."""
 FIELD_OF = {
     "no-time": "rate", "rate": "rate", "unit": "units", "columns": "columns", "no-inertial-data": "columns",
@@ -86,6 +87,7 @@ def _options() -> list[Any]:
         field("Time unit", menu("time", time, ""), "time"),
         field("Columns", text_input("columns", "time,gyro_x,gyro_y,…"), "columns"),
         field("Topic", text_input("topic", "for files with several recordings"), "topic"),
+        field("Scale of raw counts", text_input("scale", "gyro=1/131"), "scale"),
     ]
 
 
@@ -197,16 +199,18 @@ def _field_values(session: Session) -> list[Any]:
     elif columns is not None:
         columns = ",".join(axis or "" for axis in columns)
     rate = number(reading["rate"]) if "rate" in reading else ""
-    return [rate, *(units.get(name, "") for name in ("gyro", "accel", "time")), columns or "", reading.get("topic", "")]
+    scale = ",".join(f"{name}={number(factor)}" for name, factor in reading.get("scale", {}).items())
+    shown = (units.get(name, "") for name in ("gyro", "accel", "time"))
+    return [rate, *shown, columns or "", reading.get("topic", ""), scale]
 
 
 def _reading(app: Dash, desk: Desk) -> None:
     def change(session: Session, *given: Any) -> Session:
-        rate, gyro, accel, time, columns, topic = (str(value or "").strip() for value in given)
+        rate, gyro, accel, time, columns, topic, scale = (str(value or "").strip() for value in given)
         units = {name: unit for name, unit in (("gyro", gyro), ("accel", accel), ("time", time)) if unit}
         return session.read_as(
             rate=_number(rate, "rate") if rate else None, units=units, columns=parse_columns(columns or None),
-            topic=topic or None,
+            topic=topic or None, scale=parse_scale(scale or None),
         )  # fmt: skip
 
     inputs = [Input(name, "value") for name in FIELDS]
