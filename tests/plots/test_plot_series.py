@@ -283,3 +283,21 @@ def test_a_recording_of_some_axes_has_no_empty_row(noise):
     assert [bool(panel.x.label) for panel in figure.panels] == [True, False, True]
     other = Imu({"pressure": Signal(noise[:100], 10.0, "Pa"), "flow": Signal(noise[:100], 10.0, "m/s")})
     assert [panel.y.label for panel in recording_figure(other).panels] == ["Signal (Pa)", "Signal (m/s)"]
+
+
+def test_a_knock_does_not_flatten_the_other_samples():
+    values = np.random.default_rng(1).normal(9.8, 0.01, 20_000)
+    values[5000:5010] += 30.0
+    imu = gmwm.Imu.from_arrays({"accel_z": values}, rate=100.0)
+    ((panel,),) = recording_figure(imu).rows
+    line, *marks = panel.marks
+    # The mean is that of the other samples, and the panel is as high as a few of their spans.
+    assert "less its mean of 9.8" in panel.title
+    assert "beyond the limits" in panel.title
+    assert np.ptp(line.y[np.isfinite(line.y)]) < 40 * np.std(line.y[line.y < np.quantile(line.y, 0.99)])
+    assert [mark.stroke.symbol for mark in marks] == ["triangle"]
+    assert np.all((marks[0].x > 0.8) & (marks[0].x < 51))
+    calm = gmwm.Imu.from_arrays({"accel_z": np.delete(values, range(5000, 5010))}, rate=100.0)
+    ((panel,),) = recording_figure(calm).rows
+    assert len(panel.marks) == 1
+    assert "beyond" not in panel.title

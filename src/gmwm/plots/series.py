@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.plots.axes import number_text, quiet
 from gmwm.plots.curves import FRONT
-from gmwm.plots.figure import Figure, Line, Mark, Panel, Stroke
+from gmwm.plots.figure import Figure, Line, Mark, Panel, Stroke, Symbol
 from gmwm.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.plots.linear import even_axis, power_of, scaled_unit, time_unit
 from gmwm.plots.style import BLUE, letter_stroke, term_strokes
@@ -40,6 +40,8 @@ look constant. Pinned by tests/plots/test_plot_series.py."""
 ONE_POWER = 1e3
 """Largest ratio of the largest values of panels that share a power of ten. Pinned by
 tests/plots/test_plot_limits.py."""
+CLIPPED = "#1b1f24"
+"""Colour of the marks of clipped samples."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 
@@ -79,10 +81,10 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
         members = [axis for axis in axes if imu[axis].unit == unit]
         shown = view_of(unit, "allan", units)
         left = imu.time_base.left if imu.time_base else 0.0
-        traces = [trace(imu[axis], shown.factor, round(DOTS * width), left) for axis in members]
+        traces = [trace(imu[axis], shown.factor, round(DOTS * width), left, clip=True) for axis in members]
         means = [removed(one) for one in traces]
         rows = [
-            _Row(one.less(mean), _stroke(axis), _without_mean(axis_title(axis), mean, shown.unit))
+            _Row(one.less(mean), _stroke(axis), _without_mean(axis_title(axis), mean, shown.unit) + _clipped(one))
             for axis, one, mean in zip(members, traces, means, strict=True)
         ]
         panels |= dict(zip(members, _panels(rows, shown, _name(unit)), strict=True))
@@ -151,14 +153,28 @@ def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
     alone = isolated(y)
     line = Line(x, y, stroke=stroke, label="", layer=FRONT)
+    symbols: tuple[Symbol, Symbol] = ("triangle", "down")
+    beyond = tuple(
+        Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), label="", layer=FRONT)
+        for mask, symbol in zip(row.trace.beyond(), symbols, strict=True) if np.any(mask)
+    )  # fmt: skip
     if stroke.symbol or not np.any(alone):
-        return (line,)
-    return line, Line(x[alone], y[alone], stroke=Stroke(stroke.colour, 0.0, symbol="circle"), label="", layer=FRONT)
+        return line, *beyond
+    return (
+        line,
+        *beyond,
+        Line(x[alone], y[alone], stroke=Stroke(stroke.colour, 0.0, symbol="circle"), label="", layer=FRONT),
+    )
 
 
 def _stroke(axis: str) -> Stroke:
     letter = letter_stroke(sensor_and_letter(axis)[1])
     return Stroke(letter.colour if letter else BLUE, WIDTH)
+
+
+def _clipped(one: Trace) -> str:
+    """Return the end of a title that explains the marks of clipped samples."""
+    return " (▲▼: beyond the limits)" if any(one.clipped) else ""
 
 
 def _without_mean(title: str, mean: float, unit: str) -> str:

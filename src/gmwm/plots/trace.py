@@ -18,6 +18,13 @@ from gmwm._arrays import Vector
 from gmwm.signals import Signal
 from gmwm.time_base import begins_of
 
+TAIL = 0.005
+"""Share of the samples on each side that do not count for the limits of a clipped plot."""
+FAR = 2.0
+"""Distance of the limits from the other samples, in their span: samples of Gaussian noise are never clipped, because
+they would have to be 12 standard deviations from the mean (tests/plots/test_plot_series.py)."""
+_FEW = 100_000
+
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
     """Return indices of the first, smallest, largest and last value of each of `columns` equal parts, in ascending
@@ -52,7 +59,9 @@ class Trace:
     low, high : float
         The smallest and the largest sample.
     mean : float
-        Mean of all samples.
+        Mean of all samples; their median if some are clipped.
+    clipped : (below, above)
+        Whether samples below `low` and samples above `high`, for example of a knock, were moved to these limits.
     """
 
     seconds: Vector
@@ -60,6 +69,7 @@ class Trace:
     low: float
     high: float
     mean: float
+    clipped: tuple[bool, bool] = (False, False)
 
     @property
     def span(self) -> float:
@@ -69,14 +79,21 @@ class Trace:
     def less(self, amount: float) -> Trace:
         """Return the trace with a constant subtracted."""
         return Trace(
-            self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount
-        )
+            self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount,
+            clipped=self.clipped,
+        )  # fmt: skip
+
+    def beyond(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return masks of the samples that were moved down, and of those that were moved up."""
+        below, above = self.clipped
+        return above & (self.y >= self.high), below & (self.y <= self.low)
 
 
-def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Trace:
+def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Trace:
     """Reduce a signal to the trace for a plot with `columns` columns of dots.
 
-    The values are multiplied by `factor`, and the first sample is at the time `left` (s).
+    The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far
+    beyond nearly all others are moved to limits, so that a knock does not flatten the rest of the picture.
     """
     # Times count from the first sample: seconds since 1970 in double precision cannot resolve a microsecond.
     starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
@@ -90,6 +107,15 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Tra
         y += [factor * signal.values[index], np.array([math.nan])]
     shown: Vector = np.concatenate(y)[:-1]
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
+    if clip:
+        few = factor * signal.values[:: max(1, signal.values.size // _FEW)]
+        first, middle, last = (float(x) for x in np.quantile(few, (TAIL, 0.5, 1 - TAIL)))
+        least, most = first - FAR * (last - first), last + FAR * (last - first)
+        if last > first and (low < least or high > most):
+            return Trace(
+                np.concatenate(seconds)[:-1], np.clip(shown, least, most), low=max(low, least), high=min(high, most),
+                mean=middle, clipped=(low < least, high > most),
+            )  # fmt: skip
     return Trace(np.concatenate(seconds)[:-1], shown, low=low, high=high, mean=factor * float(np.mean(signal.values)))
 
 
