@@ -329,3 +329,14 @@ def test_outliers_that_were_not_tested_on_all_axes_get_no_tick():
         (point,) = [point for point in points if point["code"] in ("no-outliers", "outliers-not-tested")]
         assert (point["code"], point["state"]) == ("outliers-not-tested", "look")
         assert ("gyro_y" in point["text"], "gyro_x" in point["text"]) == (True, False), name
+
+
+def test_the_error_budget_is_that_of_the_calibration():
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)", "accel_y": "WN(sigma2=4e-5)"}, rate=100.0, samples=20_000, rng=1)
+    calibration = gmwm.calibrate(imu, within="WN + RW")
+    found = report_data(calibration)["budget"]
+    budget = calibration.budget(60.0)
+    assert [row[0] for row in found["rows"][1:]] == [one.title for one in budget.growths.values()]
+    assert found["rows"][1][1].startswith(f"{budget['tilt_x'].error[-1]:.3g}"[:5])
+    counts = gmwm.calibrate({"x": gmwm.wavelet_variance(imu["gyro_x"])}, within="WN + RW")
+    assert report_data(counts)["budget"] == {}

@@ -17,6 +17,7 @@ from gmwm.errors import OptionError
 from gmwm.plots.labels import axis_title
 from gmwm.regression.against import WARM_UP
 from gmwm.remarks import Dialect, Remark, texts
+from gmwm.reports.budget_table import budget_table
 from gmwm.reports.citation import citation
 from gmwm.reports.configurations import configurations
 from gmwm.reports.figures import (
@@ -51,7 +52,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     -------
     dict
         `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`, `sensors`, `axes`, `outliers`,
-        `configurations`, `left_out`, `citation`, `pictures`, `gmwm`.
+        `budget`, `configurations`, `left_out`, `citation`, `pictures`, `gmwm`.
 
     Raises
     ------
@@ -112,6 +113,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "axes": axes,
         "outliers": [_outliers(axis, found) for axis, found in calibration.axes.items()],
         "confidence": f"{100 * calibration.settings.confidence:g} %",
+        "budget": budget_table(calibration),
         "configurations": files,
         "left_out": left,
         "citation": citation(),
