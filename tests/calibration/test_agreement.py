@@ -112,7 +112,7 @@ def test_a_number_that_changed_is_named(changed):
     assert row.adjusted >= row.pvalue
     assert (found.verdict.facts["state"], found.verdict.facts["differing"]) == ("one", 1)
     remark = only(found.remarks, "numbers-differ")
-    assert (remark.subject, remark.facts["unit"], remark.facts["p"]) == ("gyro_y N", "deg/√h", row.adjusted)
+    assert (remark.subject, remark.facts["unit"], remark.facts["p"]) == ("N of gyro_y", "deg/√h", row.adjusted)
     assert remark.facts["values"][0].startswith(f"{row.entries[0].in_units()[0]:.3g} ±")
     assert found.summary().count("≠") == 2
 
@@ -136,7 +136,7 @@ def test_axes_of_one_recording_are_not_compared(three):
     assert {row.reason for row in found if row.axis == "gyro_y"} == {"one recording"}
     assert found.models["gyro_y"][1] is None
     lone = {remark.subject for remark in found.remarks if remark.code == "single-recording"}
-    assert lone == {f"gyro_y {row.symbol}" for row in found if row.axis == "gyro_y"}
+    assert lone == {f"{row.symbol} of gyro_y" for row in found if row.axis == "gyro_y"}
     other = replace(three[1], axes={"gyro_z": three[1].axes["gyro_x"]})
     axes = {"day_11": "gyro_x, gyro_y", "day_12": "gyro_z"}
     with raises(OptionError, argument="calibrations", got=axes):
@@ -219,7 +219,7 @@ def test_b_of_flicker_noise_is_not_compared_with_the_lowest_point_of_a_curve():
     flicker, lowest = point("B", 1.0, 0.01, "rad/s", term="FN"), point("B", 2.0, 0.01, "rad/s", tau=10.0)
     found = of(sheet(flicker), sheet(lowest))
     assert (found["gyro_x.B"].agrees, found["gyro_x.B"].reason) == (None, "kinds")
-    assert only(found.remarks, "bias-instability-kinds").subject == "gyro_x B"
+    assert only(found.remarks, "bias-instability-kinds").subject == "B of gyro_x"
     assert of(sheet(flicker), sheet(flicker))["gyro_x.B"].agrees
     assert of(sheet(lowest), sheet(lowest))["gyro_x.B"].agrees
 

@@ -72,7 +72,7 @@ def test_values_of_samples_instead_of_densities_are_named(calibration, tmp_path)
     )
     remark = only(calibration.agree(tmp_path / "f.yaml").remarks, "reference-factor")
     assert remark.facts["cause"] == "rate"
-    assert remark.facts["numbers"] == ("gyro_x N", "gyro_y N", "gyro_z N")
+    assert remark.facts["numbers"] == ("N of gyro_x", "N of gyro_y", "N of gyro_z")
     degrees = calibration.agree({"gyro.N": (N["gyro"] * 180 / math.pi, "rad/s/√Hz")})
     assert only(degrees.remarks, "reference-factor").facts["cause"] in ("hour", "degree")
 

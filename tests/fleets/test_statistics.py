@@ -241,7 +241,7 @@ def test_the_few_that_show_what_the_others_do_not_are_named():
     found = fleet_statistics(with_number(table, "K", value, low, high, "rad/s/√s"))
     assert found["gyro_x.K"].shown_by == ("11.csv",)
     remark = only(found.remarks, "shown-by-few")
-    assert (remark.subject, remark.facts) == ("gyro_x K", {"shown": ("11.csv",), "limited": 11})
+    assert (remark.subject, remark.facts) == ("K of gyro_x", {"shown": ("11.csv",), "limited": 11})
 
 
 def test_the_ramp_is_compared_with_its_sign_and_a_limit_is_about_zero():

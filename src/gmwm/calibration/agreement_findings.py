@@ -53,7 +53,7 @@ def _remarks(found: Agreement) -> Iterator[Remark]:
 
 
 def _name(row: SharedNumber) -> str:
-    return f"{row.axis} {row.symbol}"
+    return f"{row.symbol} of {row.axis}"
 
 
 def _difference(row: SharedNumber) -> Remark:

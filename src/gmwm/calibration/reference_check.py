@@ -169,7 +169,7 @@ class ReferenceCheck(Summarised):
         for rows in sensors.values():
             causes, factor = {_cause(row, self.rate) for row in rows}, rows[0].factor
             if len(causes) == 1 and (cause := causes.pop()) is not None and factor is not None:
-                names = tuple(f"{row.axis} {row.symbol}" for row in rows)
+                names = tuple(f"{row.symbol} of {row.axis}" for row in rows)
                 yield Remark.of("reference-factor", numbers=names, factor=factor, cause=cause, rate=self.rate)
 
     def summary(self) -> str:

@@ -23,8 +23,8 @@ _KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "l
 
 @register
 class Ros(Exporter):
-    """ROS: variance of a sample on the diagonal, from all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without
-    lines.
+    """ROS: the variance of a sample, on the diagonal: all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without
+    sinusoids.
 
     Source: `sensor_msgs/msg/Imu.msg`.
     """
@@ -94,8 +94,8 @@ def terms_without_variance(fit: Fit) -> tuple[str, ...]:
 
 
 def sample_variance(fit: Fit) -> float:
-    """Return the variance (SI) of one sample of the stationary noise of a model, without lines and terms that act as a
-    walk."""
+    """Return the variance (SI) of one sample of the stationary noise of a model, without sinusoids and terms that act
+    as a random walk."""
     model, wv = translated(fit)[0].model, fit.wavelet_variance
     stationary = [p for p in model.processes if p.stationary and p.scale > 0 and p.line(wv.rate) is None]
     lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]

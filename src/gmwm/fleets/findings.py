@@ -98,7 +98,7 @@ def _is_axis(row: FleetNumber, rows: Iterable[FleetNumber]) -> bool:
 
 
 def _name(row: FleetNumber) -> str:
-    return f"{row.axis} {row.symbol}"
+    return f"{row.symbol} of {row.axis}"
 
 
 def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:

@@ -95,8 +95,8 @@ class JointFit(Summarised):
     objective : float
         Weighted squared distance of data and model at the estimate.
     lower_bound : float or None
-        Proven lower bound on the objective of any parameters of this model; None without `certify`. Of a model with
-        common terms, the bound is the bound of the model in which they are shared.
+        Proven lower bound on the objective of any parameters of this model; None without `certify`. For a model
+        with `common(…)` terms, the bound is that of the model with `shared(…)` in their place.
     relaxed_bound : float or None
         The same for any number of terms of each process whose correlation time is searched.
     measured, implied : (J, d, d) arrays

@@ -107,7 +107,8 @@ def fit_ml(
     values, which by default come from a wavelet fit.
 
     The estimates are efficient if the model is right and the noise is Gaussian. Outliers can move them without limit.
-    If the model is wrong, the fit describes the fastest process best, because most samples are about it
+    If the model is wrong, the fit describes the fastest process best, because most of the information
+    in the samples is about it
     (docs/validation/likelihood.md).
 
     Parameters

@@ -138,7 +138,7 @@ def stream(
     skip: Sequence[tuple[float, float]] = (),
     bad_lines: BadLines = "error",
 ) -> Stream:
-    """Stream a static recording from a file in rad/s and m/s², chunk by chunk, for files larger than memory.
+    """Stream a static recording from a file, in rad/s and m/s², chunk by chunk, for files larger than memory.
 
     Samples, temperature, rate, segments and remarks are those of `read`: the time stamps of the whole file are read
     first, and an axis is left out only if it is constant in the whole file. Memory does not grow with the file if it is
@@ -148,7 +148,7 @@ def stream(
     Parameters
     ----------
     path, rate, columns, units, format, scale, increments, topic, start, stop, skip, bad_lines
-        As for `read`. Nothing after `stop` is read.
+        As for `read`. Of the rows after `stop`, only the time stamps are read.
     chunk : int
         Samples in a chunk, at most.
 

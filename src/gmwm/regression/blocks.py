@@ -203,8 +203,8 @@ class Clock:
         return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
-        """Return places on the clock and values of a piecewise linear curve through the means of blocks with
-        samples."""
+        """Return the positions (in samples, gaps included) and the values of the nodes of a piecewise linear curve
+        through the means of the blocks that contain samples."""
         known = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
         at = np.asarray((known + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[known]

@@ -281,7 +281,7 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute scaling and wavelet coefficients of one level: Σ_l f_l V_{2n+1−l}, indices modulo the (even) number of
+    """Compute scaling and wavelet coefficients of one level: Σ_l f_l V_{2n+1−l}, indices modulo the (even) length of
     V."""
     half = values.size // 2
     smooth, detail = np.zeros(half), np.zeros(half)
