@@ -102,4 +102,4 @@ def cases() -> Iterable[Case]:
             yield Case(f"the same, against the wavelet fit {name}", found, "gmwm.fit", wavelets, 5, items=n)
             smooth = partial(STATIONARY.smooth, y, RATE)
             yield Case(f"smoothing {name}", smooth, "np.cumsum", cumsum, 5, items=n)
-            yield Case(f"filtering {name}", partial(STATIONARY.filter, y, RATE), "np.cumsum", cumsum, 5, items=n)
+            yield Case(f"filtering {name}", partial(STATIONARY.kalman_filter, y, RATE), "np.cumsum", cumsum, 5, items=n)
