@@ -243,7 +243,7 @@ GMWM_CLONES void filter(Run& run, std::span<double> standardised, Innovations& o
       ++out.observed;
     }
     for (std::size_t a = 0; a < k; ++a)
-      run.v[a * block] = moved(m, run.series.row(a)[t], there, &run.means[a * m.p], run.next.data());
+      run.v[a * block] = moved(m, run.series.row(a)[t], there, run.means.data() + a * m.p, run.next.data());
     if (there) {
       for (std::size_t a = 0; a < k; ++a)
         for (std::size_t b = a; b < k; ++b) out.cross[a * k + b] += run.v[a * block] * run.v[b * block] * m.inverse_S;

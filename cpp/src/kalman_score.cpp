@@ -298,7 +298,7 @@ Score scored(const System& system, const Slopes& slopes, const Series& series, P
   out.square_slopes.assign(sums.square_slopes.begin(), sums.square_slopes.begin() + used);
   out.information.resize(used * used);
   for (std::size_t a = 0; a < used; ++a)
-    std::copy_n(&sums.information[a * L], used, &out.information[a * used]);
+    std::copy_n(sums.information.data() + a * L, used, out.information.data() + a * used);
   out.cross = std::move(sums.cross);
   out.cross_slopes.resize(used * m * m);
   for (std::size_t l = 0; l < used; ++l)

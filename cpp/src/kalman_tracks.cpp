@@ -108,7 +108,7 @@ class Tracker {
     seen_.v.assign(k_, 0.0);
     seen_.means = now_.means;
     for (std::size_t a = 0; a < k_; ++a) {
-      double* mean = &now_.means[a * p_];
+      double* mean = now_.means.data() + a * p_;
       if (seen_.there) {
         double e = series_.row(a)[t];
         for (std::size_t i = 0; i < p_; ++i) e -= m.H[i] * mean[i];
@@ -166,7 +166,7 @@ class Tracker {
     const Machine<double>& m = now_.machine;
     const double there = seen.there ? 1.0 : 0.0;
     for (std::size_t a = 0; a < k_; ++a) {
-      double* own = &r[a * p_];
+      double* own = r.data() + a * p_;
       double pull = seen.v[a] * seen.inverse_S;
       for (std::size_t i = 0; i < p_; ++i) pull -= seen.gain[i] * own[i];
       std::fill(next_.begin(), next_.end(), 0.0);

@@ -47,7 +47,7 @@ void least_squares_innovations(std::span<const double> responses, double unknown
   const std::size_t m = moments.size();
   std::vector<double> factor(m * m), of_response(m), of_moments(m);
   for (std::size_t t = 0; t < e.size(); ++t) {
-    const double* g = &responses[t * m];
+    const double* g = responses.data() + t * m;
     cholesky(information.data(), m, factor.data());
     forward(factor.data(), m, g, of_response.data());
     forward(factor.data(), m, moments.data(), of_moments.data());
