@@ -31,6 +31,27 @@ def test_it_has_the_verdict_four_numbers_a_plot_and_the_data(calibration):
     assert "<script" not in html
 
 
+def test_cautions_are_three_of_two_sentences_and_a_count(calibration, monkeypatch):
+    texts = [f"Axis {k} drifts by 3.7 deg/h. Use `--detrend`. N is not affected." for k in range(5)]
+    monkeypatch.setattr("gmwm.reports.one_page.with_groups", lambda *_: [("drift", text) for text in texts])
+    cautions = one_page_data(calibration)["cautions"]
+    assert cautions[:MOST] == [f"Axis {k} drifts by 3.7 deg/h. Use `--detrend`." for k in range(3)]
+    assert cautions[MOST:] == ["2 more cautions are in the report."]
+
+
+def test_the_column_of_the_bias_is_left_out_without_one(calibration):
+    axes = {axis: dataclasses.replace(found, rest=None) for axis, found in calibration.axes.items()}
+    data = one_page_data(dataclasses.replace(calibration, axes=axes))
+    assert data["rows"][0] == ["Axis", "Model", "N", "B", "K"]
+    assert {len(row) for row in data["rows"]} == {5}
+    assert "mean at rest" not in one_page(dataclasses.replace(calibration, axes=axes))
+
+
+def test_an_interval_keeps_its_unit_on_its_line(calibration):
+    number, interval = calibration.datasheets["gyro_x"]["N"].text().split(" (")
+    assert f'<span class="whole">{number}</span> <span class="whole">({interval}</span>' in one_page(calibration)
+
+
 def test_names_from_files_are_escaped(hostile):
     html = one_page(hostile)
     assert "<script" not in html
@@ -57,6 +78,18 @@ def test_a_browser_prints_one_page_and_a_short_report(calibration, tmp_path):
     long = len(PAGES.findall(calibration.report(tmp_path / "long.pdf").read_bytes()))
     # A page for each axis, two for the summary and one for the rest: ten for six axes.
     assert long <= len(calibration) + 4
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.browser
+def test_many_axes_and_long_cautions_are_still_one_page(calibration, tmp_path, monkeypatch):
+    one = "The mean settles over the first hour: " + ", ".join(f"gyro_{k} (149.2 deg/h, 33 min)" for k in range(20))
+    monkeypatch.setattr("gmwm.reports.one_page.with_groups", lambda *_: [("a", f"{one}, {k}.") for k in range(6)])
+    lost = {f"sensor_{k}": "the signal is constant" for k in range(12)}
+    many = dataclasses.replace(calibration, failed=lost)
+    content = many.report(tmp_path / "one.pdf", one_page=True).read_bytes()
+    assert len(PAGES.findall(content)) == 1
 
 
 @pytest.mark.slow

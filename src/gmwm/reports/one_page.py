@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gmwm._text import counted
 from gmwm.calibration.findings import equality_remarks, unusable
 from gmwm.calibration.tables import with_error
 from gmwm.plots.labels import axis_title
@@ -24,9 +26,13 @@ if TYPE_CHECKING:
     from gmwm.plots.matplotlib import Picture
 
 SYMBOLS = ("N", "B", "K")
-MOST = 4
-"""Largest number of cautions, so that the page is one page (tests/reports/test_one_page.py)."""
+MOST, SENTENCES = 3, 2
+"""Largest number of cautions, and of sentences of each, so that the page is one page (tests/reports/test_one_page.py).
+"""
+RECORDINGS = 3
+"""Largest number of recordings whose facts are listed."""
 FACTS = ("File", "Source", "SHA-256", "Sampling rate", "Length", "Gaps", "At rest", "Temperature")
+_BETWEEN_SENTENCES = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")
 
 
 def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> dict[str, Any]:
@@ -39,33 +45,53 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
         Texts with a place for options are written for it.
     """
     lost = set(unusable(calibration))
-    rows = [["Axis", "Model", *SYMBOLS, "Bias at rest"]]
+    heads = [*SYMBOLS, "Bias at rest"]
+    numbers = {axis: _numbers(found) for axis, found in calibration.axes.items()}
+    kept = [k for k in range(len(heads)) if k < len(SYMBOLS) or any(cells[k] for cells in numbers.values())]
+    rows = [["Axis", "Model", *(heads[k] for k in kept)]]
     for axis, found in calibration.axes.items():
         note = " (cannot be used)" if axis in lost else ""
-        rows.append([axis_title(axis) + note, found.fit.model.structure, *_numbers(found)])
+        rows.append([axis_title(axis) + note, found.fit.model.structure, *(numbers[axis][k] for k in kept)])
     rows += [
-        [f"{axis_title(axis)} (not calibrated)", reason, "", "", "", ""] for axis, reason in calibration.failed.items()
+        [f"{axis_title(axis)} (not calibrated)", reason, *("" for _ in kept)]
+        for axis, reason in calibration.failed.items()
     ]
-    grave = [one for one in calibration.remarks if one.severity < Severity.INFO]
-    texts = [text for _, text in with_groups([*equality_remarks(calibration), *grave], dialect)]
-    texts = list(dict.fromkeys(texts))
-    more = [f"{len(texts) - MOST} more cautions are in the report."] if len(texts) > MOST else []
-    recording = recording_facts(calibration)
-    facts = {name: value for name, value in recording["facts"] if name in FACTS}
-    for row in recording["rows"][1:]:
-        if row[0] in FACTS:
-            facts[row[0]] = "; ".join(row[1:])
     name = calibration.recording.file if calibration.recording and calibration.recording.file else calibration.source
     return {
         "title": f"Calibration of {name}" if name else "Calibration",
         "state": state_of(calibration.verdict),
         "headline": calibration.verdict.text(dialect),
         "rows": rows,
+        "bias": len(kept) == len(heads),
         "confidence": f"{100 * calibration.settings.confidence:g} %",
-        "cautions": [*texts[:MOST], *more],
-        "facts": [*facts.items(), ("Made with", f"gmwm {metadata.version('gmwm')}")],
+        "cautions": _cautions(calibration, dialect),
+        "facts": [*_facts(calibration).items(), ("Made with", f"gmwm {metadata.version('gmwm')}")],
         "gmwm": metadata.version("gmwm"),
     }
+
+
+def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
+    """Return the most severe cautions, each with its first sentences, and a sentence on what is left out."""
+    grave = [one for one in calibration.remarks if one.severity < Severity.INFO]
+    found = [text for _, text in with_groups([*equality_remarks(calibration), *grave], dialect)]
+    texts = list(dict.fromkeys(found))
+    short = [" ".join(_BETWEEN_SENTENCES.split(text)[:SENTENCES]) for text in texts[:MOST]]
+    if left := len(texts[MOST:]):
+        short.append(f"{counted(left, 'more caution')} {'is' if left == 1 else 'are'} in the report.")
+    return short
+
+
+def _facts(calibration: Calibration) -> dict[str, str]:
+    """Return the facts on the recording, or on the first of several recordings."""
+    recording = recording_facts(calibration)
+    facts = {name: value for name, value in recording["facts"] if name in FACTS}
+    for title, *values in recording["rows"][1:]:
+        if title in FACTS:
+            more = [f"and {len(values) - RECORDINGS} more"] if len(values) > RECORDINGS else []
+            facts[title] = "; ".join([*values[:RECORDINGS], *more])
+    if facts.get("File", "").startswith(f"{facts.get('Source')}, "):
+        del facts["Source"]
+    return facts
 
 
 def _numbers(found: AxisCalibration) -> list[str]:

@@ -76,6 +76,7 @@ def environment() -> Any:
 
     made = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["worded"] = _worded
+    made.filters["unbroken"] = _unbroken
     made.filters["rendered"] = _ours  # remarks are rendered for HTML, with everything from a file escaped
     made.filters["trusted"] = _ours
     return made
@@ -97,6 +98,11 @@ def _ours(text: str) -> Any:
 def _worded(text: str) -> Any:
     """Escape a text, and show the parts between backticks as code."""
     return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
+
+
+def _unbroken(text: str) -> Any:
+    """Escape a number with its interval and unit, and allow a line break only before the interval."""
+    return _ours(" ".join(f'<span class="whole">{escape(one)}</span>' for one in re.split(r" (?=\()", text)))
 
 
 @cache
