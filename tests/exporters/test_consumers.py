@@ -218,7 +218,7 @@ def test_the_head_says_what_the_numbers_are(units, format):
     units_of = units_of.get(format, ("rad/s", "m/s^2"))
     for said in (
         *units_of, "bench.csv", "400000 samples at 200 Hz", "Units: ", "Inflation factor: 1.", "Horizon: 1 s.",
-        "of gyro_x, gyro_y, gyro_z.", "of accel_x, accel_y, accel_z.",
+        "of gyro_x, gyro_y, gyro_z", "of accel_x, accel_y, accel_z",
         "Model of gyro_z: GM + WN (N: GM (T_c 0.05 s), WN).", *map(words, texts(remarks_in(units["no-walk"], format))),
     ):  # fmt: skip
         assert said in head, said

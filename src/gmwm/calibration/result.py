@@ -24,7 +24,7 @@ from gmwm.inference.model_error import RelativeMisfit
 from gmwm.monitor import Baseline
 from gmwm.outliers import Verdict
 from gmwm.regression.result import Regression
-from gmwm.remarks import Remark
+from gmwm.remarks import Remark, Severity
 from gmwm.replicates import Replicates
 from gmwm.selection import Ranking
 from gmwm.spectrum import PowerSpectrum
@@ -532,7 +532,11 @@ class Calibration(Summarised, Mapping[str, Fit]):
         """
         from gmwm.budgets.api import budget_of_fits
 
-        return budget_of_fits(self, duration, rest=rest, latitude=latitude, level=level)
+        found = budget_of_fits(self, duration, rest=rest, latitude=latitude, level=level)
+        causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
+        return (
+            replace(found, remarks=(Remark.of("budget-of-wrong", causes=causes), *found.remarks)) if causes else found
+        )
 
     def report(self, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
         """Write the calibration as one self-contained HTML page: verdict, plots, numbers, models, configuration files.

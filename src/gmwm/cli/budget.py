@@ -9,7 +9,7 @@ import typer
 
 from gmwm.budgets import LATITUDE
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import NoiseText, noise_of
+from gmwm.cli.noise_source import NoiseText, calibration_in, noise_of
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, file_names
 from gmwm.durations import parse_length
@@ -70,6 +70,8 @@ def budget(
     def made(text: str, option: str = "SOURCE") -> Budget:
         from gmwm.budgets import budget as budgeted
 
+        if (calibration := calibration_in(text)) is not None:
+            return calibration.budget(seconds, rest=before, latitude=latitude, level=level)
         noise = noise_of(text, rate, option)
         return budgeted(noise.axes, seconds, rate=noise.rate, rest=before, latitude=latitude, level=level)
 

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm._files import read_json
 from gmwm.cli.option_names import named_as_options
 
 if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
     from gmwm.estimation.result import Fit
     from gmwm.importers import Given
     from gmwm.processes.model import Model
@@ -52,6 +54,24 @@ def given(text: str, rate: float | None, option: str = "--from") -> Given:
 
     with named_as_options({"source": option}):
         return given_noise(text, rate)
+
+
+def calibration_in(text: str) -> Calibration | None:
+    """Read the calibration in a file or folder; None if the text is another source of noise."""
+    from gmwm import Calibration
+    from gmwm.cli.plan import fits_in
+
+    path = Path(text)
+    if path.is_dir():
+        fits_in(path)  # Refuses a folder with a calibration and other fits.
+        path = path / "calibration.json"
+    if path.suffix != ".json" or not path.is_file():
+        return None
+    try:
+        content = read_json(path)
+    except ValueError:
+        return None  # noise_of names the error.
+    return Calibration.load(path) if isinstance(content, dict) and "settings" in content else None
 
 
 def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSource:

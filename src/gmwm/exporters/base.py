@@ -227,8 +227,13 @@ class TwoNumbers(Exporter):
         head = [title_line(self), recording(calibration), *first, *self.meaning]
         for sensor in noise.sensors:
             axes = ", ".join(one.axis for one in sensor.axes)
-            which = f"all numbers are of {sensor.worst.axis}, " if options.axes == "worst" else ""
-            head.append(f"{NAMES[sensor.quantity].capitalize()}: {which}{RULES[options.axes]} {axes}.")
+            rule = f"{RULES[options.axes]} {axes}"
+            if len(sensor.axes) == 1:
+                rule = axes
+            elif options.axes == "worst":
+                worst = f"all numbers are of {sensor.worst.axis}"
+                rule = f"{worst}: of {axes}, it has the largest Allan deviation at the horizon"
+            head.append(f"{NAMES[sensor.quantity].capitalize()}: {rule}.")
         measured = not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         head += [

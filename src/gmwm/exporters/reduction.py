@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Rule = Literal["worst", "mean", "each"]
 RULES: Mapping[Rule, str] = {
-    "worst": "the axis with the largest Allan deviation at the horizon of",
+    "worst": "the largest of",
     "mean": "the root mean square of",
     "each": "one for each of",
 }

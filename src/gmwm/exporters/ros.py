@@ -49,8 +49,7 @@ class Ros(Exporter):
         for quantity in QUANTITIES:
             if not (names := axes_of(calibration, quantity)):
                 continue
-            which = "the largest of" if options.axes == "worst" else RULES[options.axes]
-            head.append(f"{_KEYS[quantity]}: {which} {', '.join(names)}.")
+            head.append(f"{_KEYS[quantity]}: {RULES[options.axes]} {', '.join(names)}.")
             for axis in names:
                 require_unit(axis, calibration[axis], quantity)
                 head.append(f"Model of {axis}: {calibration[axis].model.structure}.")

@@ -213,6 +213,7 @@ def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...
     errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
     if not errors:
         return ()
-    share = Quantity(100.0 * max(errors.values()), "%")
-    longest = Quantity(2.0**BAND / rate, "s")
+    # Rounded, so that the remarks on axes with the same approximation are one.
+    share = Quantity(float(f"{100.0 * max(errors.values()):.2g}"), "%")
+    longest = Quantity(float(f"{2.0**BAND / rate:.3g}"), "s")
     return (Remark.of("state-approximated", axis, terms=tuple(errors), error=share, longest=longest),)
