@@ -76,6 +76,19 @@ def test_an_odd_unit_is_a_star_with_its_name_and_no_dot(n):
     assert fleet_figure(fleet(n)).title == f"{n} units"
 
 
+def test_few_units_have_a_symbol_and_a_name_each():
+    panel = fleet_figure(fleet(3)).panels[0]
+    assert set(panel.labels) >= {"unit_0", "unit_1", "unit_2"}
+    for unit in range(3):
+        dots = [line for line in panel.lines if line.label == f"unit_{unit}"]
+        assert len(dots) == 3
+        assert len({line.stroke.symbol for line in dots}) == 1
+    told = fleet(2)
+    alike = told.table.with_columns(unit=pl.col("unit").str.replace("lot/unit_(.).csv", "$1/unit.csv"))
+    renamed = SimpleNamespace(table=alike, statistics=fleet_statistics(alike))
+    assert set(fleet_figure(renamed).labels) >= {"0/unit.csv", "1/unit.csv"}
+
+
 @pytest.mark.slow
 def test_limits_are_triangles_beside_the_strip():
     few, many = (fleet_figure(fleet(n)).panels[1]["Upper limits"] for n in (12, 300))

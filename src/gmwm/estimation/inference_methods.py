@@ -427,7 +427,9 @@ class InferenceMethods:
         *,
         view: ViewName = "wavelet",
         units: UnitSystem = "si",
-        decomposition: bool = True,
+        decomposition: bool | None = None,
+        label: str | None = None,
+        color: str | None = None,
         ax: Axes | None = None,
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
@@ -439,8 +441,13 @@ class InferenceMethods:
             Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
-        decomposition : bool
-            Whether to draw the terms.
+        decomposition : bool, optional
+            Whether to draw the terms. Default: True, but False with `label` or `color`.
+        label : str, optional
+            Name in the legend, for several fits on the same `ax`: `monday.plot(ax=ax, label="monday")`. Its colour
+            and symbol then differ from the earlier ones, and the axes have one legend and include all fits.
+        color : str, optional
+            A colour of Matplotlib such as "#D55E00"; by default the next colour that earlier fits do not have.
         ax : matplotlib Axes, optional
             Where to draw; a new figure by default.
         path : path, optional
@@ -453,11 +460,13 @@ class InferenceMethods:
         Raises
         ------
         OptionError
-            If an option is unknown, or the data do not support it.
+            If an option is unknown, if the data do not support it, or if an earlier fit on `ax` has another unit.
         """
         from gmwm.plots.fit import plot_fit
 
-        return plot_fit(self._fit, view=view, units=units, decomposition=decomposition, ax=ax, path=path)
+        return plot_fit(
+            self._fit, view=view, units=units, decomposition=decomposition, label=label, color=color, ax=ax, path=path
+        )
 
     def _repr_html_(self) -> str:
         """Return the summary as HTML, with the parameters as a table, for notebooks."""

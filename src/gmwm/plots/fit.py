@@ -175,12 +175,20 @@ def plot_fit(
     *,
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
-    decomposition: bool = True,
+    decomposition: bool | None = None,
+    label: str | None = None,
+    color: str | None = None,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
     """Draw a fit: see `Fit.plot`."""
     from gmwm.plots.matplotlib import draw
+    from gmwm.plots.shared_axes import named_fit_panel
 
-    panel = fit_panel(fit, view=view, units=units, decomposition=decomposition)
+    if label is None and color is None:
+        panel = fit_panel(fit, view=view, units=units, decomposition=decomposition is not False)
+    else:
+        panel = named_fit_panel(
+            fit, label=label, color=color, view=view, units=units, ax=ax, decomposition=decomposition is True
+        )
     return draw(single_panel(panel), ax=ax, path=path)

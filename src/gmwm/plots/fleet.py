@@ -11,6 +11,7 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm._text import counted
@@ -19,7 +20,7 @@ from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.summary_text import shown_unit
 from gmwm.plots.axes import limits_of, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Text, Tick
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
 from gmwm.plots.imu import PAGE
 from gmwm.plots.labels import sensor_and_letter, sensor_title
 from gmwm.plots.linear import even_axis, power_of, scaled_unit
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 SINGLY = 40
 """Largest number of units that are drawn as dots with intervals. More units are drawn as a curve. Pinned by
 tests/plots/test_plot_fleet.py."""
+UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "cross", "plus")
+"""Symbols of the units, if there are not more units than symbols."""
 POINTS = 400
 """Largest number of points of a curve of many units. Pinned by tests/plots/test_plot_limits.py."""
 HALF = 0.4
@@ -158,10 +161,7 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
     if order.size <= SINGLY:
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
         marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
-        dots = Stroke(stroke.colour, 0.0, symbol="circle")
-        marks.append(
-            Line(across[alike], value[alike], stroke=dots, label="Unit, with its confidence interval", layer=MIDDLE)
-        )
+        marks += _dots(across, value, order, alike=alike, colour=stroke.colour, units=units)
         heights = np.concatenate([value, np.maximum(low, value / REACH), np.minimum(high, value * REACH)])
         heights = np.concatenate([value, low, high]) if row.signed else heights
     else:
@@ -193,6 +193,28 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
             )
         )
     return _Strip(marks, np.concatenate([heights, limits]), stars)
+
+
+def _dots(
+    across: Vector,
+    value: Vector,
+    order: NDArray[np.intp],
+    *,
+    alike: NDArray[np.bool_],
+    colour: str,
+    units: Sequence[str],
+) -> list[Mark]:
+    """Return the dots of the units: with a symbol and a name for each unit if there are few."""
+    if len(units) > len(UNIT_SYMBOLS):
+        dots = Stroke(colour, 0.0, symbol="circle")
+        label = "Unit, with its confidence interval"
+        return [Line(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE)]
+    short = [_short(unit) for unit in units]
+    names = short if len(set(short)) == len(short) else units
+    return [
+        Line(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), names[k], MIDDLE)
+        for i, k in enumerate(order) if alike[i]
+    ]  # fmt: skip
 
 
 def _further(

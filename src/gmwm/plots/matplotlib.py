@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axes._secondary_axes import SecondaryAxis
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
@@ -150,7 +151,14 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
             got=ax,
             advice="Call it without {--ax}.",
         )
-    handles = draw_panel(figure.panels[0], ax)
+    artists, labels = ax.get_legend_handles_labels()
+    earlier: dict[str, Artist] = {}
+    for label, artist in zip(labels, artists, strict=True):
+        earlier.setdefault(label, artist)
+    # The ticks on the opposite side are drawn again.
+    for child in [one for one in ax.child_axes if isinstance(one, SecondaryAxis)]:
+        child.remove()
+    handles = {**earlier, **draw_panel(figure.panels[0], ax)}
     if handles:
         legend_inside(ax, handles)
     owner: Any = ax.figure

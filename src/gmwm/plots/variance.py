@@ -28,11 +28,17 @@ def plot_wavelet_variance(
     *,
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
+    label: str | None = None,
+    color: str | None = None,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
     """Draw a wavelet variance over its scales; see `WaveletVariance.plot`."""
     from gmwm.plots.matplotlib import draw
+    from gmwm.plots.shared_axes import named_panel
 
-    panel = wavelet_variance_panel(wv, view=view, units=units)
+    if label is None and color is None:
+        panel = wavelet_variance_panel(wv, view=view, units=units)
+    else:
+        panel = named_panel(wv, label=label, color=color, view=view, units=units, ax=ax)
     return draw(Figure(((panel,),), height=88.0), ax=ax, path=path)

@@ -433,6 +433,8 @@ class WaveletVariance(Summarised):
         *,
         view: ViewName = "wavelet",
         units: UnitSystem = "si",
+        label: str | None = None,
+        color: str | None = None,
         ax: Axes | None = None,
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
@@ -446,6 +448,11 @@ class WaveletVariance(Summarised):
             Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
+        label : str, optional
+            Name in the legend, for several curves on the same `ax`: `monday.plot(ax=ax, label="monday")`. Its colour
+            and symbol then differ from the earlier ones, and the axes have one legend and include all curves.
+        color : str, optional
+            A colour of Matplotlib such as "#D55E00"; by default the next colour that earlier curves do not have.
         ax : matplotlib Axes, optional
             Where to draw; a new figure by default.
         path : path, optional
@@ -458,7 +465,7 @@ class WaveletVariance(Summarised):
         Raises
         ------
         OptionError
-            If an option is unknown, or the data do not support it.
+            If an option is unknown, if the data do not support it, or if an earlier curve on `ax` has another unit.
 
         Examples
         --------
@@ -469,7 +476,7 @@ class WaveletVariance(Summarised):
         """
         from gmwm.plots.variance import plot_wavelet_variance
 
-        return plot_wavelet_variance(self, view=view, units=units, ax=ax, path=path)
+        return plot_wavelet_variance(self, view=view, units=units, label=label, color=color, ax=ax, path=path)
 
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""
