@@ -1,7 +1,10 @@
 """`gmwm export`: what the library writes, printed or in files."""
 
+import json
+
 import pytest
 
+import gmwm as library
 from gmwm import Calibration
 from gmwm.exporters import export_formats
 
@@ -93,3 +96,24 @@ def test_errors_take_one_line(gmwm, file, tmp_path):
     content = gmwm("export", gyro, "--all", tmp_path / "some", "--json").json
     assert len(content["left_out"]) == len(export_formats()) - count
     assert content["left_out"]["kalibr"].startswith("the format needs")
+
+
+def test_state_space_takes_the_fits_of_gmwm_fit(gmwm, tmp_path):
+    noise = library.simulate({"gyro_x": "WN(sigma2=1e-6) + RW(gamma2=1e-10)"}, rate=100.0, samples=5000, rng=1)
+    fit = library.fit("WN + RW", noise["gyro_x"])
+    content = {"command": "fit", "file": "x.csv", "axes": {"gyro_x": fit.to_dict()}}
+    (tmp_path / "fits.json").write_text(json.dumps(content))
+    outcome = gmwm("export", tmp_path / "fits.json", "--format", "state-space-json", "--rate", 50)
+    assert outcome.code == 0, outcome.err
+    found = json.loads(outcome.out)
+    assert "Recording: x.csv, 5000 samples" in " ".join(found["gmwm"])
+    space = fit.model.continuous(100.0).discrete(50.0)
+    assert found["axes"]["gyro_x"]["rate"] == 50.0
+    assert found["axes"]["gyro_x"]["Q"] == space.Q.tolist()
+    assert found["axes"]["gyro_x"]["R"] == space.R.tolist()
+    for name in ("state-space", "state-space-matlab", "state-space-cpp"):
+        assert "gyro_x" in gmwm("export", tmp_path, "--format", name).out
+    for wrong in (["--format", "kalibr"], ["--all", tmp_path / "all"]):
+        refused = gmwm("export", tmp_path / "fits.json", *wrong)
+        assert refused.code != 0
+        assert "as state space" in refused.err

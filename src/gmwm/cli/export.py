@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import typer
 
+from gmwm._files import read_json
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.option_names import named_as_options
@@ -16,7 +17,7 @@ from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.durations import parse_length
-from gmwm.errors import DataError, MissingTheoryError, OptionError
+from gmwm.errors import DataError, MissingTheoryError, OptionError, ReadError
 from gmwm.exporters import export_formats
 from gmwm.exporters.base import HORIZON
 from gmwm.remarks import Remark
@@ -29,6 +30,7 @@ EXAMPLES = (
     "gmwm export results/calibration.json --format openvins --inflation 10",
     "gmwm export gyro_results accel_results --output imu.yaml",
     "gmwm export results/calibration.json --all exported",
+    "gmwm export results/fits.json --format state-space --rate 200 --output noise.py",
     "gmwm export --from 'gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, B=0.02mg' --rate 200",
     "gmwm export --from old_vins.yaml --rate 200 --format orbslam3",
 )
@@ -41,7 +43,7 @@ def export(
         list[Path] | None,
         typer.Argument(
             help="calibration.json of gmwm calibrate --output, or its folder. Give two if gyroscopes and "
-            "accelerometers were calibrated apart.",
+            "accelerometers were calibrated apart. The state-space formats also take fits.json of gmwm fit.",
             metavar="CALIBRATION...",
             show_default=False,
         ),
@@ -116,11 +118,13 @@ def export(
     }  # fmt: skip
     if source is not None:
         choice["rate"] = None
-    files, found = _source(calibrations, source, rate)
+    written = DEFAULT if format is None else format
+    fitted = None if source is not None else _fitted(calibrations or [], None if all is not None else written)
+    files, found = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
     with named_as_options({"axes": "--axes"}):
         if all is not None:
             return _all(found, files, made_directory(all, "all"), choice)
-        return _one(found, files, output=output, name=DEFAULT if format is None else format, choice=choice)
+        return _one(found, files, output=output, name=written, choice=choice)
 
 
 def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
@@ -140,6 +144,45 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
     files = [calibration_file(path) for path in calibrations or ()]
     first, *others = [Calibration.load(file) for file in files]
     return files, first.combined(*others)
+
+
+def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
+    """Return the fits of a fits.json; None if the files are no fits.json.
+
+    Raises
+    ------
+    OptionError
+        If the format needs more than the models.
+    """
+    from gmwm import Fit
+    from gmwm.cli.plan import fits_in
+    from gmwm.exporters.given import fitted_calibration
+
+    if not any(_is_fits(path) for path in files):
+        return None
+    allowed = [name for name in export_formats() if name.startswith("state-space")]
+    if len(files) > 1 or format not in allowed:
+        raise OptionError(
+            "a fits.json of gmwm fit can only be written by itself and as state space, because it has one model and no "
+            "comparison with others",
+            argument="format",
+            got=format or "--all",
+            advice=f"Use one file with {{--format}} {', '.join(allowed)}, or pass the calibration.json of "
+            "`gmwm calibrate`.",
+        )
+    recording, fits = fits_in(files[0])
+    return fitted_calibration({axis: Fit.from_dict(one) for axis, one in fits.items()}, recording or "")
+
+
+def _is_fits(path: Path) -> bool:
+    """Return whether a path is a fits.json of gmwm fit, or a folder with one and without a calibration.json."""
+    if path.is_dir():
+        return (path / "fits.json").is_file() and not (path / "calibration.json").is_file()
+    try:
+        content = read_json(path)
+    except (OSError, ValueError, ReadError):
+        return False
+    return isinstance(content, dict) and content.get("command") == "fit"
 
 
 class _Choice(TypedDict):

@@ -1,6 +1,8 @@
-"""Noise that was given instead of measured, in the form that the exporters take."""
+"""Noise that was given instead of measured, and fits without a calibration, in the form that the exporters take."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -47,6 +49,19 @@ def given_calibration(given: Given) -> Calibration:
     return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=given.source)
 
 
+def fitted_calibration(fits: Mapping[str, Fit], source: str = "") -> Calibration:
+    """Return fits as a calibration without intervals and tests, for formats that need only the models.
+
+    Parameters
+    ----------
+    fits : mapping of axis to Fit
+    source : str
+        The recording.
+    """
+    axes = {axis: _uncompared(fit) for axis, fit in fits.items()}
+    return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=source)
+
+
 def _axis(axis: str, model: Model, rate: float) -> AxisCalibration:
     held = model.with_values(
         {name: Fixed(float(value)) for name, value in model.parameters.items() if value is not None}
@@ -69,8 +84,13 @@ def _axis(axis: str, model: Model, rate: float) -> AxisCalibration:
         weighting_matrix=np.diag(1.0 / variance**2),
         diagnostics=Diagnostics(acts_as={}, not_supported=(), nodes=0),
     )
+    return _uncompared(fit)
+
+
+def _uncompared(fit: Fit) -> AxisCalibration:
+    """Return a fit as the calibration of an axis without other models."""
     ranking = Ranking(
-        candidates=(), within=held, general=fit, weighting=GIVEN, weighting_matrix=fit.weighting_matrix,
-        wavelet=np.diag(variance**2), confidence=0.95,
+        candidates=(), within=fit.model, general=fit, weighting=fit.weighting, weighting_matrix=fit.weighting_matrix,
+        wavelet=np.diag(fit.wavelet_variance.variance**2), confidence=0.95,
     )  # fmt: skip
     return AxisCalibration(fit=fit, intervals={}, test=None, datasheet=datasheet(fit), ranking=ranking)
