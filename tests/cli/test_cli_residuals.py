@@ -115,7 +115,7 @@ def test_plot(gmwm, recording, tmp_path):
 CASES = {
     "no model": (["{file}"], ["--model", "--from-fits"]),
     "both": (["{file}", "-m", "WN", "--from-fits", "{fits}"], ["--model", "--from-fits"]),
-    "no states": (["{file}", "-m", "WN + PL"], ["--model: ", "PL"]),
+    "no states": (["{file}", "-m", "WN + PL"], ["gyro_x: ", "PL"]),
     "no fits": (["{file}", "--from-fits", "{file}"], ["{file}", "fits.json"]),
     "no such fits": (["{file}", "--from-fits", "{folder}/none.json"], ["{folder}/none.json"]),
     "axis without a fit": (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import re
@@ -118,6 +119,8 @@ def listening(printed: dict[int, str], line: int) -> Iterator[None]:
     streams = (sys.stdout, sys.stderr)
     with contextlib.ExitStack() as kept:
         files = [kept.enter_context(tempfile.TemporaryFile()) for _ in streams]
+        for file in files:  # A shell and a forked command have positions of their own.
+            fcntl.fcntl(file, fcntl.F_SETFL, fcntl.fcntl(file, fcntl.F_GETFL) | os.O_APPEND)
         before = [os.dup(number) for number in (1, 2)]
         for number, (stream, file) in enumerate(zip(streams, files, strict=True), start=1):
             stream.flush()

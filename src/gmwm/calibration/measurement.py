@@ -8,6 +8,8 @@ from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from gmwm._text import duration_text
 from gmwm._threads import in_threads
 from gmwm.batches import Batch, Batches, Streamed, cut, feed
@@ -138,10 +140,15 @@ class AxisMeasurement:
     def clean(self, signal: Signal) -> Signal:
         """Replace the isolated wrong samples and the knocks of a batch, and count them."""
         found = self.samples.clean(signal)
-        if self.beginning is None:
-            first = cut(found, 0, BEGINNING)
-            # A copy: a part of the array would keep all of it.
-            self.beginning = first if len(first) == len(found) else replace(first, values=first.values.copy())
+        have = 0 if self.beginning is None else len(self.beginning)
+        if have < BEGINNING:
+            first = cut(found, 0, BEGINNING - have)
+            if self.beginning is not None:
+                first = _continued(self.beginning, first)
+            elif len(first) < len(found):
+                # A copy: a part of the array would keep all of it.
+                first = replace(first, values=first.values.copy())
+            self.beginning = first
         return found
 
     def update(self, signal: Signal, continues: bool) -> None:
@@ -156,6 +163,17 @@ class AxisMeasurement:
     def pair(self, efficiency: float) -> Pair:
         """Return the wavelet variances, the screen and the spectrum."""
         return pair_of(self.curves, self.samples.screen(), self.samples.spectrum(), efficiency)
+
+
+def _continued(before: Signal, after: Signal) -> Signal:
+    """Return two consecutive parts of a signal as one. They are one segment where no time passes between them."""
+    (begin, end), size = before.segments[-1], len(before)
+    follows = before.starts[-1] + (end - begin) / before.rate
+    joined = abs(after.starts[0] - follows) < 0.5 / before.rate
+    moved = [(first + size, last + size) for first, last in after.segments]
+    segments = [*before.segments[:-1], (begin, moved[0][1]), *moved[1:]] if joined else [*before.segments, *moved]
+    values = np.concatenate([before.values, after.values])
+    return replace(before, values=values, segments=tuple(segments), starts=(*before.starts, *after.starts[joined:]))
 
 
 def pair_of(curves: AxisCurves, screen: Screen, spectrum: PowerSpectrum | None, efficiency: float) -> Pair:

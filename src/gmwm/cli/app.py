@@ -28,7 +28,7 @@ def app(
     """Calibrate in the browser: look at a recording, leave spans out, try models, and download the files.
 
     The page runs on this computer only: nothing is sent over the network. It shows the commands that repeat what
-    was done. Ctrl-C ends it. Needs the extra app: pip install 'gmwm[app]'.
+    was done. Ctrl-C ends it. It needs Dash, which the extra app of gmwm installs.
     """
     from gmwm.app.server import serve
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm budget results/calibration.json --duration 60s",
-    "gmwm budget results/calibration.json --duration 10min --rest 60s --plot budget.png",
-    "gmwm budget results/calibration.json --duration 60s --against 'gyro: N=0.15deg/√h' --rate 100",
+    "gmwm budget results/calibration.json --duration 10min --plot budget.png",
+    "gmwm budget results --duration 60s --against old/calibration.json",
 )
 _DURATION = typer.Option(
     help="Time of navigation without corrections: 60s, 10min, 1h, or seconds.", metavar="LENGTH", show_default=False

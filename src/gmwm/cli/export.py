@@ -30,8 +30,7 @@ EXAMPLES = (
     "gmwm export results/calibration.json --format openvins --inflation 10",
     "gmwm export gyro_results accel_results --output imu.yaml",
     "gmwm export results/calibration.json --all exported",
-    "gmwm export results/fits.json --format state-space --rate 200 --output noise.py",
-    "gmwm export --from 'gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, B=0.02mg' --rate 200",
+    "gmwm export results/fits.json --format state-space --output noise.py",
     "gmwm export --from old_vins.yaml --rate 200 --format orbslam3",
 )
 DEFAULT = "kalibr"

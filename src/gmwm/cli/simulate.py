@@ -24,7 +24,7 @@ EXAMPLES = (
     "gmwm simulate --reference --duration 1h --output imu.csv",
     "gmwm simulate --model 'gyro=WN(sigma2=4e-8)' --duration 10min -o gyro.parquet",
     "gmwm simulate --reference --duration 10min -o imu.csv --components parts.csv",
-    "gmwm simulate --from 'gyro: N=0.15deg/√h, B=3deg/h' --rate 200 --duration 10min -o gyro.csv",
+    "gmwm simulate --from 'gyro: N=2deg/√h' --rate 200 --duration 1h -o gyro.csv",
 )
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from gmwm.errors import DataError
-from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
+from gmwm.exporters.base import Exporter, ExportOptions, register, sensor_missing, title_line
 from gmwm.exporters.biases import stated, three, unknown
 from gmwm.exporters.findings import of_lines
 from gmwm.exporters.reduction import Number, axes_of, require_unit, ruled
@@ -38,10 +37,7 @@ class Autoware(Exporter):
         """Return the parameters of the node."""
         gyro, accel = (axes_of(calibration, quantity) for quantity in ("gyro", "accel"))
         if not gyro or not accel:
-            raise DataError(
-                f"autoware needs gyroscopes and accelerometers, but this calibration has only {', '.join(calibration)}",
-                advice="Calibrate a recording with axes such as gyro_x and accel_x.",
-            )
+            raise sensor_missing(calibration, "accel" if gyro else "gyro", self.name)
         for axis in (*gyro, *accel):
             require_unit(axis, calibration[axis], "gyro" if axis in gyro else "accel")
         deviations = {axis: Number(math.sqrt(sample_variance(calibration[axis])), False) for axis in (*gyro, *accel)}

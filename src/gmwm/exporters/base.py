@@ -15,7 +15,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.datasheets.effective import Use
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError, GmwmError, OptionError
 from gmwm.exporters.biases import stated, unknown
 from gmwm.exporters.findings import remarks_of
 from gmwm.exporters.heads import models, sweep
@@ -262,14 +262,19 @@ class TwoNumbers(Exporter):
             sensor_noise(calibration, quantity, rule=options.axes, inflation=options.inflation, use=use)
             for quantity in QUANTITIES
         )
-        missing = [NAMES[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
+        missing = [q for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
         if missing and (self.both or len(missing) == 2):
-            raise DataError(
-                f"the format needs gyroscopes and accelerometers, but this calibration has no {missing[0]}, "
-                f"only {', '.join(calibration)}",
-                advice="Calibrate a recording with axes such as gyro_x and accel_x.",
-            ).about(self.name)
+            raise sensor_missing(calibration, missing[0], self.name)
         return Noise(gyro, accel, options, topic=topic_of(calibration), rest=calibration.rest)
+
+
+def sensor_missing(calibration: Calibration, quantity: Quantity, format: str) -> GmwmError:
+    """Return the error that a format needs a sensor that was not calibrated."""
+    return DataError(
+        f"the format needs gyroscopes and accelerometers, but this calibration has no {NAMES[quantity]}, "
+        f"only {', '.join(calibration)}",
+        advice="Calibrate a recording with axes such as gyro_x and accel_x.",
+    ).about(format)
 
 
 def topic_of(calibration: Calibration) -> str:
