@@ -258,7 +258,9 @@ class LikelihoodFit(KalmanMethods):
         *,
         view: ViewName = "wavelet",
         units: UnitSystem = "si",
-        decomposition: bool = True,
+        decomposition: bool | None = None,
+        label: str | None = None,
+        color: str | None = None,
         ax: Axes | None = None,
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
@@ -270,8 +272,12 @@ class LikelihoodFit(KalmanMethods):
             Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
-        decomposition : bool
-            Whether to draw the terms.
+        decomposition : bool, optional
+            Whether to draw the terms. Default: True, but False with `label` or `color`.
+        label : str, optional
+            Name in the legend, for several fits on the same `ax`, as for `Fit.plot`.
+        color : str, optional
+            A colour of Matplotlib such as "#D55E00"; by default the next colour that earlier fits do not have.
         ax : matplotlib Axes, optional
             Where to draw; a new figure by default.
         path : path, optional
@@ -290,7 +296,9 @@ class LikelihoodFit(KalmanMethods):
         """
         from gmwm.plots.fit import plot_fit
 
-        return plot_fit(self, view=view, units=units, decomposition=decomposition, ax=ax, path=path)
+        return plot_fit(
+            self, view=view, units=units, decomposition=decomposition, label=label, color=color, ax=ax, path=path
+        )
 
     def units(self) -> dict[str, str]:
         """Unit of every parameter, by name."""
