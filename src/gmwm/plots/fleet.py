@@ -212,7 +212,7 @@ def _dots(
     short = [_short(unit) for unit in units]
     names = short if len(set(short)) == len(short) else units
     return [
-        Line(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), names[k], MIDDLE)
+        Line(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), label=names[k], layer=MIDDLE)
         for i, k in enumerate(order) if alike[i]
     ]  # fmt: skip
 
