@@ -309,21 +309,25 @@ def joined(parts: Sequence[Batch]) -> Batch:
 
 def _one(parts: Sequence[Batch], axis: str) -> Signal:
     """Return an axis of consecutive batches."""
+    return end_to_end([part.signals[axis] for part in parts], [part.continues_on(axis) for part in parts])
+
+
+def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
+    """Return consecutive parts of a signal as one; `continues` says which part continues the one before it."""
     segments, starts, size = list[tuple[int, int]](), list[float](), 0
-    for k, part in enumerate(parts):
-        one, continues = part.signals[axis], k > 0 and part.continues_on(axis)
+    for one, follows in zip(signals, [False, *continues[1:]], strict=True):
         moved = [(first + size, last + size) for first, last in one.segments]
-        if continues:
+        if follows:
             segments[-1] = segments[-1][0], moved.pop(0)[1]
         segments += moved
-        starts += one.starts[continues:]
+        starts += one.starts[follows:]
         size += len(one)
     return replace(
-        parts[0].signals[axis],
-        values=freeze(np.concatenate([part.signals[axis].values for part in parts])),
+        signals[0],
+        values=freeze(np.concatenate([one.values for one in signals])),
         segments=tuple(segments),
         starts=tuple(starts),
-        filled=sum(part.signals[axis].filled for part in parts),
+        filled=sum(one.filled for one in signals),
     )
 
 

@@ -8,11 +8,9 @@ from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from gmwm._text import duration_text
 from gmwm._threads import in_threads
-from gmwm.batches import Batch, Batches, Streamed, cut, feed
+from gmwm.batches import Batch, Batches, Streamed, cut, end_to_end, feed
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import DataError, GmwmError
@@ -167,13 +165,9 @@ class AxisMeasurement:
 
 def _continued(before: Signal, after: Signal) -> Signal:
     """Return two consecutive parts of a signal as one. They are one segment where no time passes between them."""
-    (begin, end), size = before.segments[-1], len(before)
+    begin, end = before.segments[-1]
     follows = before.starts[-1] + (end - begin) / before.rate
-    joined = abs(after.starts[0] - follows) < 0.5 / before.rate
-    moved = [(first + size, last + size) for first, last in after.segments]
-    segments = [*before.segments[:-1], (begin, moved[0][1]), *moved[1:]] if joined else [*before.segments, *moved]
-    values = np.concatenate([before.values, after.values])
-    return replace(before, values=values, segments=tuple(segments), starts=(*before.starts, *after.starts[joined:]))
+    return end_to_end([before, after], [False, abs(after.starts[0] - follows) < 0.5 / before.rate])
 
 
 def pair_of(curves: AxisCurves, screen: Screen, spectrum: PowerSpectrum | None, efficiency: float) -> Pair:
