@@ -31,8 +31,8 @@ writes this page. No number is typed by hand.
 
 Top: time per sample. For small records the confidence limits and checks dominate, {small} µs per call. The time per
 sample is then constant until a record no longer fits into the caches; the working set of a chunk always fits.
-allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of PyWavelets filters with
-zeros in between, so each level takes twice as long as the one before. Bottom: fits, covariance and model selection
+allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of PyWavelets inserts zeros
+into its filters, so each level takes twice as long as the previous level. Bottom: fits, covariance and model selection
 from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest resident set beyond that of
 `import gmwm`, including the samples.
 

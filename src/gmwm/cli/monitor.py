@@ -64,14 +64,14 @@ def monitor(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Recording of the good sensor at rest, which the charts compare with. Default: the baseline in "
+            help="Recording of the healthy sensor at rest, which the charts compare with. Default: the baseline in "
             "calibration.json.",
             show_default=False,
         ),
     ] = None,
     every: Annotated[
         str,
-        typer.Option(help="Average time between false alarms of a good sensor, all axes together.", metavar="LENGTH"),
+        typer.Option(help="Average time between false alarms of a healthy sensor, all axes together.", metavar="LENGTH"),
     ] = "30d",
     axis: Axes = None,
     follow: Annotated[

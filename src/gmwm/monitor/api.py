@@ -68,11 +68,11 @@ class Monitor(OneAtATime):
         The model of each axis, with all values. Power-law noise, which has no finite state, is approximated by
         Gauss-Markov processes.
     every : str or float
-        Average time between false alarms of a good sensor, all axes together: "30d", or seconds.
+        Average time between false alarms of a healthy sensor, all axes together: "30d", or seconds.
     rate : float, optional
         Sampling rate (Hz); by default the rate of the calibration.
     baseline : mapping of axis to Baseline, or None, optional
-        Statistics of the innovations of the good sensor; by default those in the calibration. None compares with the
+        Statistics of the innovations of the healthy sensor; by default those in the calibration. None compares with the
         model alone, which a real sensor never follows exactly.
     axes : sequence of str, optional
         The axes to monitor; all by default.

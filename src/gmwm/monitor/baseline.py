@@ -69,7 +69,7 @@ class Baseline:
 
     @classmethod
     def of(cls, model: Model, segments: Sequence[Vector], rate: float) -> Baseline:
-        """Measure the baseline of a model in a recording of a good sensor.
+        """Measure the baseline of a model in a recording of a healthy sensor.
 
         Parameters
         ----------
