@@ -27,9 +27,9 @@ Results, errors and functions for special purposes are in the packages: `gmwm.er
 `gmwm.covariance`, `gmwm.datasheets`, `gmwm.estimation`, `gmwm.inference`, `gmwm.likelihood`, `gmwm.exporters`.
 
 Everything inside is in SI units: rad/s and m/s² for signals, s for times, Hz for rates. Parameters of processes are per
-sample (a white noise variance σ² is that of one sample), except the inverse correlation time β of a Gauss-Markov
-process, which is in 1/s. Levels count from 1; the scale of level j is τ_j = 2^j samples. The Allan variance at the
-averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
+sample (a white noise variance σ² is the variance of one sample), except the inverse correlation time β of a
+Gauss-Markov process, which is in 1/s. Levels count from 1; the scale of level j is τ_j = 2^j samples. The Allan
+variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
 """
 
 from importlib import import_module

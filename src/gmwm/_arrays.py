@@ -81,7 +81,7 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
 
 def _is_vector(values: object) -> TypeGuard[Vector]:
     """Return whether values are a vector already. The other checks take ten times as long as the sum of 1000 samples,
-    in which streams arrive."""
+    a common size of the chunks of a stream."""
     return (
         type(values) is np.ndarray
         and values.ndim == 1
@@ -113,7 +113,8 @@ def require_finite(vector: Vector, name: str) -> None:
 
 
 def _require_samples(values: object, name: str) -> None:
-    """Raise a DataError if `values` contain samples but are none: the path of a file, a recording, a simulation."""
+    """Raise a DataError if `values` is not an array but contains samples: the path of a file, a recording, a
+    simulation."""
     if isinstance(values, str | bytes | os.PathLike):
         raise DataError(
             f"{name} must be a signal or its samples; got {values!r}",

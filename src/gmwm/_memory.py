@@ -1,4 +1,4 @@
-"""Return memory that was freed to the operating system."""
+"""Give freed memory back to the operating system."""
 
 from __future__ import annotations
 

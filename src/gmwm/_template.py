@@ -201,7 +201,7 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Map
 
 
 def _python_value(text: str) -> str | int | None:
-    """Return a name, an index or None in a mapping or list of Python."""
+    """Write a name, an index or None as in a Python mapping or list."""
     return int(text) if text.isdecimal() else None if text in ("", "none") else text
 
 

@@ -27,7 +27,8 @@ class ContinuousStateSpace:
     """A continuous-time linear Gaussian state-space model of one signal with p states.
 
     dx/dt = A x + w with w white of spectral density Qc; y = H x + v with v white of spectral density Rc, so that the
-    mean of v over a time Δt has the variance Rc/Δt. The states are those of the discrete model. u is the unit of y.
+    mean of v over a time Δt has the variance Rc/Δt. The states are the states of the discrete model. u is the unit of
+    y.
 
     Parameters
     ----------

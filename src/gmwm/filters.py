@@ -302,7 +302,7 @@ def projected(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) ->
 
 
 def _slopes(g: Vector) -> Matrix:
-    """Derivatives of Σ_l g_l g_{l+2k} by the taps (L/2, L)."""
+    """Derivatives of Σ_l g_l g_{l+2k} with respect to the taps (L/2, L)."""
     padded = np.concatenate([np.zeros(g.size), g, np.zeros(g.size)])
     return np.array(
         [padded[g.size + s : 2 * g.size + s] + padded[g.size - s : 2 * g.size - s] for s in range(0, g.size, 2)]

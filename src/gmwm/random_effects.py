@@ -32,7 +32,7 @@ class Effects:
     spread2_variance : (…) array
         Var τ̂² ≈ 2(n − 1)/(Σw − Σw²/Σw)².
     error2_slope : (…) array
-        Derivative of the square of `error` by τ²: Σw²/(Σw)².
+        Derivative of the square of `error` with respect to τ²: Σw²/(Σw)².
     count : (…) array
         n.
     """

@@ -110,7 +110,7 @@ def _lattice(levels: Vector) -> float | None:
 
 
 def _is_float32_rounding(levels: Vector, step: float) -> bool:
-    """Whether a step is the distance of float32 numbers of the size of the values, which is no step of a sensor."""
+    """Whether a step is the distance of float32 numbers of the size of the values, which is not a step of a sensor."""
     largest = np.float32(np.max(np.abs(levels)))
     single = bool(np.all(levels == levels.astype(np.float32)))
     return single and step <= float(np.spacing(largest))
@@ -120,7 +120,7 @@ def before_rounding(runs: list[Vector], step: float) -> float:
     """Standard deviation of the noise before it was rounded to multiples of a step.
 
     In runs of consecutive samples the mean hardly changes. If the output spreads over several steps, rounding adds the
-    variance step²/12 (Sheppard's correction). Otherwise the standard deviation is that of the Gaussian noise whose
+    variance step²/12 (Sheppard's correction). Otherwise the standard deviation belongs to the Gaussian noise whose
     probabilities of the rounded values agree best with the counts of all runs (maximum likelihood); each run has its
     own mean. Runs of equal samples are left out if they are fewer than half, as a sensor or a logger may hold a value.
 

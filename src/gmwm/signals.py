@@ -54,7 +54,7 @@ class Signal:
     starts : tuple of float
         Time of the first sample of each segment (s). By default one sample is missing in each gap.
     filled : int
-        Number of values that stand for lost samples, see `fill_gaps`.
+        Number of values that replace lost samples, see `fill_gaps`.
     gaps_known : bool
         Whether the lengths of the gaps are known; by default if `starts` are given. Other gaps are not filled.
 
@@ -375,7 +375,8 @@ class Imu:
         Raises
         ------
         ReadError, DataError, OptionError, UnitError
-            If the arrays cannot be used, no axis is known, or a unit is unknown. Warnings are those of `gmwm.read`.
+            If the arrays cannot be used, no axis is known, or a unit is unknown. Warnings are the same as from
+            `gmwm.read`.
 
         >>> imu = Imu.from_arrays({"gyro_x": [0.0, 180.0]}, rate=100, units={"gyro": "deg/s"})
         >>> imu["gyro_x"].values
@@ -457,7 +458,7 @@ class Imu:
         """Cut out the part of the recording between two times, without the ranges in `skip`; each leaves a gap.
 
         Times count from the first sample on the recording's clock, gaps included. If the clock was set back, the
-        next sample counts as one sampling interval later. The part includes a sample at `start` and excludes one at
+        next sample is treated as one sampling interval later. The part includes a sample at `start` and excludes one at
         `stop`.
 
         Parameters
@@ -527,7 +528,7 @@ class Imu:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
 
         In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]`
-        if there is one. Numbers keep full precision. Times are those of the uniform clock of each segment, so gaps stay
+        if there is one. Numbers keep full precision. Times follow the uniform clock of each segment, so gaps stay
         gaps. If writing fails, no partial file is left.
 
         An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are whole

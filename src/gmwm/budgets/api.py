@@ -65,12 +65,12 @@ def budget(
     The vehicle is level and at rest, with x north, y east and z down. The errors start at zero, or after a rest: its
     mean is then subtracted from the gyroscopes and from the vertical accelerometer, and the mean of the horizontal
     accelerometers levels the vehicle. Stationary noise starts in its stationary distribution; random walks and flicker
-    noise start at zero. Constant biases and scale factors are no part of a noise model, nor of the budget.
+    noise start at zero. Constant biases and scale factors are not part of a noise model, and not part of the budget.
 
     The error equations are linear, with gravity on a tilted vehicle, the Schuler oscillation and the rotation of the
     Earth, and without accelerations of the vehicle. Strapdown integrations of simulated sensors agree within 5 % from
-    1 s to 1 h (docs/validation/budget.md). Vertical errors are given up to 100 s: later, tilts of second order exceed
-    them.
+    1 s to 1 h (docs/validation/budget.md). Vertical errors are given up to 100 s: later, second-order effects of the
+    tilt are larger.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class AxisNoise:
         Raises
         ------
         OptionError
-            If the axis is none of an IMU, or a model comes without a rate.
+            If the axis is not an axis of an IMU, or a model comes without a rate.
         ModelError
             If a parameter has no value, or the unit of a fit is not the SI unit of the axis.
         MissingTheoryError
@@ -108,7 +108,8 @@ class AxisNoise:
         known = {id(process): terms[label] for label, process in self.terms.items()}
 
         def slope(process: Process, name: str | None) -> Matrix:
-            """Return the derivative by the logarithm of a parameter, or by the scale of a term that is zero."""
+            """Return the derivative with respect to the logarithm of a parameter, or to the scale of a term that is
+            zero."""
             if name is None:
                 return self._of(process, motion, times, rest)
             parameter = next(p for p in process.parameters if p.name == name)

@@ -5,10 +5,10 @@ velocity v (3) and the position p (3), all small:
 
     dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v,
 
-with the rotation of the Earth ω = Ω (cos L, 0, −sin L), its error δω by the position, and by the velocity over the
-radius R of the Earth, which makes the Schuler oscillation with a period of 84 minutes, the specific force
-f = (0, 0, −g), and the error of gravity δg = (0, 0, 2g/R) p_z. e_g and e_a are the errors of gyroscopes and
-accelerometers. Accelerations of the vehicle, which multiply errors of heading and scale, are left out.
+with the rotation of the Earth ω = Ω (cos L, 0, −sin L), its error δω from the position error and from the velocity over
+the radius R of the Earth, which causes the Schuler oscillation with a period of 84 minutes, the specific force f = (0,
+0, −g), and the error of gravity δg = (0, 0, 2g/R) p_z. e_g and e_a are the errors of gyroscopes and accelerometers.
+Accelerations of the vehicle, which multiply errors of heading and scale, are left out.
 
 References
 ----------

@@ -68,7 +68,7 @@ def agree(
     size : float
         Size of the test of all numbers together.
     labels : sequence of str, optional
-        Names of the recordings; by default those of their files.
+        Names of the recordings; by default the names of their files.
     reference : mapping of "gyro.N" or "gyro_x.N" to (value, unit), optional
         Values of the manufacturer for a sensor or an axis, with a datasheet unit: (2.0, "deg/√h").
 
@@ -259,8 +259,8 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
 
     Both intervals are widened by the same number of standard errors until they meet. The p-value of this number is an
     upper bound, because the sum of two independent errors is larger than their root sum of squares. The upper limit of
-    the amplitude of a term is widened on the scale of its variance, and that of a value from the curve on a logarithmic
-    scale.
+    the amplitude of a term is widened on the scale of its variance, and the limit of a value from the curve on a
+    logarithmic scale.
     """
 
     def apart(width: float) -> bool:

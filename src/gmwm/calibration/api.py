@@ -108,7 +108,7 @@ def calibrate(
     robust : "auto", False or True
         Whether the robust wavelet variance, which outliers do not affect, is fitted. "auto" uses it for axes with
         knocks or motion that raise the classical curve, at the 5 % level for all axes together (see `contamination`).
-        Heavy tails are no outliers: the classical curve is fitted, and its covariance includes them. Isolated wrong
+        Heavy tails are not outliers: the classical curve is fitted, and its covariance includes them. Isolated wrong
         samples are replaced before any curve is measured. With a sinusoid in `within`, "auto"
         always uses the classical estimate, because the robust estimate of a sinusoid differs from its theory. A
         WaveletVariance is fitted as it is.

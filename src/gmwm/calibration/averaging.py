@@ -132,8 +132,8 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
     """Return the datasheet of the recommended model, with intervals that include the choice of the model.
 
-    An interval only becomes wider: it has the ends of the average where they are outside those of the model. A number
-    that models with a share of more than (1 − level) / 2 of the weight do not have becomes an upper limit.
+    An interval only becomes wider: it has the ends of the average where they are outside the interval of the model. A
+    number that models with a share of more than (1 − level) / 2 of the weight do not have becomes an upper limit.
     """
     others = []
     for weight, candidate in weighted_candidates(ranking):
@@ -234,7 +234,7 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
     """Return the correlation time (s) of a Gauss-Markov process that fits the data as well as the random walk; None if
     there is none.
 
-    K must be known, and the process slower than 1 % of the recording, but not than the recording.
+    K must be known, and the correlation time must lie between 1 % of the length of the recording and the full length.
     """
     walk, duration = sheet.get(WALK), sheet.samples / sheet.rate
     if walk is None or walk.upper_only or walk.held:

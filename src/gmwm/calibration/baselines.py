@@ -34,7 +34,7 @@ def with_baselines(
     parts : mapping of axis to mapping of recording to Part
         The measurements, which keep the first samples.
     recordings : mapping of name to Imu, Signal, Stream, or mapping of axis to Signal
-        What was calibrated. The baseline of several recordings is that of all of them.
+        What was calibrated. With several recordings, the baseline is measured in all of them.
     threads : int or None
         Number of axes that are measured at the same time.
     """

@@ -212,7 +212,7 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
 
 
 def _given(source: str | os.PathLike[str], rate: float) -> Given:
-    """Return the noise of a source; the rate of the calibration stands in if the file has none."""
+    """Return the noise of a source; the rate of the calibration is used if the file has none."""
     text = os.fspath(source)
     try:
         return given_noise(text)

@@ -78,7 +78,7 @@ class AxisCalibration:
     rest : BiasAtRest or None
         Bias at rest; None if the data were a wavelet variance.
     baseline : Baseline or None
-        What the innovations of the model are in the recording, for `gmwm.Monitor`; None if the data were a wavelet
+        Statistics of the innovations of the model in the recording, for `gmwm.Monitor`; None if the data were a wavelet
         variance, or if the recording is too short.
     """
 
@@ -257,7 +257,8 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Returns
         -------
         Calibration
-            All axes. `recordings` describes each recording, by topic or by source; `settings` are those of `self`.
+            All axes. `recordings` describes each recording, by topic or by source; `settings` are the settings of
+            `self`.
 
         Raises
         ------
@@ -423,7 +424,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         horizon : float
             How long (s) the consumer relies on the sensor alone.
         rate : float, optional
-            Sampling rate (Hz) of the data that the consumer will receive; by default that of the recording.
+            Sampling rate (Hz) of the data that the consumer will receive; by default the rate of the recording.
         duration : float, optional
             Longest averaging time (s) for which a Gauss-Markov bias is fitted, for programs with such a bias; by
             default an hour, or the length of a shorter recording.

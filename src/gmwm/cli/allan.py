@@ -77,7 +77,7 @@ def allan(
 ) -> Outcome:
     """Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.
 
-    The samples are angular rates and specific forces. The 95 % confidence intervals are those of a chi-square
+    The samples are angular rates and specific forces. The 95 % confidence intervals come from a chi-square
     distribution, with the degrees of freedom of the noise type at each averaging time.
     """
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):

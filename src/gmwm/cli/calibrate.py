@@ -106,7 +106,7 @@ def calibrate(
         float | None,
         typer.Option(
             help="Largest angle (degrees) between the vertical and the accelerometer axis next to it. It gives the "
-            "bias of the level axes; without it, only that of the vertical axis is computed.",
+            "bias of the level axes; without it, only the bias of the vertical axis is computed.",
             rich_help_panel="Bias at rest",
             show_default=False,
         ),

@@ -76,7 +76,7 @@ def export(
     rate: Annotated[
         float | None,
         typer.Option(
-            help="Sampling rate (Hz) in the other program. Default: that of the recording.", show_default=False
+            help="Sampling rate (Hz) in the other program. Default: the rate of the recording.", show_default=False
         ),
     ] = None,
     duration: Annotated[
@@ -146,7 +146,7 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
 
 
 def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
-    """Return the fits of a fits.json; None if the files are no fits.json.
+    """Return the fits of a fits.json; None if the files are not a fits.json.
 
     Raises
     ------

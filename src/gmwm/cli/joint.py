@@ -63,7 +63,7 @@ def joint(
 
     The result has the covariance matrix of each term, its correlations with intervals, the test of the model, and the
     test whether each shared term is shared. With --json, the matrices of the state space of all axes are included; they
-    hold what the axes share. The files of gmwm export have each axis alone.
+    describe what the axes share. The files of gmwm export describe each axis separately.
     """
     from gmwm.joint import fit_joint
 

@@ -71,7 +71,9 @@ def monitor(
     ] = None,
     every: Annotated[
         str,
-        typer.Option(help="Average time between false alarms of a healthy sensor, all axes together.", metavar="LENGTH"),
+        typer.Option(
+            help="Average time between false alarms of a healthy sensor, all axes together.", metavar="LENGTH"
+        ),
     ] = "30d",
     axis: Axes = None,
     follow: Annotated[
@@ -96,11 +98,11 @@ def monitor(
 ) -> Outcome:
     """Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, lost samples.
 
-    Prints one line for each event as soon as it is named: one second after the first alarm, up to a minute for slow
-    changes of the level. With --json, each event is one line of JSON, and the last line is a summary.
+    Prints one line for each event as soon as its kind is known: one second after the first alarm, up to a minute for
+    slow changes of the level. With --json, each event is one line of JSON, and the last line is a summary.
 
     The charts compare the innovations of the calibrated models with a baseline. The sensor must be at rest. If three
-    axes change within a second, the unit was moved, and the charts rest until it is still again.
+    axes change within a second, the unit was moved, and the charts pause until it is still again.
 
     Three or more recordings of units side by side at rest are compared with each other, which removes what they share;
     each event names the unit that has changed.
@@ -289,7 +291,7 @@ def _fitted(path: Path) -> Mapping[str, Any]:
 def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
     """Yield the events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end.
 
-    Times count from the first sample of the recording, as those of the other commands.
+    Times count from the first sample of the recording, as in the other commands.
     """
     origin = stream.time_base.start - stream.time_base.left
     try:

@@ -30,13 +30,13 @@ def same(
     reading: ReadOptions,
     axis: Axes = None,
     tolerance: Annotated[
-        float, typer.Option(help="Largest |ln| of a ratio of deviations that counts as the same: 0.1 is 10 %.")
+        float, typer.Option(help="Largest |ln| of a ratio of deviations that is treated as equal: 0.1 is 10 %.")
     ] = 0.0,
     size: Annotated[float, typer.Option(help="Significance level of all tests together.")] = 0.05,
 ) -> Outcome:
     """Test whether recordings have the same noise at each scale, without a model.
 
-    Of more than two recordings, each is compared with the mean of the others.
+    With more than two recordings, each is compared with the mean of the others.
 
     Use it before and after a change of temperature, supply or mounting, or for two units of one type. To compare the
     numbers of two calibrations, use gmwm agree.

@@ -63,7 +63,7 @@ def wv(
     """Print the wavelet variance of each axis, or its Allan deviation.
 
     The scale of level j is τ = 2^j samples. Twice the wavelet variance at scale τ is the Allan variance at averaging
-    time τ/2. The 95 % confidence intervals are those of a chi-square distribution.
+    time τ/2. The 95 % confidence intervals come from a chi-square distribution.
 
     --robust reduces the effect of outliers. With 1 % of bad samples it works up to about level 4, because each bad
     sample affects 2^j coefficients of level j. If more than half of the coefficients are zero, as for a coarsely

@@ -106,7 +106,7 @@ def wavelet_covariance(
     A sinusoid of fixed amplitude is not Gaussian. It adds 4 Σ_u n(u) R_jk(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k), with
     R the covariance of its coefficients, and the variance from its random phase. The robust estimate has no V then.
 
-    If the recording has segments s between gaps, they count as independent:
+    If the recording has segments s between gaps, they are treated as independent:
 
         V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k),   M_j = Σ_s M_sj.
 

@@ -37,7 +37,7 @@ class Design:
     segments : tuple of int
         Lengths of the segments; () for a recording without a gap.
     filled : int
-        Number of samples that stand for lost ones; see `gmwm.variance.transform.loss_factor`.
+        Number of samples that replace lost ones; see `gmwm.variance.transform.loss_factor`.
     strides : tuple of int
         For each level, the distance (samples) between the coefficients that were used; () if all were used.
     pooled : (J,) int array or None

@@ -57,7 +57,7 @@ def mixture(
 
     The mixture has only processes whose covariance is known. With `within`, it has no drift, and no process with a
     correlation time (s) above `within`, apart from random walks and flicker noise. If `random`, it has no drift and no
-    sinusoid: there is no chance in their wavelet variance, so V of the coarsest levels would be too small.
+    sinusoid: their wavelet variance is not random, so V of the coarsest levels would be too small.
     """
     levels = tuple(design.levels.tolist())
     processes, shapes = _candidates(levels, design.longest, design.rate, design.filter)

@@ -20,7 +20,7 @@ _OCTAVE = 8
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
     """Compute Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s (J, J) of single segments, or from the diagonals (J,).
 
-    Segments count as independent. Segments of the same length have the same V_s.
+    Segments are treated as independent. Segments of the same length have the same V_s.
     """
     counts, total = design.counts, None
     for length, times in _lengths(design.lengths):
@@ -43,8 +43,8 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 def _lengths(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
     """Yield lengths, and the number of segments that each represents.
 
-    M² V is a convex function of the length, and nearly linear beyond a few scales. A segment between two nodes
-    therefore counts as a part of each.
+    M² V is a convex function of the length, and nearly linear beyond a few scales. A segment between two nodes is
+    therefore divided between both.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT:

@@ -5,9 +5,10 @@ million of them for 19 levels and a memory of a thousand samples. The sum of squ
 
     Σ n (s C + D)² = s² Σ n C² + 2 s Σ n C D + Σ n D²,
 
-with C the covariance of the process at unit scale and D that of the other processes. The first sum is a number for each
-pair of levels. In the second one D is smooth between the kinks. It is replaced by its interpolant through Chebyshev
-nodes on intervals [d, 2d] of the distance d from a kink, so that n C enters through one weight for each node.
+with C the covariance of the process at unit scale and D the covariance of the other processes. The first sum is a
+number for each pair of levels. In the second one D is smooth between the kinks. It is replaced by its interpolant
+through Chebyshev nodes on intervals [d, 2d] of the distance d from a kink, so that n C enters through one weight for
+each node.
 """
 
 from __future__ import annotations

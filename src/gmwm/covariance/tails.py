@@ -6,10 +6,10 @@ samples with excess kurtosis κ, E_jk = κ / N at every level. A level has a loa
 variance is of another process.
 
 The factor is measured with the mean squares y_b (levels) of blocks of B samples. Their relative covariance times B is
-compared with that of a Gaussian signal with the same spectral density S, G = 2 ∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²). The
-ratio λ of both variances of a weighted mean of the levels is 1 without a common factor. The loadings l are 1 up to a
-level, and beyond it the share that white noise has in the curve. For independent samples λ does not depend on B. If the
-variance varies slowly, λ grows with B; longer blocks are used if their λ is larger by more than chance.
+compared with the covariance of a Gaussian signal with the same spectral density S, G = 2 ∫ |H_j|² |H_k|² S² df / (ν_j²
+ν_k²). The ratio λ of both variances of a weighted mean of the levels is 1 without a common factor. The loadings l are 1
+up to a level, and beyond it the share that white noise has in the curve. For independent samples λ does not depend on
+B. If the variance varies slowly, λ grows with B; longer blocks are used if their λ is larger by more than chance.
 """
 
 from __future__ import annotations

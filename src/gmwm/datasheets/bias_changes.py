@@ -31,10 +31,10 @@ class Variance:
 def variance_of_mean(fit: Fit, samples: int, span: int) -> Variance:
     """Compute the variance of the mean of a recording, as an estimate of the constant bias.
 
-    For stationary noise it is the variance of the mean. The level of a random walk is not constant: the variance is
-    that of the mean minus the level at the end of the recording, K²T/3, which is the same at the beginning. Flicker
-    and power-law noise have the Allan variance at the length T of the recording: half the variance of the difference
-    from the mean of the next recording of this length. Ramps are not noise.
+    For stationary noise it is the variance of the mean. The level of a random walk is not constant: it is the variance
+    of the mean minus the level at the end of the recording, K²T/3, which is the same at the beginning. Flicker and
+    power-law noise have the Allan variance at the length T of the recording: half the variance of the difference from
+    the mean of the next recording of this length. Ramps are not noise.
 
     Parameters
     ----------
@@ -83,11 +83,11 @@ def is_slow(process: Process, rate: float) -> bool:
 
 
 def _sum(fit: Fit, of: Callable[[Process], float], *, fast: bool) -> Variance:
-    """Add the variances of the slow terms and, with `fast`, those of the others.
+    """Add the variances of the slow terms and, with `fast`, of the others.
 
     An estimate v of the slow part with the standard error s is normal and cannot be negative. Its mean and variance for
     a uniform prior on positive values are v + s λ and s²(1 − uλ − λ²) with u = v/s and λ = φ(u)/Φ(u), so that a random
-    walk that is estimated as zero is not taken as absent.
+    walk that is estimated as zero is not assumed to be absent.
     """
     written, _ = translated(fit)
     rate, curve = fit.wavelet_variance.rate, Curve.of(written)

@@ -49,19 +49,19 @@ class Use:
 def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, Entry]:
     """Compute the white noise N_eff and the random walk K_eff that approximate a whole model over a horizon T_h.
 
-    A term counts as white noise if its correlation time is below T_h, otherwise as a random walk:
+    A term is treated as white noise if its correlation time is below T_h, otherwise as a random walk:
 
         N_eff² = N² + Σ lim τσ²(τ)    K_eff² = K² + Σ q_c²
 
     The limit is the level of a fast term at long averaging times, 2σ²_GM/β if β is far below the rate. Quantization
-    noise averages out, and a drift or a sinusoid is no noise; these are not included. A term with a correlation time
-    near T_h is neither white noise nor a random walk, and counts as the nearer of the two.
+    noise averages out, and a drift or a sinusoid is not noise; these are not included. A term with a correlation time
+    near T_h is neither white noise nor a random walk, and is treated as the nearer of the two.
 
-    Flicker and power-law noise have no correlation time, and slow terms other than Gauss-Markov have no q_c. They count
-    as the process with the same Allan variance at T_h: a random walk, K² = 3σ²(T_h)/T_h; or, if the Allan variance
-    falls at T_h, white noise, N² = T_h σ²(T_h). A slow term whose Allan variance falls at T_h counts as the sum of both
-    that has its Allan variance at T_h and T_h/2. At τ < T_h, the random walk that replaces flicker noise is √(τ/T_h)
-    times as large as the flicker noise.
+    Flicker and power-law noise have no correlation time, and slow terms other than Gauss-Markov have no q_c. They are
+    replaced by the process with the same Allan variance at T_h: a random walk, K² = 3σ²(T_h)/T_h; or, if the Allan
+    variance falls at T_h, white noise, N² = T_h σ²(T_h). A slow term whose Allan variance falls at T_h is replaced by
+    the sum of both that has the same Allan variance at T_h and T_h/2. At τ < T_h, the random walk that replaces flicker
+    noise is √(τ/T_h) times as large as the flicker noise.
 
     Parameters
     ----------

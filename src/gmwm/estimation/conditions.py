@@ -1,8 +1,8 @@
 """Fit one model to recordings at known conditions, such as the rates of a turntable or the plateaus of a chamber.
 
 The variance of a term is Σ_m s_m φ_m(c) with known functions φ_m ≥ 0 and unknown s_m ≥ 0, so that the curves of all
-conditions, one after another, are a non-negative sum of known vectors. The problem is solved as that of one curve, with
-the same certificate.
+conditions, one after another, are a non-negative sum of known vectors. The problem is solved like the problem of one
+curve, with the same certificate.
 """
 
 from __future__ import annotations

@@ -120,9 +120,9 @@ class InferenceMethods:
             From the exact covariance of the wavelet variance, or from quantiles of the estimates of `draws` simulated
             recordings.
         covariance : (J, J) array, optional
-            V in place of that of the fitted model, as from `empirical_covariance`; only with method="asymptotic". It
-            must belong to the wavelet variance that was fitted. The empirical covariance of data with outliers belongs
-            to the classical estimate, not to a robust fit.
+            V in place of the covariance of the fitted model, as from `empirical_covariance`; only with
+            method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance of
+            data with outliers belongs to the classical estimate, not to a robust fit.
         draws : int
             Number of simulated recordings. A level needs at least 2 / (1 − level) − 1 of them: 39 at 95 %.
         rng : int or numpy.random.Generator

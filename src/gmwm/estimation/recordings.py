@@ -1,12 +1,12 @@
 """Differences between the recordings of a pooled fit: in its parameters, near its estimate, where its curve is linear.
 
 The curve of recording r differs from the fitted curve by z_r. With V_r its covariance under the fitted model and D_r
-the derivatives of the curve by the logarithms of the parameters, the deviation of its parameters is
+the derivatives of the curve with respect to the logarithms of the parameters, the deviation of its parameters is
 
     δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r,   Cov δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹.
 
-It is one step of a fit to this recording alone. V_r is never that of an own fit: a recording that is low by chance
-would then have too large a weight.
+It is one step of a fit to this recording alone. V_r never comes from a fit to recording r alone: a recording that is
+low by chance would then have too large a weight.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Solve the estimation problem.
 
-The model curve is linear in all parameters except those of shapes. Non-negative least squares eliminates the linear
-parameters. What remains is one search coordinate for each Gauss-Markov process, and the coordinates of each process
-with several shape parameters (variable projection). `branch_and_bound` finds the former with a proof;
+The model curve is linear in all parameters except the shape parameters. Non-negative least squares eliminates the
+linear parameters. What remains is one search coordinate for each Gauss-Markov process, and the coordinates of each
+process with several shape parameters (variable projection). `branch_and_bound` finds the former with a proof;
 `variable_projection` finds both from starting values, if there are any of the latter or if the user asks for draws.
 """
 

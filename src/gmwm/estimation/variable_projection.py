@@ -302,8 +302,8 @@ class Surface:
     def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
         """Return the optimum after Newton's method, if its objective is not larger, and the last second derivatives.
 
-        Steps use the same second derivatives until they become slow. `known` are those of a problem with nearly the
-        same weights.
+        Steps use the same second derivatives until they become slow. `known` are the second derivatives of a problem
+        with nearly the same weights.
         """
         square, before, computed = self.problem.unit**2, np.inf, 0
         for _ in range(NEWTON_STEPS):

@@ -51,7 +51,7 @@ class ExportOptions:
     horizon : float
         T_h (s) of `effective_noise`.
     rate : float or None
-        Sampling rate (Hz) of the consumer; None for that of the recording.
+        Sampling rate (Hz) of the consumer; None for the rate of the recording.
     duration : float or None
         Longest averaging time (s) at which a Gauss-Markov bias is fitted; None for an hour, or for the length of a
         shorter recording.

@@ -1,4 +1,4 @@
-"""Paragraphs of a head: what each number counts, what the datasheet has, and how the numbers depend on the horizon."""
+"""Paragraphs of a head: what each number includes, the datasheet, and how the numbers depend on the horizon."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POWERS = {"N": 0.5, "K": -0.5}
 
 
 def models(noise: Noise, calibration: Calibration) -> list[str]:
-    """Return the model of each axis, the terms that each number counts, and the datasheet if it has other numbers."""
+    """Return the model of each axis, the terms that each number includes, and the datasheet if its numbers differ."""
     lines = []
     for sensor in noise.sensors:
         for one in sensor.axes:
@@ -33,7 +33,7 @@ def models(noise: Noise, calibration: Calibration) -> list[str]:
 
 
 def _beside(one: AxisNoise, sensor: SensorNoise, calibration: Calibration) -> str:
-    """Return N and K of the datasheet beside those of the file, before inflation, if they differ."""
+    """Return N and K of the datasheet beside N and K of the file, before inflation, if they differ."""
     sheet = calibration.datasheets[one.axis]
     texts: dict[str, list[str]] = {"Table": [], "here": []}
     differs = False

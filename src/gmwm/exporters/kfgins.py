@@ -18,7 +18,7 @@ _MILLIGAL = 1e-5
 class KfGins(GaussMarkov):
     """KF-GINS: N, and a Gauss-Markov bias with σ and one correlation time T for all axes.
 
-    The filter drives the bias with 2σ²/T. For a single slow Gauss-Markov term, σ and T are those of the term.
+    The filter drives the bias with 2σ²/T. For a single slow Gauss-Markov term, σ and T are its own parameters.
 
     Source: `dataset/kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp` of KF-GINS.
     """

@@ -73,7 +73,7 @@ def joined_ranges(
 def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return which gaps between segments of some lengths are filled, given the number of samples lost in each.
 
-    Long gaps are decided first, and their samples count as known for shorter ones beside them.
+    Long gaps are decided first, and their samples are treated as known for shorter gaps near them.
     """
     accepted = np.zeros(lost.size, dtype=np.bool_)
     missing = np.maximum(lost, 0)

@@ -1,7 +1,7 @@
 """Find gaps after which a sensor has another offset, because it restarted.
 
-Such a gap is not filled: the jump would count as a random walk. The test compares the means of w samples before and
-after the gap with such differences at other places, so that noise that wanders is not a restart.
+Such a gap is not filled: the jump would look like a random walk. The test compares the means of w samples before and
+after the gap with such differences at other places, so that wandering noise is not mistaken for a restart.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Places = NDArray[np.int64]
 
 
 def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) -> NDArray[np.bool_]:
-    """Return which of some gaps have another offset behind them.
+    """Return which gaps are followed by another offset.
 
     The largest jump is a cut for the search of the next one, so that one restart does not count at every gap near it.
 

@@ -41,7 +41,8 @@ class FleetUnits:
 
     def by_topic(self, reading: ReadOptions) -> FleetUnits:
         """Return the fleet with a unit for each inertial recording of a file, named `file/topic`, such as
-        `log.bin/IMU_1`. Of a file with recordings of all six axes, others are left out: they repeat some axes.
+        `log.bin/IMU_1`. If a file has recordings of all six axes, its other recordings are left out: they repeat some
+        axes.
 
         If the user chose a topic, it is the only one of each file.
         """
@@ -149,7 +150,7 @@ def _raise_unreadable(error: OSError) -> None:
 def _is_recording(path: Path) -> bool:
     """Return whether a file is a recording, by its name or content; a text file needs a known extension.
 
-    A file that cannot be opened counts as one, so that the reason is reported.
+    A file that cannot be opened is treated as a recording, so that the reason is reported.
     """
     for reader in registered():
         # The file that marks a folder as a recording is not one itself, and .yaml may be anything.

@@ -37,7 +37,8 @@ class Deviants:
 
 
 def looked_for(count: Vector) -> NDArray[np.int64]:
-    """Return the number of outliers that are tested for among `count` units: a tenth, at least one, and none among few.
+    """Return the number of outliers that are tested for among `count` units: a tenth, at least one, and none if there
+    are few units.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
     [0, 1, 2, 100]
@@ -53,7 +54,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
     is compared with the t distribution with ν_i degrees of freedom (Satterthwaite), at most n − 2. The p-value is
     multiplied by the number n of units from which the unit was the farthest. If all s_i are zero, ν_i = n − 2, and this
     is Rosner's generalised ESD procedure: all units up to the last one with a p-value below the level are outliers. For
-    this, the p-value of each unit is the smallest of its own and those of the units removed after it.
+    this, the p-value of each unit is the smallest of its own and of the p-values of the units removed after it.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class Fleet(Summarised):
     settings : CalibrationOptions
         The options of the calibrations.
     left_out : tuple of str
-        Files in the folder of recordings that are no recordings.
+        Files in the folder of recordings that are not recordings.
     kept, done : int
         Number of units calibrated by earlier runs and by this run. For a loaded fleet, all units are kept.
     reading : mapping

@@ -23,7 +23,7 @@ class FleetNumber:
     """The statistics of one number of an axis, or of all axes of a sensor, over the units of a fleet.
 
     Values are in `unit`. The typical value, the spread and the prediction leave out the outliers. The median and the
-    quantiles are those of all estimates.
+    quantiles include all estimates.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ class FleetStatistics(Summarised):
     Attributes
     ----------
     rows : tuple of FleetNumber
-        By sensor and number; the row of all axes comes before those of single axes.
+        By sensor and number; the row of all axes comes before the rows of single axes.
     outliers : tuple of OutlierUnit
         The smallest p-value first.
     differences : tuple of AxisDifference

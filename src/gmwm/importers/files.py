@@ -159,7 +159,8 @@ def _three(text: str, key: str) -> list[float]:
 
 
 def _matlab(text: str, rate: float | None) -> Found:
-    """MATLAB: densities and random walks; with the default NoiseType, white noise is smaller by √2, walks larger."""
+    """MATLAB: densities and random walks; with the default NoiseType, white noise is smaller by √2, and random walks
+    are larger."""
     code = re.sub(r"%[^\n]*", "", text).replace("...", "")
     found: Found = {}
     for sensor in _QUANTITIES:

@@ -37,10 +37,10 @@ class Sandwich:
     relative : (p, p) array
         Covariance of θ̂_i/θ_i; infinite if the data do not determine a parameter.
     wavelet : (J, J) array, in unit⁴
-        V, the covariance of the wavelet variance under the fitted model. Of several recordings, it includes the spread
+        V, the covariance of the wavelet variance under the fitted model. For several recordings, it includes the spread
         of the parameters between them.
     without_spread : Sandwich or None
-        Of several recordings, the covariance without the spread between them. It decides whether a term can be zero.
+        For several recordings, the covariance without the spread between them. It decides whether a term can be zero.
     """
 
     names: tuple[str, ...]
@@ -113,7 +113,7 @@ def sandwich_of(
     """Compute the covariance of estimates with the weighting matrix Ω (J, J) if ν̂² has the covariance V (J, J).
 
     The shape of a term that acts as another process is left out, and the term is not reported. A term that is estimated
-    as zero may be present, and the other terms smaller by as much. It therefore counts as free, which makes the
+    as zero may be present, and the other terms smaller by as much. It is therefore treated as free, which makes the
     standard errors of the other terms larger and safe.
     """
     columns, reported = columns_of(model, acts_as or {})

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 LEAST_FREEDOM = 3.0
 """Degrees of freedom M_j / 2^j above which a level is used. The chi-square law then holds at the 5 % level
-(docs/validation/goodness.md). Of a full set of levels, the two coarsest are left out."""
+(docs/validation/goodness.md). From a full set of levels, the two coarsest are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

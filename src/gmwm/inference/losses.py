@@ -13,7 +13,7 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True)
 class Losses:
-    """Gaps of a planned recording: those of a pilot recording, again and again.
+    """Gaps of a planned recording: the gaps of a pilot recording, repeated.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Losses:
     def design(self, samples: int, rate: float) -> tuple[Design, float]:
         """Return the design of a recording of `samples`, and a factor of its covariance.
 
-        If the segments repeat m times, the covariance is that of one repetition divided by m.
+        If the segments repeat m times, the covariance is the covariance of one repetition divided by m.
         """
         filled, share, segments = round(self.filled * samples), 1.0, self.segments
         if not segments:

@@ -182,7 +182,7 @@ class Distance:
     scatter : (J, J) array
         V.
     slopes : (J, p) array
-        Relative derivatives of ν² by the parameters.
+        Relative derivatives of ν² with respect to the parameters.
     curve : (J,) array
         ν².
     """

@@ -47,7 +47,7 @@ _SETTLED = 1e-10
 
 @dataclass(frozen=True)
 class Slope:
-    """How the standard deviation of a noise changes with a condition.
+    """Change of the standard deviation of noise with a condition.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class NoiseAgainst(Summarised):
     terms : mapping of name to Slope
         Slopes of the terms of the model that the data support, such as "WN".
     pvalue_terms : float or None
-        Test that the slopes of the terms explain those of the levels; None if there are as many terms as levels.
+        Test that the slopes of the terms explain the slopes of the levels; None if there are as many terms as levels.
     """
 
     axis: str
@@ -141,9 +141,9 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     """Test whether the noise of an axis depends on a condition such as the temperature.
 
     At each level j, the variance of the Haar coefficients is ν_j²(c) = ν_j² e^{2 s_j (c − c̄)}, with c the mean of the
-    condition over the coefficient. The slope s_j solves Σ (c − c̄) W_j² e^{−2 s_j (c − c̄)} = 0. The slopes of the terms
-    follow from those of the levels by generalised least squares, s_j = Σ_k (ν_jk²/ν_j²) s_k. The effect of the
-    condition on the mean is removed first.
+    condition over the coefficient. The slope s_j solves Σ (c − c̄) W_j² e^{−2 s_j (c − c̄)} = 0. The slopes of the
+    terms follow from the slopes of the levels by generalised least squares, s_j = Σ_k (ν_jk²/ν_j²) s_k. The effect of
+    the condition on the mean is removed first.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     Raises
     ------
     OptionError
-        If `signal` is no Signal, or there is not exactly one condition.
+        If `signal` is not a Signal, or there is not exactly one condition.
     DataError
         If the condition is constant or not known well enough, or the recording is too short.
 

@@ -55,7 +55,7 @@ class Plan(Summarised):
     Attributes
     ----------
     model : Model
-        The model to be estimated, with its expected values; held parameters count as known.
+        The model to be estimated, with its expected values; held parameters are treated as known.
     rate : float
         Sampling rate (Hz).
     weighting : "diagonal" or "optimal"
@@ -172,7 +172,8 @@ class Plan(Summarised):
         """Compute the recording length (s) that each parameter needs for a relative standard error of `accuracy`.
 
         A recording of more than twice the length is always better. Within a factor of two the error may rise a little
-        where a level is added. Of several crossings the last one counts; the search has steps of a quarter octave.
+        where a level is added. If there are several crossings, the last one is used; the search has steps of a quarter
+        octave.
 
         Parameters
         ----------
@@ -317,7 +318,7 @@ def plan(
     Parameters
     ----------
     model : Model, Process or str
-        The model with all its values; values in ``fixed(…)`` count as known.
+        The model with all its values; values in ``fixed(…)`` are treated as known.
     duration : float
         Length of the planned recording (s).
     rate : float

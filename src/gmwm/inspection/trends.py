@@ -56,7 +56,7 @@ class Trend:
     walk, walk_limit : float
         Random walk of the axis beside the trend, and its approximate 95 % upper limit, in the unit of the axis per √s.
     walk_with_trend : float
-        Random walk if the trend is taken for noise, with white noise only.
+        Random walk of a model with white noise only, if the trend is treated as noise.
     """
 
     axis: str

@@ -189,7 +189,7 @@ class Likelihood:
         Parameters
         ----------
         courses : (p, n − 1) array
-            Transformed courses; for an exponential, also its derivative by the time constant.
+            Transformed courses; for an exponential, also its derivative with respect to the time constant.
         alone : bool
             Whether the noise has no Gauss-Markov process, which can take the place of a walk.
         """

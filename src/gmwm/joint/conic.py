@@ -79,7 +79,7 @@ class Conic:
     gap : float
         Bound on how much smaller the objective can be.
     hessian : (k, k) array
-        Second derivatives of the objective with the last barrier, by the unknowns.
+        Second derivatives of the objective with the last barrier, with respect to the unknowns.
     steps : int
     warm : (P, d, d) array
         Matrices inside the cone, from which a similar problem is solved faster.
@@ -158,7 +158,7 @@ def least_squares(
 
 
 class _Barrier:
-    """−μ Σ log det Σ_p with its derivatives by the unknowns."""
+    """−μ Σ log det Σ_p with its derivatives with respect to the unknowns."""
 
     def __init__(self, cone: Cone) -> None:
         rows, columns = entries(cone.d)

@@ -51,8 +51,8 @@ def cross(
         γ̂_j = Σ_t W_{a,j,t} W_{b,j,t} / M_j = (ν̂²_{a+b,j} − ν̂²_{a−b,j}) / 4,   r_j = γ̂_j / (ν̂_{a,j} ν̂_{b,j}).
 
     If two signals share no noise, Var γ̂_j = Σ_u n(u) C_a(u) C_b(u) / M_j², with C the autocovariances of their
-    coefficients, whatever the distribution of the noise. The autocovariances are those of the most likely mixtures of
-    all processes, without drifts and sinusoids. With η_j = ν_a² ν_b² / Var γ̂_j degrees of freedom,
+    coefficients, whatever the distribution of the noise. The autocovariances come from the most likely mixtures of all
+    processes, without drifts and sinusoids. With η_j = ν_a² ν_b² / Var γ̂_j degrees of freedom,
 
         r_j √(η_j − 1) / √(1 − r_j²)
 
@@ -69,8 +69,8 @@ def cross(
     axes : str or sequence of str, optional
         The signals to use, such as "gyro" or ["gyro_x", "accel_z"]; all by default.
     robust : bool
-        Whether to use the robust estimates of ν²_{a+b} and ν²_{a−b}: outliers that two axes have in common are no
-        shared noise then. The variance of γ̂ is exact if the spectra of the two axes have the same shape.
+        Whether to use the robust estimates of ν²_{a+b} and ν²_{a−b}: outliers that two axes have in common are then not
+        treated as shared noise. The variance of γ̂ is exact if the spectra of the two axes have the same shape.
     efficiency : float
         Efficiency of the robust estimate, see `wavelet_variance`.
     size : float

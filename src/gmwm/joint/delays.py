@@ -28,10 +28,10 @@ SMALL = 0.4
 
 
 def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
-    """The delay d (samples) of each pair (a, b) of which b is later than a by d samples; pairs without one are absent.
+    """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out.
 
-    If two signals share noise, but one is late, the correlation at fine scales is small or negative, and larger between
-    samples d apart.
+    If two signals share noise, but one is delayed, the correlation at fine scales is small or negative, and larger
+    between samples d apart.
     """
     longest = max(next(iter(signals.values())).segments, key=lambda ends: ends[1] - ends[0])
     first, last = longest[0], min(longest[1], longest[0] + MOST)

@@ -70,8 +70,8 @@ class DifferenceFilter:
     def run(self, x: Matrix) -> Vector:
         """Filter the samples (d, N) of one segment.
 
-        The mean of the differences over the time constant of the filter, of which only a constant of the result
-        depends, is subtracted, so that the filter starts near its steady state.
+        The mean of the differences over the time constant of the filter is subtracted first, so that the filter starts
+        near its steady state. This changes the result only by a constant.
         """
         base = self.weights @ x
         if not self.C.size:

@@ -101,7 +101,7 @@ def _implied(problem: JointProblem, found: Found) -> Matrix:
 
 
 def _first_root(gamma: Matrix, design: Design) -> Matrix:
-    """Diagonal weights from the data: Var γ̂_ab ≈ (ν_a² ν_b² + γ_ab²)/η, each at least that of a smooth curve."""
+    """Diagonal weights from the data: Var γ̂_ab ≈ (ν_a² ν_b² + γ_ab²)/η, each at least the value of a smooth curve."""
     variances = np.einsum("jaa->ja", gamma)
     # A level cannot lie far below both neighbours.
     padded = np.concatenate([variances[:1], variances, variances[-1:]])
@@ -111,7 +111,8 @@ def _first_root(gamma: Matrix, design: Design) -> Matrix:
 
 
 def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
-    """Factors (n, n) of V from fitted to averaged variances, see `gmwm.estimation.reweighting.implied_weights`."""
+    """Factors (n, n) that scale V from fitted to averaged variances, see
+    `gmwm.estimation.reweighting.implied_weights`."""
     freedom = problem.design.degrees_of_freedom[:, None]
     observed = np.einsum("jaa->ja", _matrices(problem))
     ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))

@@ -42,7 +42,8 @@ class VirtualAxis:
     unit : str
         Their unit.
     weights : (d,) array
-        Weights; their sum is 1, so that the motion is not changed. Of a Kalman filter, those for the white noise.
+        Weights; their sum is 1, so that the motion is not changed. For a Kalman filter, the weights for the white
+        noise.
     filter : DifferenceFilter or None
         The Kalman filter on the differences of the signals; None for static weights.
     model : str
@@ -180,7 +181,7 @@ class VirtualSensor(Summarised):
         Raises
         ------
         DataError
-            If the signals are not those of this array, or are not synchronous.
+            If the signals do not belong to this array, or are not synchronous.
         """
         groups = like_axes(x, rate)
         fused = {}

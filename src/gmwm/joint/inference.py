@@ -103,7 +103,8 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
 
 
 def misfit(settled: Settled) -> tuple[float, int]:
-    """Test of the model: the weighted residual without the cone, which has no boundary, and its degrees of freedom."""
+    """Return the statistic of the test of the model, the weighted residual without the cone, and its degrees of
+    freedom."""
     problem, found = settled.problem, settled.found
     factor = np.linalg.cholesky(_unit(settled.wavelet()))
     size = np.sqrt(np.diag(settled.wavelet()))
@@ -131,7 +132,8 @@ def problem_columns(cone: Cone, shapes: Matrix) -> Matrix:
 
 
 def _residual(columns: Matrix, target: Vector) -> tuple[float, int]:
-    """Squared length of what the columns leave of the target, and its degrees of freedom."""
+    """Return the squared length of the part of the target that the columns do not explain, and its degrees of
+    freedom."""
     left, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     basis = left[:, size > 1e-9 * size[0]]
     rest = target - basis @ (basis.T @ target)
@@ -144,7 +146,7 @@ def sharing(null: Settled, place: int) -> tuple[float, int]:
     Parameters
     ----------
     null : Settled
-        The fit in which the term is own.
+        The fit in which each signal has the term independently.
     place : int
         Place of the term.
     """

@@ -53,7 +53,8 @@ def fit_joint(
         The signals to use, such as "gyro" or ["gyro_x", "accel_z"]; all by default.
     levels : int or sequence of int, optional
         The levels to use, or the number of the first ones; by default all with at least five coefficients per scale.
-        Finer levels than the noise model describes, for example those of a low-pass filter, should be left out.
+        Finer levels than the noise model describes, for example the levels that a low-pass filter changes, should be
+        left out.
 
     certify : bool or float
         Whether to bound the objective of models with searched correlation times from below, by branch and bound, for at

@@ -89,14 +89,15 @@ class JointFit(Summarised):
     levels : (J,) int array
         Levels used.
     covariances : mapping of term to (d, d) array
-        Σ_p: the scale parameters of the term (σ², γ², Q², σ²_GM, …) on its diagonal, and the shared part beside it.
+        Σ_p: the scale parameters of the term (σ², γ², Q², σ²_GM, …) on its diagonal, and the shared part in the other
+        entries.
     parameters : mapping of str to float
         Parameters of the shapes: "GM.beta".
     objective : float
         Weighted squared distance of data and model at the estimate.
     lower_bound : float or None
         Proven lower bound on the objective of any parameters of this model; None without `certify`. For a model
-        with `common(…)` terms, the bound is that of the model with `shared(…)` in their place.
+        with `common(…)` terms, the bound is computed for the model with `shared(…)` in their place.
     relaxed_bound : float or None
         The same for any number of terms of each process whose correlation time is searched.
     measured, implied : (J, d, d) arrays
@@ -338,7 +339,7 @@ class JointFit(Summarised):
         Raises
         ------
         DataError, OptionError
-            If an axis is missing, the signals are not synchronous, or the rate differs from that of the fit.
+            If an axis is missing, the signals are not synchronous, or the rate differs from the rate of the fit.
         MissingTheoryError
             If a term has no state-space form.
 

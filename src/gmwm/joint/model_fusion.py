@@ -1,4 +1,5 @@
-"""Virtual sensors from a joint model: a Kalman filter on differences, or static weights, with an honest prediction."""
+"""Virtual sensors from a joint model: a Kalman filter on differences, or static weights, with a corrected prediction of
+the noise."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class JointProblem:
         return np.asarray(self.target - self.root @ fitted)
 
     def directions(self, u: Vector, sigmas: Matrix) -> Matrix:
-        """Derivatives (K, n) of L γ by the coordinates."""
+        """Derivatives (K, n) of L γ with respect to the coordinates."""
         rows, columns = entries(self.d)
         slopes = self.slopes(u)
         found = [

@@ -147,7 +147,7 @@ class CrossCovariance(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Whether axes share noise, and whether one is late."""
+        """Whether axes share noise, and whether one is delayed."""
         most = max(self.shared, key=lambda one: abs(one.correlation), default=None)
         counts = {"size": self.size, "tests": self.tests, "count": len(self.shared)}
         late = [

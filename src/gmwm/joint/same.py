@@ -38,7 +38,7 @@ def same(
 ) -> SameNoise:
     """Test whether recordings have the same noise at each scale, without a model.
 
-    The wavelet variances of two recordings are compared at each level, and of more than two, that of each recording
+    The wavelet variances of two recordings are compared at each level. With more than two recordings, each is compared
     with the mean of the others. If the noise is the same, the ratio has an F distribution with η_1j and η_2j degrees of
     freedom, η_j = 2 ν_j⁴ / V_jj. V follows from the most likely mixture of processes under the mean of all curves, and
     the covariance from heavy tails or a varying variance is added to it. The p-values of all levels, axes and
@@ -49,14 +49,14 @@ def same(
     Parameters
     ----------
     *recordings : Imu, Signal, or (N,) array
-        Two or more recordings of one rate, of any lengths, that were not made at the same time. Of Imu, the axes that
-        all have are compared.
+        Two or more recordings of one rate, of any lengths, that were not made at the same time. For Imu recordings, the
+        axes that all recordings have are compared.
     rate : float
         Sampling rate (Hz); only for plain arrays.
     labels : sequence of str, optional
         Names of the recordings; "1", "2", … by default.
     tolerance : float
-        Largest |ln(ν_1/ν_2)| that counts as the same, from 0: 0.1 asks whether deviations differ by more than 10 %.
+        Largest |ln(ν_1/ν_2)| that is treated as equal, from 0: 0.1 asks whether deviations differ by more than 10 %.
     size : float
         Significance level of all tests together.
     confidence : float

@@ -56,9 +56,10 @@ class SameNoise(Summarised):
         Names of the recordings.
     axes : tuple of str
     levels : tuple of LevelRatio
-        All levels of all axes: of two recordings, the first over the second; of more, each over the mean of the others.
+        All levels of all axes: for two recordings, the first over the second; for more, each over the mean of the
+        others.
     tolerance : float
-        Largest |ln(ν_1/ν_2)| that counts as the same.
+        Largest |ln(ν_1/ν_2)| that is treated as equal.
     size, confidence : float
         Significance level of all tests together, and confidence level of the intervals.
     """

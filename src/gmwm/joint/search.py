@@ -156,7 +156,8 @@ def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, acc
 
 
 def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
-    """Gradient and Gauss-Newton curvature of the objective by the coordinates, covariance matrices eliminated."""
+    """Gradient and Gauss-Newton curvature of the objective in the coordinates, with the covariance matrices
+    eliminated."""
     shapes, cone = problem.shapes(u), problem.cone
     residual = problem.residual(shapes, now.sigmas)
     along = problem.directions(u, now.sigmas)

@@ -87,7 +87,7 @@ def _records(fit: JointFit, x: Imu | Mapping[str, Signal | ArrayLike], rate: flo
     Raises
     ------
     DataError, OptionError
-        If an axis is missing, a rate differs from that of the fit, or the signals are not synchronous.
+        If an axis is missing, a rate differs from the rate of the fit, or the signals are not synchronous.
     """
     given = x.signals if isinstance(x, Imu) else dict(x)
     if missing := [axis for axis in fit.axes if axis not in given]:
@@ -138,7 +138,8 @@ def _tracks(
 
 
 def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) -> tuple[Vector, Vector]:
-    """Return the white noise of a signal: what is left of the samples, and its prior where a sample is missing."""
+    """Return the white noise of a signal: the part of the samples that the other terms do not explain; its prior where
+    a sample is missing."""
     mean, variance = smoother.track(space.H[k], k)
     there = np.isfinite(record.values)
     rest = np.where(there, record.values, 0.0) - np.where(there, mean + record.centre, 0.0)

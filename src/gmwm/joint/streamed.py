@@ -49,7 +49,7 @@ def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, effici
 
     The axes are scaled to the same size before they are added. Classical estimates do not depend on the scale, and need
     one pass. Robust ones do: their scale follows from the curves of the axes, and the differences are measured too.
-    These are up to four passes.
+    This takes up to four passes.
     """
     pairs, signs = pairs_of(list(axes)), (1.0, -1.0) if robust else (1.0,)
     sums = {f"{a} {sign:+g} {b}": (a, b, sign) for a, b in pairs for sign in signs}

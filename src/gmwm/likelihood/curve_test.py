@@ -19,9 +19,9 @@ LEVEL = 1e-3
 def misfit(fit: LikelihoodFit) -> Remark | None:
     """Return the remark that a model does not describe the wavelet variance of its recording; None if it does.
 
-    Most samples are about the fastest process, so the likelihood hardly counts what is wrong at long scales, and its
-    residuals are white. If the model is right, η_j ν̂²_j / ν²_j(θ̂) is about chi-square with η_j = 2 ν⁴_j / V_jj degrees
-    of freedom at each level. The least p-value of all levels is adjusted by Holm's method.
+    Most of the information in the samples is about the fastest process. Errors at long scales therefore hardly affect
+    the likelihood, and the residuals are white. If the model is right, η_j ν̂²_j / ν²_j(θ̂) is about chi-square with
+    η_j = 2 ν⁴_j / V_jj degrees of freedom at each level. The least p-value of all levels is adjusted by Holm's method.
     """
     from scipy.special import gammainc, gammaincc
 

@@ -43,7 +43,7 @@ def loglikelihood(
     model : Model, Process or str
         The model, with values of all parameters.
     data : Signal or (N,) array
-        The recording. Gaps of a signal count as missing samples; in an array, NaN is a missing sample.
+        The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
     rate : float, optional
         Sampling rate (Hz); needed only if `data` is an array.
     mean : float, optional
@@ -106,7 +106,7 @@ def fit_ml(
     another pass of the Kalman filter with derivatives. Fisher scoring finds the local maximum next to the starting
     values, which by default come from a wavelet fit.
 
-    The estimates are efficient if the model is right and the noise is Gaussian. Outliers can move them without limit.
+    The estimates are efficient if the model is right and the noise is Gaussian. Outliers can change them without limit.
     If the model is wrong, the fit describes the fastest process best, because most of the information
     in the samples is about it
     (docs/validation/likelihood.md).
@@ -116,7 +116,7 @@ def fit_ml(
     model : Model, Process or str
         The model to fit; values in ``fixed(…)`` are held. Every term needs a state-space form.
     data : Signal or (N,) array
-        The recording. Gaps of a signal count as missing samples; in an array, NaN is a missing sample.
+        The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
     rate : float, optional
         Sampling rate (Hz); needed only if `data` is an array.
     start : Fit, LikelihoodFit, Model or str, optional

@@ -115,7 +115,7 @@ class Tracks:
         label : str
             A label of `labels`.
         level : float
-            Probability, from 0.5 to below 1. The parameters of the model count as known.
+            Probability, from 0.5 to below 1. The parameters of the model are treated as known.
 
         Returns
         -------

@@ -59,8 +59,8 @@ class Monitor(OneAtATime):
     innovations and equal samples. An event is reported one second after the alarm, or up to a minute
     for a slow change of the level; in this time its kind is determined.
 
-    The events do not depend on how the samples are cut into chunks. A monitor can be pickled, or written as JSON with
-    `to_dict`, and goes on where it was.
+    The events do not depend on how the samples are divided into chunks. A monitor can be pickled, or written as JSON
+    with `to_dict`, and continues from the same state.
 
     Parameters
     ----------
@@ -159,12 +159,12 @@ class Monitor(OneAtATime):
 
     @property
     def resting(self) -> bool:
-        """Whether the charts rest, because the unit was moved and is not yet still."""
+        """Whether the charts are paused, because the unit was moved and is not yet still."""
         return self._moved is not None
 
     @property
     def moving_for(self) -> float:
-        """Time (s) for which the charts have rested because the unit moves."""
+        """Time (s) for which the charts have been paused because the unit moves."""
         return 0.0 if self._moved is None else self._moved.samples / self.rate
 
     def heights(self) -> dict[str, dict[str, float]]:
@@ -183,7 +183,7 @@ class Monitor(OneAtATime):
         Returns
         -------
         list of Event
-            The events that were named with these samples, in order.
+            The events that these samples revealed, in order.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class Monitor(OneAtATime):
         return events
 
     def watch(self, recording: Imu | Stream) -> Iterator[Event]:
-        """Monitor a whole recording, with its gaps, and name what is open at its end.
+        """Monitor a whole recording, with its gaps, and name the faults that are still open at its end.
 
         Parameters
         ----------
@@ -220,7 +220,7 @@ class Monitor(OneAtATime):
         Returns
         -------
         iterator of Event
-            Each event when the samples up to its naming were read.
+            Each event as soon as it is named.
         """
         check_rate(recording.rate, self.rate)
         for chunk in chunks_of(recording):
@@ -249,7 +249,7 @@ class Monitor(OneAtATime):
 
     @one_at_a_time
     def skip(self, samples: int) -> None:
-        """Pass over samples that are not to be judged, for example while the unit is moved on purpose.
+        """Skip samples that should not be monitored, for example while the unit is moved on purpose.
 
         The level is unknown afterwards, and all charts begin at 0. Alarms that are not named yet are dropped.
 
@@ -267,7 +267,7 @@ class Monitor(OneAtATime):
 
     @one_at_a_time
     def finish(self) -> list[Event]:
-        """Name a fault whose time of naming is not over yet, at the end of the samples."""
+        """Name the fault that is not named yet, at the end of the samples."""
         events: list[Event] = []
         if self._deadline is not None:
             self._decide(events)

@@ -1,4 +1,4 @@
-"""The baseline of an axis: what its innovations are in a reference recording in which the sensor is good."""
+"""The baseline of an axis: statistics of its innovations in a reference recording of the healthy sensor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEAST_EQUAL = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Baseline:
-    """What the standardised innovations of an axis are in a reference recording.
+    """Statistics of the standardised innovations of an axis in a reference recording.
 
     Attributes
     ----------

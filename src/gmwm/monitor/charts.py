@@ -1,7 +1,7 @@
 """Charts of one axis: CUSUM charts of the Haar levels of its standardised innovations.
 
-All sums are exact or in one fixed order, so the alarms do not depend on how the samples are cut into chunks: block sums
-add pairs, and the charts count in integers, in units of 2⁻²⁴.
+All sums are exact or in one fixed order, so the alarms do not depend on how the samples are divided into chunks: block
+sums add pairs, and the charts count in integers, in units of 2⁻²⁴.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class ChartSettings:
     scatter : (J + 1 or fewer,) array
         Standard deviation of the standardised block means at levels 0, 1, …
     band : float
-        Dead band: variances within this factor of the expected ones are no fault.
+        Dead band: variances within this factor of the expected ones are not faults.
     tail : float
         Factor on the limit of single innovations, 1 for normal noise.
     equal : int

@@ -40,7 +40,7 @@ class Event:
         "noise-up", "noise-down": the noise is larger or smaller at the scale `scale`; "jump", "ramp": the level changed
         at once, or changes steadily; "hum": a sinusoid appeared; "spike": single wrong samples; "frozen": equal values;
         "saturated": equal values outside the usual range; "lost": samples are missing; "clock": the time stamps went
-        back; "moved": at least three axes changed within a second; "still": the unit does not move any more.
+        back; "moved": at least three axes changed within a second; "still": the unit no longer moves.
     time : float
         When a chart exceeded its threshold (s).
     began : float

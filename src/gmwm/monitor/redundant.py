@@ -57,9 +57,9 @@ def redundant(
     """Monitor at least three units of one type at rest against each other, and name the one that has changed.
 
     The signal of each unit less the mean of the others, r_i = x_i − Σ_{j≠i} x_j/(n − 1), is monitored with the model
-    times 1 + 1/(n − 1). What all units share, such as temperature and the motion of the table, is removed to a large
-    part. A fault of one unit changes the differences of the others too, but less, so the first and largest event of an
-    axis names the unit.
+    times 1 + 1/(n − 1). What all units share, such as temperature and the motion of the table, is largely removed. A
+    fault of one unit changes the differences of the others too, but less, so the first and largest event of an axis
+    names the unit.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def redundant(
     Raises
     ------
     OptionError
-        If there are fewer than three recordings, or their sampling rate is not that of the calibration.
+        If there are fewer than three recordings, or their sampling rate differs from the rate of the calibration.
     DataError
         If a recording has gaps, is too short, or the units move.
 

@@ -45,7 +45,7 @@ def baselines(
     DataError
         If an axis is missing in the recording, or the recording is too short.
     OptionError
-        If the sampling rate is not that of the calibration.
+        If the sampling rate differs from the rate of the calibration.
 
     Examples
     --------

@@ -48,7 +48,7 @@ def _model(item: Any) -> Model:
 
 
 def common_rate(calibration: Mapping[str, Any], rate: float | None) -> float:
-    """The sampling rate (Hz): the given one, or that of the fits."""
+    """The sampling rate (Hz): the given one, or the rate of the fits."""
     rates = {item.wavelet_variance.rate for item in calibration.values() if isinstance(item, Fit)}
     if rate is None and not rates:
         raise OptionError(argument="rate", expected="a number (Hz), because models have no sampling rate", got=None)

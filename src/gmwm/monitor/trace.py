@@ -95,7 +95,7 @@ class Trace:
         return found
 
     def finish(self) -> list[Event]:
-        """Name what is open at the end."""
+        """Name the faults that are still open at the end."""
         found = self.monitor.finish()
         self.events += found
         return found

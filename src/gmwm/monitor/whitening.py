@@ -5,7 +5,8 @@ with the eigenvalues of F as zeros and those of Φ = F − K H as poles. The sta
 sample differs from the state of the constant-gain filter by a vector B u with a known prior (diffuse for levels), so
 e_t = ε_t + H Φᵗ B u, and u is estimated by recursive least squares along with the samples.
 
-Results do not depend on how the samples are cut into chunks, to the last bit: each sample passes the same operations.
+Results do not depend on how the samples are divided into chunks, to the last bit: each sample passes the same
+operations.
 
 Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 5; de Jong (1991), The
 diffuse Kalman filter, Annals of Statistics 19, 1073-1083.

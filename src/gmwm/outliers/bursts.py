@@ -2,7 +2,7 @@
 
 Heavy tails also raise the classical wavelet variance above the robust one, but their large coefficients are scattered
 in time like all others. A knock lasts: it makes many neighbouring coefficients large, of both signs, because the sensor
-is where it was when it ends. A burst is therefore a group of at least `FEWEST` coefficients beyond `LARGE` local
+returns to its old position. A burst is therefore a group of at least `FEWEST` coefficients beyond `LARGE` local
 standard deviations, both signs among them, with at most `APART` smaller ones between two of them. Coefficients are
 taken half a scale apart, so that a single wrong sample changes two of them, a jump of the mean one or two, and two
 wrong samples at most four. A pulse without any structure changes three or four: they are a burst if one is larger than

@@ -53,8 +53,8 @@ class Cleaned:
 def cleaned(x: Signal) -> Cleaned:
     """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds.
 
-    What would be replaced for more than 30 s is kept, and everything if it is more than 10 % of the samples: what lasts
-    so long is a state of the sensor.
+    Disturbances that last longer than 30 s are kept. If the others make up more than 10 % of the samples, all are kept:
+    disturbances that last so long are a state of the sensor.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Find isolated wrong samples (spikes), and replace them by samples predicted from the others.
 
 The residual of a sample is its distance from the median of its six neighbours, in local standard deviations. Residuals
-beyond a threshold θ are spikes if three things hold. They are far more than the tails of the rest explain: of N samples
-of a t distribution with the spread of the bulk. They are apart from the rest: beyond θ / 1.5 there are hardly more than
-beyond θ, as in no distribution with a finite variance. And they are isolated: the signal returns at once.
+beyond a threshold θ are spikes under three conditions. First, there are many more of them than the tails of the other
+residuals explain: N samples of a t distribution with the spread of the bulk. Second, they are apart from the other
+residuals: hardly more residuals exceed θ / 1.5 than θ, which no distribution with a finite variance shows. Third, they
+are isolated: the signal returns at once.
 
 A replaced sample is drawn from its distribution given the others, as a lost one: see `gmwm.filling.drawing`.
 """
@@ -273,9 +274,9 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
     """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk.
 
-    Near the threshold, spikes cannot be told from the tails of the bulk one by one. In each bin of deviations, a random
-    part is chosen, as large as the surplus over the bulk; far beyond, it is all of them. Below the threshold, this goes
-    on until a bin has no clear surplus. The choice has a fixed seed.
+    Near the threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations, a
+    random part is chosen, as large as the surplus over the bulk; far beyond, it is all of them. Below the threshold,
+    this goes on until a bin has no clear surplus. The choice has a fixed seed.
     """
     chosen = np.zeros(deviation.size, dtype=np.bool_)
     if not np.isfinite(threshold):

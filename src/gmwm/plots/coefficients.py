@@ -38,7 +38,7 @@ def coefficients_figure(
 
 
 def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
-    """Make the panel of one level: each coefficient stands at the middle of the samples that it depends on."""
+    """Make the panel of one level: each coefficient is drawn at the middle of the samples that it depends on."""
     inside = transform.interior[level]
     step = 1 if isinstance(transform, Modwt) else 1 << level
     one = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS * PAGE))

@@ -33,8 +33,8 @@ def regression_panel(found: Regression, *, units: UnitSystem = "si") -> Panel:
     """Make the panel with the block means of an axis over its first covariate, before and after, and the effect with
     its 95 % band.
 
-    All values are relative to the mean at the reference of the covariate. The means before are those of the recording;
-    if there are several covariates, they have the effects of all.
+    All values are relative to the mean at the reference of the covariate. The means before the removal are the means of
+    the recording; if there are several covariates, they have the effects of all.
     """
     unit, factor = found.unit, 1.0
     if units == "datasheet" and (known := datasheet_units(found.unit)):

@@ -117,8 +117,8 @@ def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 
 
 def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
-    """Compute the variance of h_j(z)/(1 − φz) driven by unit white noise, φ = ±e^(−λ), and its derivative by λ for φ >
-    0.
+    """Compute the variance of h_j(z)/(1 − φz) driven by unit white noise, φ = ±e^(−λ), and its derivative with respect
+    to λ for φ > 0.
 
     Both are (n, J). The recursion propagates u_j (K, n), with one column for each φ.
     """

@@ -140,15 +140,15 @@ def stream(
 ) -> Stream:
     """Stream a static recording from a file, in rad/s and m/s², chunk by chunk, for files larger than memory.
 
-    Samples, temperature, rate, segments and remarks are those of `read`: the time stamps of the whole file are read
-    first, and an axis is left out only if it is constant in the whole file. Memory does not grow with the file if it is
-    text, Parquet, .npy, HDF5 or .imu; files that are compressed as a whole (.npz, zip, MATLAB) are unpacked as a whole.
-    `.wavelet_variance()` measures all axes in one pass.
+    Samples, temperature, rate, segments and remarks are the same as from `read`: the time stamps of the whole file are
+    read first, and an axis is left out only if it is constant in the whole file. Memory does not grow with the file if
+    it is text, Parquet, .npy, HDF5 or .imu; files that are compressed as a whole (.npz, zip, MATLAB) are unpacked as a
+    whole. `.wavelet_variance()` measures all axes in one pass.
 
     Parameters
     ----------
     path, rate, columns, units, format, scale, increments, topic, start, stop, skip, bad_lines
-        As for `read`. Of the rows after `stop`, only the time stamps are read.
+        As for `read`. For the rows after `stop`, only the time stamps are read.
     chunk : int
         Samples in a chunk, at most.
 

@@ -107,7 +107,7 @@ def resolve(
     declared : mapping
         The `units` option, checked.
     values : mapping of axis to (N,) array
-        The numbers as they stand in the file, to infer the unit of the accelerometers.
+        The numbers as they are in the file, to infer the unit of the accelerometers.
     rate : float
         Samples per second (Hz), for the noise shown if the unit of a gyroscope is missing.
     increments : sequence of str
@@ -248,7 +248,7 @@ def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, U
     """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one.
 
     A difference of less than 2 × 10 % may be a bias. Another unit is suggested only if it explains the norm within 5 %,
-    half of what is inferred without a stated unit, because the stated unit counts for more.
+    half of what is inferred without a stated unit, because the stated unit is stronger evidence.
     """
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []

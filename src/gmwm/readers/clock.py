@@ -97,7 +97,7 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
     """Return rate, segments and irregularities of a recording; with a remark if the unit of time is inferred or
     unusually long.
 
-    The sampling interval and the lost samples are those of `find_losses`. A declared rate is used if it agrees with the
+    `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it agrees with the
     time stamps within 1 %; they only place the gaps then. If the difference is more than 0.1 %, and a clock of the
     declared rate departs from the time stamps of the longest segment by more than a sample and three times their
     jitter, the remark on it is also a warning. Segments begin a whole number of sampling intervals apart, except where
@@ -106,7 +106,7 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
     Parameters
     ----------
     chunks : iterable of (n,) arrays of int64 or float64
-        The column of time stamps as it stands in the file.
+        The column of time stamps as it is in the file.
     unit : str
         One of `TIME_UNITS` or `LONG_TIME_UNITS` if declared or stated; "" to infer it.
     rate : float or None
@@ -138,8 +138,8 @@ def rows_between(
 ) -> tuple[slice, float]:
     """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows.
 
-    Parameters and errors are those of `clock_of`, for a whole column. Before a clock is known, each row has the time of
-    its time stamp.
+    Parameters and errors are the same as for `clock_of`, for a whole column. Before a clock is known, each row has the
+    time of its time stamp.
     """
     unit = unit or as_stamps(values, unit, rate)[0].unit
     window = _Window.of(values, values[0].item(), unit)

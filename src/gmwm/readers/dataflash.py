@@ -1,8 +1,8 @@
 """ArduPilot's logs (.bin): each instance of the messages IMU, ACC and GYR is a recording.
 
 A message begins with two bytes and its type; FMT messages define the length and the fields of each type. A log has no
-end mark: a message that was cut off at the end is not read. Bytes that are no message are skipped, and the samples that
-are missing there show as gaps in the time stamps.
+end mark: a message that was cut off at the end is not read. Bytes that are not part of a message are skipped, and the
+samples that are missing there show as gaps in the time stamps.
 
 Sources: ArduPilot, libraries/AP_Logger/LogStructure.h and AP_InertialSensor/LogStructure.h.
 """

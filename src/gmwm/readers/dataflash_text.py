@@ -2,7 +2,7 @@
 
 A line is a message: its name and its values, separated by commas. FMT lines define the names of the values. Lines with
 other values, such as a last line that was cut off, are not read; the samples that are missing there show as
-gaps in the time stamps. The messages are those of `gmwm.readers.dataflash`.
+gaps in the time stamps. The messages are the same as in `gmwm.readers.dataflash`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Recordings of ROS, read without ROS: ROS 1 bags, and databases and MCAP files of ROS 2, alone or in their directory.
 
-Every topic whose messages hold numbers is a recording. It is inertial if its type is sensor_msgs/Imu or the names of
-its fields are those of axes. The time is the stamp in the header of each message, or the time of recording if the
-stamp is not set.
+Every topic whose messages hold numbers is a recording. It is inertial if its type is sensor_msgs/Imu or its fields have
+the names of axes. The time is the stamp in the header of each message, or the time of recording if the stamp is not
+set.
 """
 
 from __future__ import annotations

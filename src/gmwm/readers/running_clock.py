@@ -87,7 +87,7 @@ class Pace:
     Attributes
     ----------
     first : int or float
-        The first time stamp as it stands in the file, from which the others are counted.
+        The first time stamp as it is in the file, from which the others are counted.
     rows : int
         Number of the first rows.
     rate : float

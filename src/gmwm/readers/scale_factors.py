@@ -34,7 +34,7 @@ def multiply(
     increments : sequence of str
         Axes or sensors that were declared as increments, checked.
     raw : mapping of axis to (N,) array
-        The numbers as they stand in the file.
+        The numbers as they are in the file.
     rate : float
         Samples per second (Hz).
 

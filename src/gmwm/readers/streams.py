@@ -164,7 +164,7 @@ class Stream:
     axes : tuple of str
         Names of the axes, gyroscopes first.
     time_base : TimeBase
-        Properties of the time stamps; of a live stream those of the first rows, and after an iteration of all rows.
+        Properties of the time stamps; for a live stream, of the first rows, and after an iteration of all rows.
     remarks : tuple of Remark
         How the file was understood.
     """

@@ -93,7 +93,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
     Parameters
     ----------
     values : (N,) array of int64 or float64
-        The column as it stands in the file.
+        The column as it is in the file.
     unit : str
         One of `TIME_UNITS` or `LONG_TIME_UNITS` if declared or stated; "" to infer it.
     rate : float or None

@@ -171,7 +171,7 @@ class Log:
         return Message(name, instance, np.dtype([(one, f"<{kind}") for one, kind in fields]), sizes)
 
     def _flat(self, name: str, prefix: str, above: tuple[str, ...], budget: list[int]) -> Iterator[tuple[str, str]]:
-        """Yield name and type of each field of a message, with those of its nested types, at most `budget[0]`."""
+        """Yield name and type of each field of a message and of its nested types, at most `budget[0]`."""
         if name in above:
             raise self._damaged(f"the type {name!r} contains itself", code="type-recursive")
         if len(above) > _DEEPEST:
@@ -201,7 +201,7 @@ class Log:
 
 
 def _field(text: str) -> tuple[str, int, str]:
-    """Return type, length (0 if it is no array) and name of a field, such as `float[3] gyro_rad`."""
+    """Return type, length (0 if it is not an array) and name of a field, such as `float[3] gyro_rad`."""
     kind, label = text.split(" ")
     kind, _, count = kind.partition("[")
     return kind, int(count.rstrip("]")) if count else 0, label

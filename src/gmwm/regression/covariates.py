@@ -244,7 +244,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     reading error.
 
     The error of a reading is white from the time on for which it is held: its wavelet variance falls with the scale
-    until the covariate itself changes. The error of steps q without noise counts as q²/12 at every scale.
+    until the covariate itself changes. The error of steps q without noise is q²/12 at every scale.
     """
     curve = signal_wavelet_variance(_beside(signal, values)).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)

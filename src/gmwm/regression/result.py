@@ -145,7 +145,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         Whether the effect is removed from the axis.
     coarse : tuple of three floats, or None
         First coefficient and its standard error from the longer half of the scales alone, and the shortest of these
-        scales (s), if the coefficient differs from that of all scales.
+        scales (s), if the coefficient differs from the coefficient from all scales.
     """
 
     axis: str

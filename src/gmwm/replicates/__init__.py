@@ -1,4 +1,4 @@
-"""Several recordings of one unit: whether they are equal, how far they are apart, and the model for a filter."""
+"""Several recordings of one unit: whether they are equal, how much they differ, and the model for a filter."""
 
 from gmwm.replicates.result import RecordingNumber, Replicates
 

@@ -117,7 +117,8 @@ def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> 
 def _point(entry: Entry | None, pooled: Entry) -> tuple[float, float]:
     """The logarithm of a number and its variance; NaN if it is not known.
 
-    An upper limit counts as a value if it is below the number of all recordings: the recording is at least so far off.
+    An upper limit is treated as a value if it is below the number of all recordings: the recording deviates at least
+    that much.
     """
     if entry is None or entry.low is None or entry.high is None or not math.isfinite(entry.high):
         return math.nan, 1.0

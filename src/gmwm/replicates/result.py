@@ -155,9 +155,9 @@ class Replicates(Summarised):
     def for_filter(self, use: Use = "mean", confidence: float = 0.95) -> Model:
         """The model with the values for a filter that will run on further recordings.
 
-        If the gains of a filter are fixed, its error covariance is linear in that of the noise. Over recordings, the
-        filter with the mean noise therefore has the smallest mean error. With the highest noise, it is seldom too
-        confident.
+        If the gains of a filter are fixed, its error covariance is linear in the covariance of the noise. Over
+        recordings, the filter with the mean noise therefore has the smallest mean error. With the highest noise, it is
+        rarely too confident.
 
         Parameters
         ----------
@@ -263,7 +263,8 @@ class Replicates(Summarised):
         }
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviation of each recording over that of all recordings, minus 1, with its sampling scatter.
+        """Draw the ratio of the wavelet deviation of each recording to the deviation of all recordings, minus 1, with
+        its sampling scatter.
 
         Parameters
         ----------

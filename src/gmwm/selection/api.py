@@ -68,11 +68,11 @@ def select(
 ) -> Ranking:
     """Select a model: rank every model within a general one, and recommend the simplest that is as good as the best.
 
-    All models are fitted with one weighting matrix Ω, that of the general model at its estimate, and compared by the
-    wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂, ν(θ̂)) Ω]. The criterion is uncertain and tends to keep
-    unnecessary terms. A model is therefore equivalent to the best one if more than 5 % of the records that it generates
-    show a difference as large between its criterion and the smallest criterion of all sums. Models that contain a
-    smaller equivalent model are left out, and the simplest of the remaining ones is recommended.
+    All models are fitted with one weighting matrix Ω, the weighting matrix of the general model at its estimate, and
+    compared by the wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂, ν(θ̂)) Ω]. The criterion is uncertain
+    and tends to keep unnecessary terms. A model is therefore equivalent to the best one if more than 5 % of the records
+    that it generates show a difference as large between its criterion and the smallest criterion of all sums. Models
+    that contain a smaller equivalent model are left out, and the simplest of the remaining ones is recommended.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def rank(
 ) -> Ranking:
     """Rank given models by the criterion of `select`.
 
-    Ω and V are those of the smallest model that contains all candidates.
+    Ω and V belong to the smallest model that contains all candidates.
 
     Parameters
     ----------
@@ -387,7 +387,7 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Return the number of parameters; noise without a correlation time counts as two additional ones.
+    """Return the number of parameters; noise without a correlation time is counted as two additional parameters.
 
     Flicker noise has one parameter, but the curve of several Gauss-Markov processes. In short recordings it would
     replace a single one.

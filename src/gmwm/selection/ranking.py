@@ -331,7 +331,7 @@ class Ranking:
         """Draw the best models over the data, their distances from the data, and the criteria.
 
         Curves often look the same. Their distances from the data, scaled so that the confidence limits are at −1 and 1,
-        show how they differ. Of several recordings, the curves are those of the first.
+        show how they differ. For several recordings, the curves of the first one are drawn.
 
         Parameters
         ----------
@@ -377,8 +377,8 @@ class Comparison(Summarised):
     ----------
     first, second : Candidate
     difference : float
-        Criterion (WIC) of the first minus that of the second; negative if the first is better. For several recordings
-        it is the mean.
+        Criterion (WIC) of the first minus the criterion of the second; negative if the first is better. For several
+        recordings it is the mean.
     error : float
         Standard error of the difference, from the covariance V of ν̂².
     """
@@ -409,7 +409,7 @@ class Comparison(Summarised):
     ) -> MatplotlibFigure:
         """Draw the two candidates over the data, and their distances from the data.
 
-        The title gives the difference of their criteria. Of several recordings, the curves are those of the first.
+        The title gives the difference of their criteria. For several recordings, the curves of the first one are drawn.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """Search for the model of one axis, controlled by the data: first the slow noise, then what the spectrum shows.
 
-1. Every sum within the slow family is ranked. If the test accepts the recommended one, the search ends, unless a
-   Gauss-Markov term of it is so fast that it stands for a filter.
+1. Every sum within the slow family is ranked. If the test accepts the recommended one, the search ends, unless it has a
+   Gauss-Markov term that is so fast that it may describe a filter.
 2. Otherwise the spectrum gives the lines, as sinusoids of known frequency, and the shape of the noise at high
    frequencies, as an ARMA process of known coefficients: the sensor's own filter and its resonances. Both are linear in
    their scales, so that every fit keeps its certificate. Without a spectrum, an AR(2) is fitted to the wavelet

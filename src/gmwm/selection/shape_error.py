@@ -122,8 +122,8 @@ def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
     """Add the uncertainty of flicker noise near half the sampling rate, which depends on how it is sampled, to the
     data.
 
-    The model has the mean of continuous noise over each sampling interval. Noise that the output stage makes itself, or
-    that folds back, has more power at the first levels; N would count it as white noise.
+    The model has the mean of continuous noise over each sampling interval. Noise from the output stage itself, or
+    aliased noise, has more power at the first levels, which a fit would attribute to white noise.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def psd(
     Ŝ(f) = 2 / (K f_s Σ w_t²) Σ_k |Σ_t w_t x_{k,t} e^{−2πi f t / f_s}|².
 
     It has about 1.9 K degrees of freedom. Values at neighbouring frequencies are nearly independent, so their mean,
-    which plots and the summary show, is as precise as that of shorter blocks.
+    which plots and the summary show, is as precise as the density from shorter blocks.
 
     A **line** is a significant peak that is a few frequencies wide, or whose frequency is at least 60 times its width.
     A **bump** is a wider significant peak, such as a resonance. A peak is significant if it is above the medians of the

@@ -15,7 +15,7 @@ class Line:
     Attributes
     ----------
     frequency, frequency_error : float
-        Frequency of the line (Hz) and its standard error. Of a wandering line it is the mean frequency.
+        Frequency of the line (Hz) and its standard error. For a wandering line, it is the mean frequency.
     amplitude, amplitude_error : float
         Amplitude A of the sinusoid (u), √2 times its root mean square, and its standard error.
     width : float

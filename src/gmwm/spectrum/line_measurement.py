@@ -34,7 +34,7 @@ def measured_line(
 
     The sum of the excess over the level is the power A²/2. Its mean is the frequency, and its second moment the width.
     All three are linear in the density, so their standard errors follow from its covariance. For a narrow line it is
-    that of a sinusoid in noise, else that of narrow-band noise.
+    the covariance of a sinusoid in noise, else of narrow-band noise.
     """
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level

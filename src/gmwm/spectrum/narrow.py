@@ -39,7 +39,7 @@ def narrow_lines(
 ) -> tuple[list[Line], list[Bump], NDArray[np.bool_]]:
     """Return the narrow peaks that are significant at a level for all bins together, and the bins without lines.
 
-    A peak of a few bins whose shape is that of a resonance is a bump, the others are lines.
+    A peak of a few bins with the shape of a resonance is a bump; the others are lines.
     """
     density, size = spectrum.density, spectrum.density.size - 1
     free = testable.copy()
@@ -88,8 +88,8 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
     """Return the width (Hz) of a resonance that looks like a line of some bins; None if it is too narrow for a
     resonance.
 
-    The fitted width is that of a Lorentz shape under the Hann window, a Voigt shape: of Olivero and Longbothum's
-    0.5346 w + √(0.2166 w² + v²), where v is the width of the window.
+    The fitted width is the width of a Lorentz shape under the Hann window, a Voigt shape: 0.5346 w + √(0.2166 w² + v²)
+    by Olivero and Longbothum, where v is the width of the window.
     """
     if line.narrow or line.frequency >= LEAST_QUALITY * line.width:
         return None

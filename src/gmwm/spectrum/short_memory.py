@@ -112,7 +112,7 @@ def short_memory(
     Parameters
     ----------
     frequencies : (n,) array
-        Frequencies (Hz), ascending, without those of lines.
+        Frequencies (Hz), ascending, without the frequencies of lines.
     density : (n,) array
         Measured two-sided density per sample, in unit²: σ² for white noise.
     degrees_of_freedom : (n,) array

@@ -137,7 +137,7 @@ def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
     """Return the equivalent degrees of freedom of the mean periodogram at each frequency (length/2 + 1,).
 
     If the power of the noise differs between the blocks, the mean has fewer: they are divided by 1 + c², where c is the
-    coefficient of variation of the block's power beyond that of stationary noise. The first and the last frequency have
+    coefficient of variation of the block's power in excess of stationary noise. The first and the last frequency have
     half as many, because their Fourier coefficients are real.
     """
     blocks, edges = sums.blocks, band_edges(length)

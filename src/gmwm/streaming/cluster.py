@@ -68,7 +68,7 @@ def spread(
     """Read a recording as often as its curves need, in several processes or machines.
 
     The result is the same as in one process. Each worker reads its parts of the file directly. The size of its result
-    does not grow with their length. If a worker is lost, others read its part again.
+    does not grow with their length. If a worker is lost, another one reads its part again.
 
     Parameters
     ----------

@@ -184,7 +184,7 @@ def measured_curves(
 ) -> dict[str, AxisCurves]:
     """Read a recording as often as its wavelet variances need: robust and classical, or only classical ones.
 
-    Parameters and errors are those of `Stream.wavelet_variance`.
+    Parameters and errors are the same as for `Stream.wavelet_variance`.
     """
     biweight(efficiency)
     if passes not in (1, 2):

@@ -58,8 +58,8 @@ class WaveletAccumulator(SegmentedAccumulator):
         is four times as long. Robust results have a relative error of 1e-4 (5e-3 at a level with so many outliers that
         only the median is defined); `second_pass` makes them exact.
     held : int, optional
-        Number of samples up to which the samples themselves are kept, and all results are those of `wavelet_variance`,
-        to the last bit; 2^exact − 1 by default. Memory is 8 bytes for each sample.
+        Number of samples up to which the samples themselves are kept, and all results equal the results of
+        `wavelet_variance`, to the last bit; 2^exact − 1 by default. Memory is 8 bytes for each sample.
 
     Raises
     ------
@@ -121,9 +121,9 @@ class WaveletAccumulator(SegmentedAccumulator):
     ) -> WaveletVariance:
         """Compute the classical or robust wavelet variance of the samples so far; more samples may follow.
 
-        Of at most `held` samples, the result is that of `wavelet_variance`, to the last bit. Of more samples, a robust
-        result is computed from histograms of the coefficients. It does not contain the slope of the recording,
-        so a fitted drift has no sign. `second_pass` then gives the exact robust result with the slope.
+        For at most `held` samples, the result equals the result of `wavelet_variance`, to the last bit. For more
+        samples, a robust result is computed from histograms of the coefficients. It does not contain the slope of the
+        recording, so a fitted drift has no sign. `second_pass` then gives the exact robust result with the slope.
 
         Parameters
         ----------

@@ -24,7 +24,7 @@ REACH = math.log(20.0)
 Number = TypeVar("Number", float, Vector)
 
 Criterion = Callable[[float], tuple[float, float]]
-"""Function of log σ² that returns the mean of ρ(W / σ) − a and its derivative by log σ²."""
+"""Function of log σ² that returns the mean of ρ(W / σ) − a and its derivative with respect to log σ²."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,8 @@ class Biweight:
     a: float
 
     def criterion(self, cubed: Number, fourth: Number, count: Number) -> tuple[Number, Number]:
-        """Compute mean ρ − a and its derivative by log σ² from Σ v q³ and Σ v q⁴, v = min(r²/c², 1), q = 1 − v."""
+        """Compute mean ρ − a and its derivative with respect to log σ² from Σ v q³ and Σ v q⁴, v = min(r²/c², 1), q = 1
+        − v."""
         square = self.c**2
         return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
 

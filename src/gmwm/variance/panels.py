@@ -1,7 +1,7 @@
 """Cut samples that arrive in chunks of any length into panels of a fixed length.
 
-A result that is a sum over panels does not depend on the chunks. The panels of a recording in memory are the same as
-those of the same recording read in chunks.
+A result that is a sum over panels does not depend on the chunks. The panels of a recording are the same in memory and
+in chunks.
 """
 
 from __future__ import annotations

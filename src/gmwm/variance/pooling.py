@@ -28,7 +28,7 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
         ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
 
     A recording has the mean of its own samples, and no coefficient reaches from one recording into another. Pooled
-    recordings are like the segments of one recording with gaps, and their covariance is that of segments.
+    recordings are like the segments of one recording with gaps, and their covariance is the covariance of segments.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def _mean(values: list[float | None], items: list[WaveletVariance]) -> float | N
 
 
 def _excess(items: list[WaveletVariance], shares: list[Vector]) -> Matrix | None:
-    """Return the relative covariance in addition to the Gaussian one; a recording without such a value counts as
+    """Return the relative covariance in addition to the Gaussian one; a recording without such a value is treated as
     zero."""
     if all(wv.excess is None for wv in items):
         return None

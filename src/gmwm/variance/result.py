@@ -60,7 +60,7 @@ class WaveletVariance(Summarised):
     diagnostics : mapping
         Details of each level; for robust estimates see `wavelet_variance`.
     filled : int
-        Number of samples that stand for lost ones, see `Signal.fill_gaps`; they are included in `samples`.
+        Number of samples that replace lost ones, see `Signal.fill_gaps`; they are included in `samples`.
     rise : float or None
         Mean rise per sample over the whole recording with its gaps, by least squares; None without gaps that are not
         filled, and if their lengths are not known.

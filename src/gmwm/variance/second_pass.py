@@ -105,7 +105,7 @@ class SecondPass(SegmentedAccumulator):
         Raises
         ------
         DataError
-            If the samples differ from those of the first pass in number, gaps or values.
+            If the samples differ from the samples of the first pass in number, gaps or values.
         """
         self._fold()
         if self.start != self._seen.start or self.lengths != self._seen.lengths:

@@ -20,7 +20,8 @@ class SketchCoefficients:
     """Coefficients described by one sketch per level, as a source of a robust variance.
 
     The coefficients of a bin are represented by two points about their mean. Their distance has the variance of a
-    uniform distribution over the bin. If the neighbours of a bin are nearly empty, its coefficients count as one value.
+    uniform distribution over the bin. If the neighbours of a bin are nearly empty, its coefficients are treated as one
+    value.
 
     Examples
     --------

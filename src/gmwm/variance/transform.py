@@ -370,7 +370,7 @@ def degrees_of_freedom(
 def loss_factor(filled: int, samples: int) -> float:
     """Return the factor by which filled samples increase the covariance of wavelet variances: 1 + 2.5 p for a share p.
 
-    A filled sample brings no information, and the scatter of its own. Measured in tests/filling.
+    A filled sample adds no information, but its own scatter. The factor is measured in tests/filling.
     """
     return 1.0 + LOSS * filled / samples
 

@@ -153,7 +153,7 @@ def _recorded(session: Session, workspace: Workspace) -> tuple[str, ...]:
 
 
 def model_of(session: Session, workspace: Workspace) -> str:
-    """Return the model that is shown: that of the user, or the recommended one; "" if it is not known yet."""
+    """Return the model that is shown: the model of the user, or the recommended one; "" if it is not known yet."""
     axis = axis_of(session, workspace)
     if axis in session.models:
         return session.models[axis]
