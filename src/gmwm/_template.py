@@ -53,6 +53,8 @@ _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm calibrate": "gmwm.calibrate(recording)",
     "gmwm calibrate --chunked no": "gmwm.calibrate(gmwm.read(path))",
     "gmwm compare": "gmwm.compare(curves)",
+    "gmwm cross": "gmwm.cross(recording)",
+    "gmwm joint": "gmwm.fit_joint(model, recording)",
     "gmwm psd": "gmwm.psd(recording)",
 }
 """The Python call that is equivalent to a command."""

@@ -93,7 +93,7 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
     monkeypatch.setattr(batches, "BATCH", 1_500)
     monkeypatch.setattr(passes, "held_samples", lambda axes: 100)
     stream = gmwm.stream(file, rate=100.0)
-    found, seen = measured_recording(stream, stream.axes, CalibrationOptions())
+    found, seen, _ = measured_recording(stream, stream.axes, CalibrationOptions())
     assert sum(map(len, stream)) == 3000
     pair = found["gyro_x"].pair(0.6)
     assert seen.samples == 2000 == pair.robust.samples == pair.spectrum.samples

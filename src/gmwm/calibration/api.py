@@ -16,10 +16,10 @@ from gmwm._threads import in_threads
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.baselines import with_baselines
 from gmwm.calibration.data import chosen_axes, common_axes, named, require_axes, require_one
-from gmwm.calibration.findings import LEAST_SCALES, WANTED
+from gmwm.calibration.findings import LEAST_SCALES, SIZE, WANTED
 from gmwm.calibration.measurement import Measured, measured_recording
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
-from gmwm.calibration.recording_findings import recording_remarks
+from gmwm.calibration.recording_findings import recording_remarks, shared_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import means_of, with_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
@@ -33,6 +33,7 @@ from gmwm.inference.goodness import GoodnessOfFit, usable_levels
 from gmwm.inference.model_error import nearly_fitted, relative_misfit
 from gmwm.inference.planning import SEEN, relative_errors
 from gmwm.inspection import Inspection
+from gmwm.joint.result import SharedNoise
 from gmwm.options import as_whole_number
 from gmwm.outliers import Verdict
 from gmwm.processes.model import Model, ModelLike
@@ -99,7 +100,8 @@ def calibrate(
         unit. Several recordings get one model and one fit for each axis, to the mean of their curves; intervals include
         the spread between them. `calibration.axes[axis].replicates` compares them. The result is the same
         for a recording in memory and a Stream, which is read in bounded memory: twice if it has more than 2.1 million
-        samples, and once more for its temperature. If the effect of a condition is removed, the first 0.5 million
+        samples, and once more for its temperature. Only for a recording in memory, a remark names axes that share noise
+        (see `cross`). If the effect of a condition is removed, the first 0.5 million
         samples are read again for the baseline of `Monitor`.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
@@ -207,9 +209,10 @@ def calibrate_recording(
     steps = _Progress(len(axes) * len(STAGES), progress)
     parts: dict[str, dict[str, Part]] = {axis: {} for axis in axes}
     inspections: dict[str, Inspection] = {}
+    shared: dict[str, tuple[SharedNoise, ...]] = {}
     for name, recording in recordings.items():
         own = {axis: chosen[name][axis] for axis in axes}
-        items, inspection, conditions = _inspected(
+        items, inspection, shared[name], conditions = _inspected(
             recording, own, options=options, threads=threads, scheduler=scheduler, workers=workers,
             read=partial(_read, steps, name),
         )  # fmt: skip
@@ -249,7 +252,7 @@ def calibrate_recording(
         failed=missing | {axis: error.reason for axis, error in failed.items()},
         settings=options,
         source=", ".join(recordings) if several else source,
-        recording_remarks=tuple(dict.fromkeys(_recording_remarks(inspections, done, verdicts))),
+        recording_remarks=tuple(dict.fromkeys(_recording_remarks(inspections, done, verdicts, shared))),
         recording=None if several else described.get(""),
         recordings=described if several else {},
     )
@@ -259,6 +262,7 @@ def _recording_remarks(
     inspections: Mapping[str, Inspection],
     axes: Mapping[str, AxisCalibration],
     verdicts: Mapping[str, Mapping[str, Verdict]],
+    shared: Mapping[str, Sequence[SharedNoise]],
 ) -> Iterator[Remark]:
     """Yield the remarks of the inspections. The subject names the recording unless all recordings have the same
     remark."""
@@ -266,6 +270,8 @@ def _recording_remarks(
     for name, inspection in inspections.items():
         own = [of[name] for of in verdicts.values() if name in of]
         found[name] = list(recording_remarks(inspection, axes, own))
+        still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
+        found[name] += shared_remarks(shared[name], still, SIZE / len(inspections))
     for name, remarks in found.items():
         for remark in remarks:
             if all(remark in others for others in found.values()):
@@ -282,8 +288,9 @@ def _inspected(
     scheduler: str | Client | None,
     workers: int | None,
     read: Callable[[str], None],
-) -> tuple[dict[str, Measured], Inspection | None, dict[str, Conditions]]:
-    """Return the measured data of each axis, the inspection of a recording, and the conditions of each axis."""
+) -> tuple[dict[str, Measured], Inspection | None, tuple[SharedNoise, ...], dict[str, Conditions]]:
+    """Return the measured data of each axis, the inspection of a recording, the noise that its axes share, and the
+    conditions of each axis."""
     asked = options.conditions
     if not isinstance(data, Stream) and (scheduler is not None or workers is not None):
         name = "workers" if scheduler is None else "scheduler"
@@ -298,13 +305,13 @@ def _inspected(
             data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=read,
             conditions=conditions,
         )  # fmt: skip
-        return dict(measured.axes), measured.inspection, dict.fromkeys(chosen, conditions)
+        return dict(measured.axes), measured.inspection, measured.shared, dict.fromkeys(chosen, conditions)
     items, found = {}, {}
     for axis, item in chosen.items():
         if item is not None:
             found[axis] = _conditions_of(axis, item, asked)
             items[axis] = found[axis].without(axis, item) if isinstance(item, Signal) else item
-    return items, None, found
+    return items, None, (), found
 
 
 def _conditions_of(axis: str, item: Measured, asked: Asked) -> Conditions:

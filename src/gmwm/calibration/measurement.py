@@ -8,6 +8,9 @@ from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from gmwm._arrays import Vector, freeze
 from gmwm._text import duration_text
 from gmwm._threads import in_threads
 from gmwm.batches import Batch, Batches, Streamed, cut, end_to_end, feed
@@ -16,6 +19,8 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import DataError, GmwmError
 from gmwm.inspection import Inspection
 from gmwm.inspection.api import FirstPass
+from gmwm.joint.block_test import shared_noise
+from gmwm.joint.result import SharedNoise
 from gmwm.outliers import (
     MATERIAL,
     TOLERANCE,
@@ -119,6 +124,8 @@ class AxisMeasurement:
     turn : context manager
         Held while the curves are computed. Several axes of a stream share a lock, so that only one of them at a time
         needs the memory for this.
+    keep : bool
+        Whether to keep all samples, without the isolated wrong samples and the knocks, until they are taken.
 
     Attributes
     ----------
@@ -126,8 +133,11 @@ class AxisMeasurement:
         The first `BEGINNING` samples, without the isolated wrong samples and the knocks; None before the first batch.
     """
 
-    def __init__(self, curves: AxisCurves, samples: AxisSamples, turn: AbstractContextManager[object]) -> None:
-        self.curves, self.samples, self.turn = curves, samples, turn
+    def __init__(
+        self, curves: AxisCurves, samples: AxisSamples, turn: AbstractContextManager[object], keep: bool = False
+    ) -> None:
+        self.curves, self.samples, self.turn, self.keep = curves, samples, turn, keep
+        self._kept: list[Vector] = []
         self.beginning: Signal | None = None
 
     @property
@@ -147,7 +157,14 @@ class AxisMeasurement:
                 # A copy: a part of the array would keep all of it.
                 first = replace(first, values=first.values.copy())
             self.beginning = first
+        if self.keep:
+            self._kept.append(found.values)
         return found
+
+    def taken(self) -> Vector:
+        """Return the samples that were kept, and release them."""
+        kept, self._kept = self._kept, []
+        return kept[0] if len(kept) == 1 else freeze(np.concatenate(kept))
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add samples in the first pass."""
@@ -241,10 +258,11 @@ def measured_axis(
 
 
 class RecordingMeasurement(NamedTuple):
-    """The measurements of the axes of a recording, and its inspection."""
+    """The measurements of the axes of a recording, its inspection, and the noise that axes share if it is in memory."""
 
     axes: Mapping[str, AxisMeasurement | Pair]
     inspection: Inspection
+    shared: tuple[SharedNoise, ...] = ()
 
 
 def measured_recording(
@@ -284,7 +302,7 @@ def measured_recording(
     inspector = FirstPass(batches)
     measured = _measure(batches, axes, options, threads=threads, inspector=inspector, conditions=conditions)
     inspection = _inspected(batches, inspector, _curves(measured), threads, conditions=conditions)
-    return RecordingMeasurement(measured, inspection)
+    return RecordingMeasurement(measured, inspection, _shared(recording, measured))
 
 
 def curves_and_inspection(
@@ -340,14 +358,23 @@ def _measure(
     recording = batches.recording
     curves = curves_of(recording, axes, efficiency=options.efficiency, change=clean)
     turn = nullcontext() if isinstance(recording, Imu) else Lock()
+    keep = isinstance(recording, Imu) and len(axes) > 1
     made = {
-        axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis), turn)
+        axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis), turn, keep)
         for axis, one in curves.items()
     }
     _first_pass(batches, made, inspector, threads, conditions=conditions)
     if inspector is None:
         _second_pass(batches, curves, threads, conditions=conditions)
     return made
+
+
+def _shared(recording: Imu | Streamed, measured: Mapping[str, AxisMeasurement]) -> tuple[SharedNoise, ...]:
+    """Return the noise that the axes of a recording in memory share, without the effect of the conditions, isolated
+    wrong samples and knocks."""
+    if not isinstance(recording, Imu) or len(measured) < 2:
+        return ()
+    return shared_noise({axis: replace(recording[axis], values=one.taken()) for axis, one in measured.items()})
 
 
 def _curves(measured: Mapping[str, AxisMeasurement]) -> dict[str, AxisCurves]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm._text import rounded
 from gmwm.calibration.averaging import WALK
+from gmwm.calibration.findings import SIZE
 from gmwm.inspection.findings import in_datasheet_units, removed
 from gmwm.remarks import Quantity, Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
     from gmwm.inspection import Inspection
+    from gmwm.joint.result import SharedNoise
     from gmwm.outliers import Verdict
 
 _LINE = "linear-trend"
@@ -54,6 +56,28 @@ def recording_remarks(
         numbers = tuple(symbol for symbol in sheet if symbol.partition("[")[0] in affected)
         facts = {**remark.facts, "numbers": numbers or ("the terms at long scales",)}
         yield Remark.of(remark.code, remark.subject, **facts)
+
+
+def shared_remarks(shared: Sequence[SharedNoise], axes: Collection[str], size: float) -> Iterator[Remark]:
+    """Yield one remark if axes share noise.
+
+    Parameters
+    ----------
+    shared : sequence of SharedNoise
+        The significant scales of all pairs of axes.
+    axes : collection of str
+        The axes to report. Motion and knocks that were not replaced move several axes at once and are no shared noise.
+    size : float
+        Largest p-value, adjusted for all pairs and scales.
+    """
+    found = [one for one in shared if one.pvalue <= size and set(one.axes) <= set(axes)]
+    if found:
+        most = max(found, key=lambda one: abs(one.correlation))
+        first, second = most.axes
+        yield Remark.of(
+            "noise-shared", pairs=tuple(dict.fromkeys("/".join(one.axes) for one in found)), first=first,
+            second=second, correlation=most.correlation, tau=Quantity(most.tau, "s"), size=SIZE,
+        )  # fmt: skip
 
 
 def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:

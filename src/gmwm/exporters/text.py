@@ -56,10 +56,14 @@ def _conditions(calibration: Calibration) -> str:
 
 
 def cautions(calibration: Calibration) -> list[Remark]:
-    """Return the remarks that every file contains: numbers that may be wrong by a factor, and doubtful units."""
-    return [
+    """Return the remarks that every file contains: numbers that may be wrong by a factor, doubtful units, and that the
+    axes share noise, because no file of a calibration has cross-covariances."""
+    found = [
         remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
     ]
+    pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
+    shared = tuple(dict.fromkeys(pair for some in pairs if isinstance(some, tuple) for pair in some))
+    return [*found, Remark.of("independent-in-file", pairs=shared)] if shared else found
 
 
 def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:

@@ -107,7 +107,14 @@ def cross(
     require_robust(robust, efficiency)
     size = as_size(size)
     as_confidence(confidence)
-    own, moments, signals = _curves(x, rate, axes, robust=robust, efficiency=efficiency)
+    found = _curves(x, rate, axes, robust=robust, efficiency=efficiency)
+    result = tested(found, robust=robust, efficiency=efficiency, size=size, confidence=confidence)
+    return replace(result, delays=delays_of(found.first))
+
+
+def tested(found: Curves, *, robust: bool, efficiency: float, size: float, confidence: float) -> CrossCovariance:
+    """Test the cross-covariances of all pairs, see `cross`. The result has no delays."""
+    own, moments, _ = found
     names = list(own)
     design = Design.of(next(iter(own.values())))
     models = {name: _Noise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
@@ -137,7 +144,7 @@ def cross(
         upper=Pairs({pair: high for pair, (_, high) in limits.items()}),
         degrees_of_freedom=Pairs(freedom),
         pvalues=Pairs(pvalues),
-        delays=delays_of(signals),
+        delays=Pairs({}),
         size=size,
         confidence=confidence,
         efficiency=efficiency if robust else None,
