@@ -52,13 +52,13 @@ def _introduction(result: Result) -> str:
         f"optimum.\n- ML log-sampled: the exact likelihood of block means, {result['blocks']} of each length 1, 2, 4 "
         "… through the recording. This is the idea of Nikolic and others in our own scheme "
         "(`validation/log_sampled.py`).\n- ML: `gmwm.fit_ml`, the likelihood of all samples from a Kalman filter. "
-        "Both likelihood methods start from a GMWM fit, and their time includes it.\n\nErrors are those of the "
-        "logarithm, log(estimate / truth), which are relative errors if they are small. An error of more than a "
-        f"factor of {result['factor']:g} counts as that factor, and so does a term estimated as zero. Gauss-Markov "
-        "processes are matched with the true ones in the order of β. Those that are white noise or a random walk in "
-        "this recording (βΔt > 3, βNΔt < 0.1) count as such. Quantization errors are uniform, as in a sensor; the "
-        "likelihood methods assume Gaussian ones. Times are medians of processor time from samples to estimates, "
-        "divided by that of `numpy.cumsum` of the same samples."
+        "Both likelihood methods start from a GMWM fit, and their time includes it.\n\nErrors are differences of "
+        "logarithms, log(estimate / truth), which are relative errors if they are small. An error of more than a "
+        f"factor of {result['factor']:g}, or a term estimated as zero, is treated as an error of that factor. "
+        "Gauss-Markov processes are matched with the true ones in the order of β. A process that is white noise or a "
+        "random walk in this recording (βΔt > 3, βNΔt < 0.1) is treated as such. Quantization errors are uniform, as "
+        "in a sensor; the likelihood methods assume Gaussian errors. Times are medians of processor time from samples "
+        "to estimates, divided by the time of `numpy.cumsum` of the same samples."
     )
 
 
@@ -66,11 +66,14 @@ def _range(numbers: Sequence[int]) -> str:
     return f"{min(numbers)} to {max(numbers)}" if min(numbers) < max(numbers) else str(max(numbers))
 
 
-_CAPTION = "Errors divided by those of ML, by the length of the recording; below, near 1, with ± 2 standard errors."
+_CAPTION = (
+    "Errors divided by the errors of ML, by the length of the recording. "
+    "Below: the range near 1, with ± 2 standard errors."
+)
 
 _LEGEND = (
-    "Bias / root mean square error in %, and the share of recordings with the term estimated as zero, if there are "
-    "any. The bias is that of the recordings in which the term was found; the error is that of all recordings."
+    "The table has bias / root mean square error in %, and the share of recordings with the term estimated as zero, if "
+    "there are any. The bias includes the recordings in which the term was found; the error includes all recordings."
 )
 
 
@@ -117,8 +120,8 @@ def _glance(result: Result) -> list[str]:
     """Ratio to the likelihood and time, one line for each model and method."""
     heads = [f"errors, {_power(n)}" for n in _lengths(result)] + [f"time, {_power(n)}" for n in _lengths(result)]
     lines = [
-        "Errors: root mean square error divided by that of ML, as geometric mean over the parameters that a method "
-        "estimates, with its standard error; below 1 the method is better than ML. Time: in cumulative sums.",
+        "Errors: root mean square error divided by the error of ML, as geometric mean over the parameters that a "
+        "method estimates, with its standard error; below 1 the method is better than ML. Time: in cumulative sums.",
         "",
         f"| model | method | {' | '.join(heads)} |",
         "|---|---" + "|---" * len(heads) + "|",

@@ -16,6 +16,7 @@ from gmwm.plots.labels import axis_title
 from gmwm.plots.matplotlib import draw as drawn
 from gmwm.plots.matplotlib import save
 from gmwm.plots.style import curve_stroke
+from validation.legend import legend
 
 NAME = "adis16405"
 SEED = 0
@@ -61,9 +62,14 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: a row for each number of each axis."""
     lines = [
-        "Three recordings of ADIS16405 units, 10 000 s at 100 Hz each, are calibrated together with the defaults. "
-        "*Together*: the number of the mean curve with its 95 % interval, which includes the spread. *Spread*: "
-        "standard deviation between the recordings without estimation errors. *p*: test that the recordings are equal.",
+        ("Three recordings of ADIS16405 units, 10 000 s at 100 Hz each, are calibrated together with the defaults."),
+        *legend(
+            {
+                "together": "value from the mean curve with its 95 % interval, which includes the spread",
+                "spread": "standard deviation between the recordings without estimation errors",
+                "p": "p-value of the test that the recordings are equal",
+            }
+        ),
         "",
         "| axis | number | recording 1 | 2 | 3 | together | spread | p |",
         "|---|---|---|---|---|---|---|---|",

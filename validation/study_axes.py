@@ -98,12 +98,12 @@ def table(result: dict[str, Any]) -> str:
     rows, differ = result["rows"], sum(row["levels"] > 0 for row in result["same"])
     lines = [
         "Three recordings of ADIS 16405 units at rest, 10⁶ samples of six axes at 100 Hz each. It is not known whether "
-        "they are of one unit.",
+        "they come from one unit.",
         "",
         "**What is correlated.** `gmwm.cross` finds shared noise in "
         + ", ".join(f"{row['shared']} of {row['tests']}" for row in rows)
         + " tests (pairs and scales, 5 % level for all together). At the finest scales the correlations of gyroscopes "
-        "are small and the same in all recordings. Beyond some 10 s all axes have a slow common part.",
+        "are small and the same in all recordings. At scales above about 10 s, all axes have a slow common part.",
         "",
         "![Correlation of the six axes by scale, first recording](axes.svg)",
         "",
@@ -121,9 +121,10 @@ def table(result: dict[str, Any]) -> str:
         ),
         "",
         f"**What the joint fit says.** `gmwm.fit_joint(\"{MODEL}\", imu, levels=range(9, 18))`, scales of 5 s "
-        "to 22 min. No model fits all scales of these recordings, whose output is rounded. Beyond 5 s the misfit is "
-        "moderate. The white noise of gyroscopes is independent of all others. The slow noise is shared by all six "
-        "axes, most of all by the accelerometers, as by a table or a room whose temperature changes.",
+        "to 22 min. No model fits all scales of these recordings, whose output is rounded. At scales above 5 s, the "
+        "misfit is moderate. The white noise of the gyroscopes is independent of all other noise. All six axes share "
+        "the slow noise, most of all the accelerometers. A table that moves, or "
+        "a room whose temperature changes, would cause this.",
         "",
         "![Deviations and correlations of the first recording, with the joint model](axes-joint.svg)",
         "",
@@ -141,8 +142,8 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         f"**Whether the recordings differ.** `gmwm.same` finds differences in {differ} of {len(result['same'])} "
-        "comparisons of an axis. Up to 20 s they are a few per cent in gyroscopes, and up to 15 % in accelerometers. "
-        "At larger scales a test finds only large differences.",
+        "comparisons of an axis. Up to 20 s, the differences are a few per cent for gyroscopes, and up to 15 % "
+        "for accelerometers. At larger scales, a test finds only large differences.",
         "",
         "| recordings | axis | scales that differ | largest difference up to 20 s | largest one that the test finds |",
         "|---|---|---|---|---|",

@@ -14,6 +14,7 @@ import numpy as np
 from gmwm.errors import ReadError
 from gmwm.readers.clock import clock_of
 from validation.clock_zoo import KINDS, LIMITS, Record, mistakes
+from validation.legend import legend
 
 NAME = "clocks"
 SEED = 20261122
@@ -66,24 +67,41 @@ def found_in(record: Record) -> dict[str, Any]:
 
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each kind of clock."""
-    lines = [
-        f"Each kind of clock was simulated {result['seeds']} times. *Rate*: largest relative error. *Gaps*: number of "
-        "true gaps in all records; of these *missed*, of *wrong length*, and *moved*: not found at their row, but "
-        "within the *uncertainty*, the number of rows for which the time stamps do not show where samples were lost. "
-        "*Invented*: gaps that do not exist. *Right*: records whose rate is right to 1e-4, with all gaps and no other, "
-        "and with the error or warning that is due (a changed rate; regular losses).",
-        "",
+    header = [
         "| clock | rate | gaps | missed | wrong length | moved | uncertainty | invented | right |",
         "|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines = [
+        f"Each kind of clock was simulated {result['seeds']} times.",
+        *legend(
+            {
+                "rate": "largest relative error of the rate",
+                "gaps": "number of true gaps in all records",
+                "missed": "number of gaps that were not found",
+                "wrong length": "number of gaps that were found with a wrong length",
+                "moved": "number of gaps that were not found at their row, but within the uncertainty",
+                "uncertainty": "number of rows for which the time stamps do not show where samples were lost",
+                "invented": "number of gaps that were found but do not exist",
+                "right": (
+                    "number of records whose rate is correct to 1e-4, with all gaps and no others, "
+                    "and with the error or warning that is due (a changed rate, regular losses)"
+                ),
+            }
+        ),
+        "",
+        *header,
     ]
     for limit in (False, True):
         if limit:
             lines += [
                 "",
-                "Jitter of a fifth of the sampling interval, or jitter and rounding together, hide some losses: two "
-                "losses next to each other are found as one gap, or a gap is found as two.",
+                (
+                    "A jitter of a fifth of the sampling interval, or jitter together with rounding, "
+                    "hides some losses: two neighbouring losses are found as one gap, or one gap is "
+                    "found as two."
+                ),
                 "",
-                *lines[2:4],
+                *header,
             ]
         for r in result["rows"]:
             if r["limit"] == limit:

@@ -15,6 +15,7 @@ import numpy as np
 
 import gmwm
 from gmwm.outliers import contamination
+from validation.legend import legend
 from validation.recordings import RATE, Array, everywhere
 from validation.study_contamination import SAMPLES, SIZE, SPOILS, TRUTH
 
@@ -117,12 +118,25 @@ def _spoilt(kind: str, deviations: float, seed: tuple[int, ...]) -> Array:
 def table(result: dict[str, Any]) -> str:
     """Markdown: false alarms of each model, rounding and length; then what is found."""
     lines = [
-        f"Devices with {result['axes']} axes at {RATE:g} Hz, tested at the {100 * LEVEL:g} % level per device. A step "
-        "is a quantization step in standard deviations of the high-frequency noise; the rate or the angle is rounded. "
-        "Devices alarmed: share with at least one axis classified as contaminated. Axes alarmed: share of single "
-        f"axes, each tested at {100 * LEVEL:g} %. Levels: mean number of tested levels; the others have too few "
-        "coefficients or are dominated by the rounding. The test has the two curves only; from a signal, "
-        "`contamination` also requires bursts or isolated wrong samples ([study](tails.md)).",
+        (
+            f"Devices with {result['axes']} axes at {RATE:g} Hz are tested at the {100 * LEVEL:g} "
+            "% level per device. Either the rate or the angle is rounded. The test uses only "
+            "the two curves; from a signal, `contamination` also requires bursts or isolated "
+            "wrong samples ([study](tails.md))."
+        ),
+        *legend(
+            {
+                "step": "quantization step in standard deviations of the high-frequency noise",
+                "devices alarmed": "share of devices with at least one axis that is classified as contaminated",
+                "axes alarmed": (
+                    f"share of single axes that are classified as contaminated, each tested at {100 * LEVEL:g} %"
+                ),
+                "levels": (
+                    "mean number of tested levels; the others have too few coefficients or are "
+                    "dominated by the rounding"
+                ),
+            }
+        ),
         "",
         "| model | samples | rounding | step | devices | devices alarmed | axes alarmed | levels |",
         "|---|---|---|---|---|---|---|---|",
@@ -139,10 +153,21 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| all | {samples} | | | {count} | {100 * units:.1f} % | {100 * axes:.1f} % | |")
     lines += [
         "",
-        f"Recordings of {result['samples']} samples of {result['model']}, 1 % of the samples with outliers of the "
-        "given size in standard deviations of the white noise. Found: share of the recordings classified as "
-        "contaminated, where each is tested as one of the six axes of a unit. Excess of the classical over the robust "
-        "variance: the largest of the tested levels; median over the recordings.",
+        (
+            f"Recordings of {result['samples']} samples are simulated from {result['model']}. "
+            "In each, 1 % of the samples have outliers of the given size in standard "
+            "deviations of the white noise. Each recording is tested as one of the six axes "
+            "of a unit."
+        ),
+        *legend(
+            {
+                "found": "share of the recordings that are classified as contaminated",
+                "excess": (
+                    "largest excess of the classical over the robust variance among the tested "
+                    "levels; median over the recordings"
+                ),
+            }
+        ),
         "",
         "| outliers | deviations | found | excess |",
         "|---|---|---|---|",

@@ -12,6 +12,7 @@ import numpy as np
 
 import gmwm
 from validation import recordings
+from validation.legend import legend
 
 NAME = "coverage"
 SEED = recordings.SEED
@@ -51,12 +52,20 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     worst = min(r["covered"] for r in result["rows"]), max(r["covered"] for r in result["rows"])
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
-        "the same ones for both weightings. Asymptotic 95 % intervals. Covered: the interval contains the true value; "
-        f"the standard error of this share is {noise:.1f} %. Low, high: the whole interval is below or above the true "
-        "value. Spread: the standard deviation of the estimates. Standard error: the median of the reported ones. "
-        f"Median, spread and standard error are divided by the true value. The coverage is {worst[0]:.1%} to "
-        f"{worst[1]:.1%}.",
+        (
+            f"{result['recordings']} recordings of {result['samples']} samples at "
+            f"{result['rate']:g} Hz are simulated from each model and fitted with both "
+            "weightings. The 95 % intervals are asymptotic, and their coverage is "
+            f"{worst[0]:.1%} to {worst[1]:.1%}."
+        ),
+        *legend(
+            {
+                "covered": (f"share of intervals that contain the true value, with a standard error of {noise:.1f} %"),
+                "low, high": "share of intervals that lie completely below or above the true value",
+                "median, spread": "median and standard deviation of the estimates, divided by the true value",
+                "standard error": "median of the reported standard errors, divided by the true value",
+            }
+        ),
         "",
         "| model | weighting | parameter | truth | covered | low | high | median | spread | standard error |",
         "|---|---|---|---|---|---|---|---|---|---|",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from gmwm.joint import cross
+from validation.legend import legend
 
 NAME = "cross"
 SEED = 20261123
@@ -134,9 +135,12 @@ def _true(common: Make, own: Make, rho: float, n: int) -> Array:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the two tables."""
     lines = [
-        "Three signals of 10 000 or 100 000 samples, simulated in plain NumPy, go through `gmwm.cross` with its "
-        "defaults: the covariance of each signal is estimated from itself. *False*: share of recordings of independent "
-        "signals in which the test at the 5 % level finds shared noise.",
+        (
+            "Three signals of 10 000 or 100 000 samples are simulated in plain NumPy and "
+            "passed to `gmwm.cross` with its defaults: the covariance of each signal is "
+            "estimated from the signal itself. *False* is the share of recordings of "
+            "independent signals in which the test at the 5 % level finds shared noise."
+        ),
         "",
         "| noise of each axis | samples | estimate | recordings | false |",
         "|---|---|---|---|---|",
@@ -146,9 +150,14 @@ def table(result: dict[str, Any]) -> str:
             for r in result["rows"]
         ),
         "",
-        "Two signals that share noise, 10 000 samples each. *Found*: share of recordings in which the test finds it. "
-        "*Covered*: share of 95 % intervals that contain the true correlation, mean over the levels, and the least and "
-        "greatest of a level.",
+        "Two signals of 10 000 samples each share noise.",
+        *legend(
+            {
+                "found": "share of recordings in which the test finds the shared noise",
+                "covered": "share of 95 % intervals that contain the true correlation, mean over the levels",
+                "of one level": "smallest and largest share of a single level",
+            }
+        ),
         "",
         "| shared noise | recordings | found | covered | of one level |",
         "|---|---|---|---|---|",

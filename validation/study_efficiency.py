@@ -123,13 +123,17 @@ def _over(errors: NDArray[np.float64], yardstick: NDArray[np.float64]) -> tuple[
 
 def table(result: dict[str, Any]) -> str:
     """Markdown: errors and ratios of each parameter; the ratios of theory."""
+    models = "; ".join(f"{text} ({case})" for case, text in result["truths"].items())
     lines = [
-        "This study compares the errors of the wavelet moments with those of maximum likelihood. "
-        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of "
-        + "; ".join(f"{text} ({case})" for case, text in result["truths"].items())
-        + ". Root mean square errors relative to the true value, and their ratios to those of maximum likelihood on "
-        "the same recordings, with the standard error of the ratio; then the ratio of the errors of the logarithm. The "
-        "bound is the Cramér-Rao bound for a long recording.",
+        (
+            "This study compares the errors of the wavelet moments with the errors of maximum "
+            f"likelihood. It uses {result['recordings']} recordings of {result['samples']} "
+            f"samples at {result['rate']:g} Hz of each model: {models}. "
+            "The table has root mean square errors relative to the true value, their ratios "
+            "to the errors of maximum likelihood on the same recordings with the standard "
+            "error of the ratio, and then the ratios of the errors of the logarithm. The "
+            "bound is the Cramér-Rao bound for a long recording."
+        ),
         "",
         "| case | parameter | bound | maximum likelihood | optimal | diagonal | optimal / ML | diagonal / ML "
         "| logarithm: optimal / ML | diagonal / ML |",
@@ -144,9 +148,12 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        'From theory, without simulation: standard error divided by the bound. "No ends" is the limit of a long '
-        "recording, where every level has as many coefficients as there are samples; the other rows use the exact "
-        "covariance.",
+        (
+            "The next table comes from theory, without simulation. It has the standard error "
+            'divided by the bound. "No ends" is the limit of a long recording, in which every '
+            "level has as many coefficients as there are samples; the other rows use the "
+            "exact covariance."
+        ),
         "",
         "| case | moments | GM.beta | GM.sigma2 | WN.sigma2 |",
         "|---|---|---|---|---|",

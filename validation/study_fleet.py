@@ -15,6 +15,7 @@ from scipy.stats import t
 
 from gmwm.fleets.outlier_units import deviants
 from gmwm.random_effects import effects, predicted, spread_limits
+from validation.legend import legend
 
 NAME = "fleet"
 SEED = 20270322
@@ -106,12 +107,18 @@ def table(result: Result) -> str:
 def _words(result: Result) -> Iterator[str]:
     low, high = result["unequal"]
     yield (
-        f"{result['fleets']} fleets of each kind ({result['many']} with 100 devices), one number each. The true "
-        "values have the standard deviation τ between devices, and the estimates have standard errors s: all s = 1, "
-        f"or between {low:g} and {high:g}, uniform in the logarithm. Alarms: share of healthy fleets with a device "
-        "classified as an outlier, at the 5 % level for one number, and at 5 % for 36 numbers together (0.14 % for "
-        "one). Covered: share of 95 % intervals that contain μ, τ, and the true number of a further device."
+        f"The study simulates {result['fleets']} fleets of each kind ({result['many']} with 100 devices), with one "
+        "number for each device. The true values have the standard deviation τ between devices. The estimates have "
+        f"standard errors s: all s = 1, or between {low:g} and {high:g}, uniform in the logarithm."
     )
+    yield from legend(
+        {
+            "alarms": "share of healthy fleets with a device that is classified as an outlier, at the 5 % level for "
+            "one number, and at 5 % for 36 numbers together (0.14 % for one)",
+            "covered": "share of 95 % intervals that contain μ, τ, and the true number of a further device",
+        }
+    )
+    yield from ["", "The results:"]
     yield ""
     yield from map("- {}".format, _seen(result["rows"], result["found"]))
 
@@ -131,10 +138,12 @@ def _seen(rows: Sequence[dict[str, Any]], found: Sequence[dict[str, Any]]) -> It
     )
     for units in dict.fromkeys(r["units"] for r in found):
         least = [r["off"] for r in found if r["units"] == units and r["one_found"] >= 0.9 and r["errors"] == "equal"]
-        enough = f"from a distance of {min(least)} τ" if least else f"not up to {max(r['off'] for r in found)} τ"
-        yield f"{units} devices: an outlying one is found in at least 90 % of the fleets {enough} (equal errors)."
+        enough = (
+            f"from a distance of {min(least)} τ" if least else f"at no distance up to {max(r['off'] for r in found)} τ"
+        )
+        yield f"{units} devices: an outlying device is found in at least 90 % of the fleets {enough} (equal errors)."
     wrong = max(max(r["one_wrong"], r.get("several_wrong", 0.0)) for r in found)
-    yield f"Beside outlying devices, a healthy one is classified as an outlier in at most {wrong:.2%} of the fleets."
+    yield f"In fleets with outlying devices, a healthy device is classified as outlier in at most {wrong:.2%} of them."
 
 
 def _lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -153,10 +162,15 @@ def _lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 def _found(result: Result) -> Iterator[str]:
     yield (
-        f"Outlying devices at a distance in units of τ, with τ = {result['odd_at']:g} s; tested as in a fleet with 36 "
-        "numbers. Found: share of the outlying devices that are classified as outliers. Wrong: share of the fleets "
-        "with a healthy device classified as an outlier. Several: a tenth of the devices, two thirds of them above "
-        "and a third below."
+        f"These fleets have outlying devices at a distance in units of τ, with τ = {result['odd_at']:g} s. They are "
+        "tested as fleets with 36 numbers. In the columns *several*, a tenth of the devices are outlying, two thirds "
+        "of them above the others and a third below."
+    )
+    yield from legend(
+        {
+            "found": "share of the outlying devices that are classified as outliers",
+            "wrong": "share of the fleets with a healthy device that is classified as an outlier",
+        }
     )
     yield ""
     yield "| devices | distance | errors | one: found | wrong | several | found | wrong |"

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import gmwm
+from validation.legend import legend
 from validation.recordings import Array, everywhere
 from validation.sensors import flicker
 
@@ -160,11 +161,22 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     models = "; ".join(result["models"].values())
     lines = [
-        f"{result['recordings']} recordings each of {result['samples']} samples at {result['rate']:g} Hz: {models}. "
-        "Each is fitted with the true sum and optimal weights, without losses and with its gaps filled "
-        "(`Signal.fill_gaps`). Covered: share of 95 % intervals that contain the true value. Rejected: share of "
-        f"goodness-of-fit tests at the 5 % level. The standard error of a share near 95 % is {noise:.1f} %. N: median "
-        "of N divided by the true value.",
+        (
+            f"{result['recordings']} recordings each of {result['samples']} samples at "
+            f"{result['rate']:g} Hz are simulated from these models: {models}. Each is fitted "
+            "with the true sum and optimal weights, without losses and with its gaps filled "
+            "(`Signal.fill_gaps`)."
+        ),
+        *legend(
+            {
+                "covered": (
+                    "share of 95 % intervals that contain the true value; the standard error of a "
+                    f"share near 95 % is {noise:.1f} %"
+                ),
+                "rejected": "share of goodness-of-fit tests that reject at the 5 % level",
+                "N": "median of N divided by the true value",
+            }
+        ),
         "",
         "| model | lost | covered | rejected | N |",
         "|---|---|---|---|---|",
@@ -174,13 +186,30 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| {t['model']} | {_loss(t)} | {covered} | {100 * t['rejected']:.0f} % | {t['n']:.4f} |")
     lines += [
         "",
-        f"Wavelet variance over that of the same recording without losses, in {result['compared']} recordings: mean "
-        "difference, and in brackets the root mean square difference. filled: `Signal.fill_gaps`; pairs: the "
-        "covariance-type estimator of Mondal and Percival (2010), which averages squared differences over the pairs "
-        "of samples that are known; segments: coefficients inside segments only, – where no segment is long enough. "
-        "Filling is used: it is as good as pairs at short scales, and better at long ones, where the pairs of two lags "
-        "are different ones and their errors do not cancel. Its coefficients also give robust curves, spectra and "
-        "every other estimate, and its covariance is that of a recording without losses times 1 + 2.5 p.",
+        (
+            "The table compares the wavelet variance with the wavelet variance of the same "
+            f"recording without losses, in {result['compared']} recordings: the mean "
+            "difference, and in brackets the root mean square difference."
+        ),
+        *legend(
+            {
+                "filled": "`Signal.fill_gaps`",
+                "pairs": (
+                    "the covariance-type estimator of Mondal and Percival (2010), which averages "
+                    "squared differences over the pairs in which both samples are known"
+                ),
+                "segments": "coefficients inside segments only; – if no segment is long enough",
+            },
+            "The ways:",
+        ),
+        "",
+        (
+            "gmwm fills gaps. Filling is as accurate as the pairs at short scales and more "
+            "accurate at long scales: the averages at two lags come from different pairs, so "
+            "their errors do not cancel. Filling also gives robust curves, spectra and all "
+            "other estimates. With a share p of filled samples, the covariance is the "
+            "covariance of a recording without losses times 1 + 2.5 p."
+        ),
         "",
         f"| model | lost | way | {' | '.join(f'level {j}' for j in SHOWN)} |",
         f"|---|---|---|{'---|' * len(SHOWN)}",

@@ -93,9 +93,12 @@ def table(result: dict[str, Any]) -> str:
     size = [r for r in result["rows"] if r["kind"] == "size"]
     power = [r for r in result["rows"] if r["kind"] == "power"]
     lines = [
-        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz. The fitted model is right, so a test at "
-        "5 % should reject 5 %. The asymptotic test excludes the two coarsest levels. The bootstrap, with "
-        f"{result['draws']} simulated recordings each, uses all levels.",
+        (
+            f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are "
+            "simulated. The fitted model is correct, so a test at the 5 % level should reject "
+            "5 %. The asymptotic test excludes the two coarsest levels. The bootstrap, with "
+            f"{result['draws']} simulated recordings for each test, uses all levels."
+        ),
         "",
         "| model | method | weighting | recordings | rejected at 5 % | at 1 % | median p-value |",
         "|---|---|---|---|---|---|---|",
@@ -107,9 +110,11 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        f"The fitted model omits the slower Gauss-Markov process: {WITHOUT} is fitted to recordings of two such "
-        "processes. If the slower process is too weak to be detected, a test at 5 % rejects as often as for a right "
-        "model.",
+        (
+            f"The fitted model omits the slower Gauss-Markov process: {WITHOUT} is fitted to "
+            "recordings of two such processes. If the slower process is too weak to be "
+            "detected, a test at the 5 % level rejects as often as for a correct model."
+        ),
         "",
         "| truth | weighting | recordings | rejected at 5 % | at 1 % |",
         "|---|---|---|---|---|",

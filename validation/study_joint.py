@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from gmwm.joint import fit_joint
+from validation.legend import legend
 
 NAME = "joint"
 SEED = 20261125
@@ -108,11 +109,22 @@ def _row(place: int, case: Case, repeats: int) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: a line for each case."""
     lines = [
-        "Three signals of 10 000 samples, if not stated otherwise, simulated in plain NumPy; `gmwm.fit_joint` fits the "
-        "true model, with one term that may be shared. *Rejected*: recordings in which the test of the model rejects "
-        "it at the 5 % level. *Shared*: recordings in which the test at the 5 % level finds that the term is shared. "
-        "*Covered*: 95 % intervals, estimate ± 1.96 standard errors, that contain the true entry of the covariance "
-        "matrix of the term, and 95 % intervals of the correlations that contain the true one.",
+        (
+            "Three signals of 10 000 samples, unless the table states otherwise, are "
+            "simulated in plain NumPy. `gmwm.fit_joint` fits the true model, in which one "
+            "term may be shared."
+        ),
+        *legend(
+            {
+                "rejected": "share of recordings in which the test of the model rejects it at the 5 % level",
+                "shared": ("share of recordings in which the test at the 5 % level finds that the term is shared"),
+                "covered entries": (
+                    "share of 95 % intervals, estimate ± 1.96 standard errors, that contain the true "
+                    "entry of the covariance matrix of the term"
+                ),
+                "covered correlations": "share of 95 % intervals of the correlations that contain the true correlation",
+            }
+        ),
         "",
         "| noise | recordings | rejected | shared | covered entries | covered correlations |",
         "|---|---|---|---|---|---|",

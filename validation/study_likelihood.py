@@ -16,6 +16,7 @@ import numpy as np
 
 import gmwm
 from validation import recordings
+from validation.legend import legend
 
 NAME = "likelihood"
 SEED = 20261203
@@ -112,18 +113,34 @@ def table(result: dict[str, Any]) -> str:
     least = min(row["profiles"] for row in result["rows"])
     rough = 100 * np.sqrt(0.95 * 0.05 / least)
     lines = [
-        f"{result['recordings']} recordings at {result['rate']:g} Hz of each model with a mean of "
-        f"{result['offset']:g} that the fit does not know. Maximum likelihood starts from the fit to the wavelet "
-        "variance. Intervals at 95 %. Covered: the Wald interval contains the true value; the standard error of this "
-        f"share is {noise:.1f} %. Low, high: the whole interval is below or above the true value. Profile: the share "
-        f"of profile intervals that contain it, for the first {least} recordings or more, with a standard error of "
-        f"{rough:.1f} %. Median, spread (half the range of the central 68 %) and standard error (the median of the "
-        "reported ones) are divided by the true value. Bias is that of the estimates in standard errors of their "
-        f"mean. Wald intervals of the long recordings cover {min(covered):.1%} to {max(covered):.1%}, profile "
-        f"intervals of all recordings {min(followed):.1%} to {max(followed):.1%}. If a recording contains only a few "
-        "correlation times of a process "
-        '(five in the short ones), use method="profile". The standard error of the mean treats the parameters as '
-        "known.",
+        (
+            f"{result['recordings']} recordings at {result['rate']:g} Hz are simulated from "
+            f"each model, with a mean of {result['offset']:g} that the fit does not know. "
+            "Maximum likelihood starts from the fit to the wavelet variance. The coverage of "
+            f"95 % Wald intervals of the long recordings is {min(covered):.1%} to "
+            f"{max(covered):.1%}, and of profile intervals of all recordings "
+            f"{min(followed):.1%} to {max(followed):.1%}. If a recording contains only a few "
+            "correlation times of a process (five in the short recordings), use "
+            "`method='profile'`. The standard error of the mean treats the parameters as "
+            "known."
+        ),
+        *legend(
+            {
+                "covered": (
+                    f"share of Wald intervals that contain the true value, with a standard error of {noise:.1f} %"
+                ),
+                "low, high": "share of Wald intervals that lie completely below or above the true value",
+                "profile": (
+                    f"share of profile intervals that contain the true value, for the first {least} "
+                    f"recordings or more, with a standard error of {rough:.1f} %"
+                ),
+                "median, spread": (
+                    "median of the estimates and half the range of their central 68 %, divided by the true value"
+                ),
+                "bias": "bias of the estimates in standard errors of their mean",
+                "standard error": "median of the reported standard errors, divided by the true value",
+            }
+        ),
         "",
         "| model | samples | parameter | truth | covered | low | high | profile | median | bias | spread "
         "| standard error |",
@@ -137,10 +154,14 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "For all parameters together: the mean of 2 (log L(estimate) − log L(truth)) and how often it exceeds the 5 % "
-        "limit of the chi-square distribution; and how often the tests of the standardised innovations at 5 % reject "
-        "the right model. The Ljung-Box test reduces its degrees of freedom by the estimated parameters. The standard "
-        f"error of these shares is {noise:.1f} %.",
+        (
+            "The next table is for all parameters together. It has the mean of 2 (log "
+            "L(estimate) − log L(truth)), and how often this difference exceeds the 5 % limit "
+            "of the chi-square distribution. The last two columns have how often the tests of "
+            "the standardised innovations at the 5 % level reject the correct model. The "
+            "Ljung-Box test reduces its degrees of freedom by the number of estimated "
+            f"parameters. The standard error of these shares is {noise:.1f} %."
+        ),
         "",
         "| model | samples | parameters | mean of 2 Δ log L | likelihood ratio | Ljung-Box | Jarque-Bera |",
         "|---|---|---|---|---|---|---|",

@@ -203,9 +203,13 @@ def _delay(place: int, name: str, repeats: int) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: run lengths, delays and kinds."""
     lines = [
-        f"A good sensor at {RATE:g} Hz, monitored with one false alarm wanted in {WANTED:g} samples. *Run length*: "
-        "samples for each alarm, with its standard error. Alarms of the same second are one. With a baseline, "
-        "variances within 10 % are no fault, so alarms are rarer than stated.",
+        (
+            f"A healthy sensor at {RATE:g} Hz is monitored with one wanted false alarm in "
+            f"{WANTED:g} samples. The *run length* is the number of samples for each alarm, "
+            "with its standard error. Alarms in the same second are counted as one. With a "
+            "baseline, variances within 10 % of it are not reported, so alarms are rarer than "
+            "stated."
+        ),
         "",
         "| noise | baseline | samples | alarms | run length |",
         "|---|---|---|---|---|",
@@ -219,10 +223,14 @@ def table(result: dict[str, Any]) -> str:
         )
     lines += [
         "",
-        f"Faults of a gyroscope with N = 0.15 deg/√h, Gauss-Markov noise of 29 deg/h over 50 s and K = 5 deg/h/√h, "
-        f"monitored with one false alarm wanted in {RARE:g} samples (28 h), {result['repeats']} recordings each. "
-        "*Delay*: from the beginning of the fault to the first alarm. *Kind*: share of the found faults whose kind is "
-        "named rightly.",
+        (
+            "A gyroscope with N = 0.15 deg/√h, Gauss-Markov noise of 29 deg/h over 50 s and K "
+            "= 5 deg/h/√h has the faults in the table. It is monitored with one wanted false "
+            f"alarm in {RARE:g} samples (28 h), in {result['repeats']} recordings of each "
+            "fault. The *delay* is the time from the beginning of the fault to the first "
+            "alarm. The last column has the kind of the fault, and the share of the detected "
+            "faults for which it is identified correctly."
+        ),
         "",
         "| fault | found | median delay (s) | 90 % (s) | kind |",
         "|---|---|---|---|---|",
@@ -232,9 +240,13 @@ def table(result: dict[str, Any]) -> str:
             for r in result["rows"]
         ),
         "",
-        "Delays (s), median and 90 %, if the noise charts are the fastest for another ratio R of variances. Charts for "
-        "small increases are slower for larger ones. R = 1.5 is used: an increase of the noise by 10 % hardly matters. "
-        "Slow noise is seen at long scales only, whose blocks last for 20 s to 330 s, and no R makes a difference.",
+        (
+            "The next table has delays (s), as median and 90 % quantile, if the noise charts "
+            "are the fastest for another ratio R of variances. Charts for small increases are "
+            "slower for larger increases. gmwm uses R = 1.5, because an increase of the noise "
+            "by 10 % hardly matters. Slow noise is detected only at long scales, whose blocks "
+            "last for 20 s to 330 s, so R makes no difference."
+        ),
         "",
         "| R | " + " | ".join(SLOWEST) + " |",
         "|---|" + "---|" * len(SLOWEST),
@@ -243,6 +255,9 @@ def table(result: dict[str, Any]) -> str:
             for r in result["ratios"]
         ),
         "",
-        "A jump of 30 deg/h and a ramp of 100 deg/h per hour are smaller than the Gauss-Markov noise: no faults.",
+        (
+            "A jump of 30 deg/h and a ramp of 100 deg/h per hour are smaller than the "
+            "Gauss-Markov noise, so they are not detected as faults."
+        ),
     ]
     return "\n".join(lines)

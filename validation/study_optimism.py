@@ -20,6 +20,7 @@ from gmwm.estimation.weighting import precision
 from gmwm.inference.criterion import covariance_trace, implied_by_refits, optimism, problem_of
 from gmwm.inference.simulated_curves import simulated_variances
 from validation import recordings
+from validation.legend import legend
 
 NAME = "optimism"
 SEED = 20261204
@@ -185,12 +186,22 @@ def _bootstrapped(draws: int, asked: tuple[int, str, int]) -> float:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the right models, then those of which a term is weak or missing."""
     lines = [
-        f"{result['recordings']} recordings of each model, fitted with the Ω of the true model: 1 / V_jj (diagonal), "
-        "V⁻¹ (optimal), or 1 / (upper − lower)² from the confidence limits of the true curve (limits). Simulated: 2 "
-        "tr Cov(ν̂, Ων(θ̂)) over all recordings. Asymptotic: from theory, at the true parameters; the mean over the "
-        f"fits to {result['fits']} recordings, with the central 90 %; and its ratio to the simulated value. "
-        f"Bootstrap: the mean over {result['bootstraps']} fits, with {result['draws']} draws each. ± is one standard "
-        "error.",
+        (
+            f"{result['recordings']} recordings of each model are fitted with the Ω of the "
+            "true model: 1 / V_jj (diagonal), V⁻¹ (optimal), or 1 / (upper − lower)² from the "
+            "confidence limits of the true curve (limits). ± is one standard error."
+        ),
+        *legend(
+            {
+                "simulated": "2 tr Cov(ν̂, Ων(θ̂)) over all recordings",
+                "asymptotic: truth": "from theory, at the true parameters",
+                "fits, 90 % of fits": (
+                    f"from theory, the mean over the fits to {result['fits']} recordings, and their central 90 %"
+                ),
+                "bootstrap": f"mean over {result['bootstraps']} fits, with {result['draws']} draws each",
+                "ratio": "ratio to the simulated value",
+            }
+        ),
         "",
         "| model | samples | weighting | simulated | asymptotic: truth | fits | 90 % of fits | ratio | bootstrap "
         "| ratio |",
@@ -203,9 +214,12 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "With the V of the true model, two special cases. WN + RW has a random walk that many recordings do not show; "
-        "theory treats it as either present or absent, and is too low on average. GM + WN lacks the second of two "
-        "Gauss-Markov processes, so the second derivatives in H matter.",
+        (
+            "The next table has two special cases, with the V of the true model. WN + RW has "
+            "a random walk that many recordings do not show. Theory treats it as either "
+            "present or absent, and is too low on average. GM + WN lacks the second of two "
+            "Gauss-Markov processes, so the second derivatives in H matter."
+        ),
         "",
         "| model | samples | weighting | simulated | asymptotic: truth | fits | 90 % of fits | ratio "
         "| truth, without second derivatives |",

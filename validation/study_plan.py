@@ -14,6 +14,7 @@ import gmwm
 from gmwm._arrays import Vector
 from gmwm.covariance import Design
 from gmwm.inference.simulated_curves import simulated_variances
+from validation.legend import legend
 
 NAME = "plan"
 SEED = 20270118
@@ -79,13 +80,22 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each parameter of each model and length."""
     seen = [row for row in result["rows"] if row["plan"] <= 0.3]
     worst = max(abs(row["quantiles_over_plan"] - 1) for row in seen)
+    models = "; ".join(f"`{text}`" for text in result["truths"])
     lines = [
-        f"{result['recordings']} recordings of each length at {result['rate']:g} Hz of each model, diagonal weighting: "
-        + "; ".join(f"`{text}`" for text in result["truths"])
-        + ". Planned: the relative standard error from the exact covariance, without a simulation. Simulated: half "
-        "the distance between the 15.87 and the 84.13 % quantiles of estimate / truth, and its standard deviation. If "
-        f"the planned standard error is at most 30 %, the quantiles differ from it by at most {100 * worst:.0f} %. "
-        "Above, estimates are skewed and sometimes zero, and a standard error is of little use.",
+        (
+            f"{result['recordings']} recordings of each length at {result['rate']:g} Hz are "
+            f"simulated and fitted with diagonal weighting, from these models: {models}. "
+            "If the planned standard error is at most 30 %, the simulated one (*quantiles*) "
+            f"differs from it by at most {100 * worst:.0f} %. Above 30 %, estimates are skewed "
+            "and sometimes zero, and a standard error is of little use."
+        ),
+        *legend(
+            {
+                "plan": "relative standard error from the exact covariance, without a simulation",
+                "quantiles": ("half the distance between the 15.87 % and the 84.13 % quantile of estimate / truth"),
+                "standard deviation": "standard deviation of estimate / truth",
+            }
+        ),
         "",
         "| model | parameter | samples | plan | quantiles | standard deviation | quantiles / plan | median |",
         "|---|---|---|---|---|---|---|---|",

@@ -16,6 +16,7 @@ from gmwm.inference.intervals import confidence_intervals
 from gmwm.joint.same import level_ratios
 from gmwm.multiple_tests import holm
 from gmwm.signals import Signal
+from validation.legend import legend
 from validation.study_cross import Array
 
 NAME = "recordings"
@@ -133,10 +134,18 @@ def _fits(share: float) -> list[dict[str, Any]]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the four tables."""
     lines = [
-        "Equal recordings, simulated in plain NumPy, are fitted together with the model that they have. *Parameters*: "
-        "share in which the test of equal parameters rejects at 5 %. *Curves*: the same without a model. *Both*: "
-        "`Replicates.differs`. *Fit*: the goodness-of-fit test of the pooled curve. Noise with heavy tails has the "
-        "covariance that `calibrate` measures.",
+        (
+            "Equal recordings are simulated in plain NumPy and fitted together with their "
+            "true model. Noise with heavy tails has the covariance that `calibrate` measures."
+        ),
+        *legend(
+            {
+                "parameters": "share in which the test of equal parameters rejects at the 5 % level",
+                "curves": "the same for the test without a model",
+                "both": "share in which `Replicates.differs` is true",
+                "fit": "share in which the goodness-of-fit test of the pooled curve rejects",
+            }
+        ),
         "",
         "| noise | recordings | samples of each | repeats | parameters | curves | both | fit |",
         "|---|---|---|---|---|---|---|---|",
@@ -145,15 +154,23 @@ def table(result: dict[str, Any]) -> str:
             for r in result["rows"]
         ),
         "",
-        "Four recordings of 10 000 samples whose parameters differ by normal amounts on the logarithm.",
+        ("Four recordings of 10 000 samples each have parameters whose logarithms differ by normal amounts."),
         "",
         "| noise | difference | repeats | parameters | curves | both | fit |",
         "|---|---|---|---|---|---|---|",
         *(f"| {r['kind']} | {r['what']} | {r['repeats']} | {_shares(r)} |" for r in result["powers"]),
         "",
-        "Coverage of the 95 % interval of the mean over recordings, if each has a normal error of 1 and the recordings "
-        "have the given spread. *Without*: coverage without the spread. *Width*: median width over that of an interval "
-        "with a known spread.",
+        (
+            "The table has the coverage of the 95 % interval of the mean over recordings. "
+            "Each recording has a normal error of 1, and the recordings have the given "
+            "spread."
+        ),
+        *legend(
+            {
+                "without": "coverage of intervals that ignore the spread",
+                "width": "median width, divided by the width of an interval with a known spread",
+            }
+        ),
         "",
         "| recordings | spread | repeats | covered | without | width |",
         "|---|---|---|---|---|---|",
@@ -163,7 +180,7 @@ def table(result: dict[str, Any]) -> str:
             for r in result["intervals"]
         ),
         "",
-        "The same for fits to four recordings of 10 000 samples.",
+        "The table has the same coverage for fits to four recordings of 10 000 samples.",
         "",
         "| noise | parameter | spread | repeats | covered |",
         "|---|---|---|---|---|",

@@ -18,6 +18,7 @@ from gmwm.inference import noise_against
 from gmwm.regression.against import Term
 from gmwm.regression.api import regress
 from gmwm.regression.covariates import Covariates
+from validation.legend import legend
 
 NAME = "regression"
 SEED = 20261123
@@ -321,11 +322,25 @@ def _known(count: int, rng: np.random.Generator) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: coverage and size, and the departures."""
     lines = [
-        f"Series of {result['samples']} samples, simulated with NumPy alone, each fitted with `gmwm.fit` and "
-        "`against`. The temperature has no effect. Covered: 95 % intervals of the slope that contain zero. False: "
-        "F tests with p < 5 %. Error: root mean square error of the slope over the standard error of generalised least "
-        "squares with the true covariance matrix. Noise covered: lowest share of 95 % intervals of a noise parameter "
-        "that contain the truth. K: median over truth. Rejected: goodness-of-fit tests with p < 5 %.",
+        (
+            f"These series of {result['samples']} samples are simulated with NumPy alone, and "
+            "each is fitted with `gmwm.fit` and `against`. The temperature has no effect."
+        ),
+        *legend(
+            {
+                "covered": "share of 95 % intervals of the slope that contain zero",
+                "false": "share of F tests with p < 5 %",
+                "error": (
+                    "root mean square error of the slope, divided by the standard error of "
+                    "generalised least squares with the true covariance matrix"
+                ),
+                "noise covered": (
+                    "share of 95 % intervals that contain the true value, for the noise parameter with the lowest share"
+                ),
+                "K": "median of K divided by the true value",
+                "rejected": "share of goodness-of-fit tests with p < 5 %",
+            }
+        ),
         "",
         "| noise | temperature | series | covered | false | error | noise covered | K | rejected |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -339,9 +354,17 @@ def table(result: dict[str, Any]) -> str:
             lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
         "",
-        f"WN + RW with a warm-up and a slope of {SLOPE:g} per °C. Accepted: series whose temperature is known at "
-        "enough scales. Slope, K: medians divided by the true values. Covered: 95 % intervals of the slope. Wrong "
-        "samples: ten, 30 standard deviations away.",
+        (
+            f"These series have the noise WN + RW, a warm-up and a slope of {SLOPE:g} per °C. "
+            "In the row *wrong samples*, ten samples are 30 standard deviations away."
+        ),
+        *legend(
+            {
+                "accepted": "share of series whose temperature is known at enough scales",
+                "slope, K": "medians divided by the true values",
+                "covered": "share of 95 % intervals of the slope that contain the true value",
+            }
+        ),
         "",
         "| departure | series | accepted | slope | covered | K |",
         "|---|---|---|---|---|---|",
@@ -355,8 +378,11 @@ def table(result: dict[str, Any]) -> str:
             lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
         "",
-        "Slope with a reading error minus that of the same series without one, in per cent of the slope, with its "
-        "standard error. WN + RW. Held: each reading for 100 samples.",
+        (
+            "The table shows by how much a reading error changes the slope, in per cent of "
+            "the slope, with its standard error. The noise is WN + RW. *Held*: each reading "
+            "is held for 100 samples."
+        ),
         "",
         "| reading | temperature | series | accepted | change of the slope |",
         "|---|---|---|---|---|",
@@ -370,8 +396,16 @@ def table(result: dict[str, Any]) -> str:
             lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
         "",
-        "`gmwm.inference.noise_against` if the standard deviation of the white noise changes by 0 or 2 % per °C, over "
-        "10 °C. Found: joint tests with p < 5 %. Left: tests with p < 5 % that the terms explain the levels.",
+        (
+            "`gmwm.inference.noise_against` tests series in which the standard deviation of "
+            "the white noise changes by 0 or 2 % per °C, over 10 °C."
+        ),
+        *legend(
+            {
+                "found": "share of joint tests with p < 5 %",
+                "left": "share of tests with p < 5 % of the hypothesis that the terms explain the levels",
+            }
+        ),
         "",
         "| noise | temperature | true change | series | found | mean change | covered | left |",
         "|---|---|---|---|---|---|---|---|",
@@ -386,8 +420,11 @@ def table(result: dict[str, Any]) -> str:
             shares = ", ".join(f"{name} {share:.0%}" for name, share in row["covered"].items())
             lines += [
                 "",
-                f"`gmwm.fit` with `varies` at four rates, {row['series']} series: 95 % intervals contain the truth for "
-                f"{shares}. The goodness-of-fit test rejects {row['rejected']:.0%}; the test that nothing varies "
-                f"rejects {row['false']:.0%} of the series in which nothing does.",
+                (
+                    f"`gmwm.fit` with `varies` was applied to {row['series']} series at four rates. "
+                    f"Share of 95 % intervals that contain the true value: {shares}. The "
+                    f"goodness-of-fit test rejects {row['rejected']:.0%}. The test that nothing varies "
+                    f"rejects {row['false']:.0%} of the series in which nothing varies."
+                ),
             ]
     return "\n".join(lines)

@@ -17,6 +17,7 @@ import gmwm
 from gmwm.calibration.rest import reach_of
 from gmwm.datasheets.bias_changes import variance_of_mean
 from validation import recordings
+from validation.legend import legend
 
 NAME = "rest"
 SEED = 20261123
@@ -118,11 +119,20 @@ def table(result: dict[str, Any]) -> str:
     count, chosen = result["recordings"], result["chosen_recordings"]
     noise, rough = (100 * math.sqrt(0.95 * 0.05 / n) for n in (count, chosen))
     lines = [
-        f"Share of 95 % intervals of the bias at rest that contain the true value, in {count} recordings of "
-        f"{result['samples']} samples at {result['rate']:g} Hz for each kind of noise. The standard error of a share "
-        f"of 95 % is {noise:.1f} %; for the last column, with {chosen} recordings, {rough:.1f} %. Ratio: root mean "
-        "square error of the mean, divided by its standard error. As white noise: the interval ±1.96 s/√n that ignores "
-        "correlation. Chosen: `calibrate` within GM + WN + FN + RW, with the intervals that include the choice.",
+        (
+            "The table has the share of 95 % intervals of the bias at rest that contain the "
+            f"true value, in {count} recordings of {result['samples']} samples at "
+            f"{result['rate']:g} Hz for each kind of noise. The standard error of a share of "
+            f"95 % is {noise:.1f} %; for the last column, with {chosen} recordings, it is "
+            f"{rough:.1f} %."
+        ),
+        *legend(
+            {
+                "ratio": "root mean square error of the mean, divided by its standard error",
+                "as white noise": "the interval ±1.96 s/√n, which ignores correlation",
+                "chosen": "`calibrate` within GM + WN + FN + RW, with the intervals that include the choice",
+            }
+        ),
         "",
         "| noise | fitted | covered | ratio | as white noise | chosen |",
         "|---|---|---|---|---|---|",
@@ -134,10 +144,15 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "The true value is the constant part of the signal; with a random walk, its level at the end of the recording; "
-        "with flicker noise, the mean of the next recording, with half the variance of the difference. With the weak "
-        "random walk, the error of the mean is larger than that of the white noise, but the walk is rarely visible in "
-        "one recording. The interval for the known model allows for this. If `calibrate` chooses a model without a "
-        "random walk, the interval is too short; repeat the recording to measure the spread between recordings.",
+        (
+            "The true value is the constant part of the signal. With a random walk, it is the "
+            "level at the end of the recording. With flicker noise, it is the mean of the "
+            "next recording, with half the variance of the difference. With the weak random "
+            "walk, the error of the mean is larger than the error from the white noise alone, "
+            "but the walk is rarely visible in one recording. The interval for the known "
+            "model allows for this. If `calibrate` chooses a model without a random walk, the "
+            "interval is too short; repeat the recording to measure the spread between "
+            "recordings."
+        ),
     ]
     return "\n".join(lines) + "\n"

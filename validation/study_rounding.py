@@ -12,6 +12,7 @@ import numpy as np
 
 import gmwm
 from gmwm.signals import Imu, Signal
+from validation.legend import legend
 
 NAME = "rounding"
 SEED = 20261207
@@ -54,10 +55,24 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each step and place of the mean."""
     lines = [
-        f"{result['samples']} samples of white noise of standard deviation σ and a slow change of the mean with an "
-        f"amplitude of {result['wander']:g} σ, rounded to multiples of the LSB. N: standard deviation of the output "
-        "over that of the noise, and over √(σ² + LSB²/12). Slow change: that of the output over that of the sensor. "
-        "Estimate: the noise before rounding that `gmwm.inspect` finds, over σ; from 6 σ on it may be an upper limit.",
+        (
+            f"{result['samples']} samples of white noise with the standard deviation σ, and of "
+            f"a slow change of the mean with an amplitude of {result['wander']:g} σ, are "
+            "rounded to multiples of the LSB."
+        ),
+        *legend(
+            {
+                "N / σ, N / √(σ² + LSB²/12)": (
+                    "standard deviation of the output, divided by the standard deviation of the "
+                    "noise, and by √(σ² + LSB²/12)"
+                ),
+                "slow change": "slow change of the output, divided by the slow change of the sensor",
+                "estimate": (
+                    "noise before rounding that `gmwm.inspect` finds, divided by σ; from 6 σ on it "
+                    "may be an upper limit"
+                ),
+            }
+        ),
         "",
         "| LSB/σ | mean | N / σ | N / √(σ² + LSB²/12) | slow change | estimate | remark |",
         "|---|---|---|---|---|---|---|",

@@ -15,6 +15,7 @@ from gmwm.covariance import Design
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.selection.structure import structure_of, within
 from validation import recordings
+from validation.legend import legend
 
 NAME = "selection"
 SEED = 20261203
@@ -75,11 +76,20 @@ def _selected(weighting: str, draws: int, truth: str, variance: recordings.Array
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each truth and weighting."""
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model; "
-        f"gmwm ranks every model within {result['general']}. Recommended: the true model is the recommended one. "
-        "Least criterion: it has the smallest criterion. In the set: it is among the equivalent models. Under: the "
-        "recommended model lacks a term of the true one and has no other. Over: it has all true terms and more. "
-        f"{result['draws']} draws.",
+        (
+            f"{result['recordings']} recordings of {result['samples']} samples at "
+            f"{result['rate']:g} Hz are simulated from each model. gmwm ranks every model "
+            f"within {result['general']}, with {result['draws']} draws."
+        ),
+        *legend(
+            {
+                "recommended": "share of recordings in which the true model is recommended",
+                "least criterion": "share in which the true model has the smallest criterion",
+                "in the set": "share in which the true model is among the equivalent models",
+                "under": ("share in which the recommended model lacks a term of the true model and has no other term"),
+                "over": "share in which the recommended model has all terms of the true model and more",
+            }
+        ),
         "",
         "| truth | weighting | recommended | least criterion | in the set | median size of the set | largest | under "
         "| over | recommended instead |",

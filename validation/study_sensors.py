@@ -28,6 +28,7 @@ import numpy as np
 
 import gmwm
 from validation import sensors
+from validation.legend import legend
 
 NAME = "sensors"
 SEED = 20261212
@@ -286,16 +287,35 @@ _COUNTED = ("N", "K", "B", "T_c", "q_c")
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each kind."""
     lines = [
-        f"{result['repeats']} recordings of each kind by the simulators in `validation/sensors.py`, which draw a new "
-        "sensor for each and do not use gmwm. `gmwm.calibrate` runs with its defaults. N / truth: median ratio; N is "
-        "the true density at low frequency after the sensor's filter and rounding, without outliers. Covered: share of "
-        "95 % intervals that contain the true value, of those reported without a limit (their number in brackets). "
-        "Where the remark walk-or-markov says that K may be that of a slow Gauss-Markov process, the true K includes "
-        "its q_c. K false: K reported though there is no random walk. Rejected: goodness-of-fit test below "
-        f"{ACCEPTED:g}. In the set: among the equivalent models, which never contain one another: a larger sum that "
-        "contains an equivalent model is not excluded by the data. Robust: the robust wavelet variance "
-        "was used. Warm-up, coarse, walk or Markov: share with this remark. Agree alarms: share of pairs of "
-        "recordings of an unchanged sensor with a number that differs.",
+        (
+            f"{result['repeats']} recordings of each kind come from the simulators in "
+            "`validation/sensors.py`, which draw a new sensor for each recording and do not "
+            "use gmwm. `gmwm.calibrate` runs with its defaults."
+        ),
+        *legend(
+            {
+                "N / truth": (
+                    "median ratio; the true N is the density at low frequencies after the filter and "
+                    "the rounding of the sensor, without outliers"
+                ),
+                "covered": (
+                    "share of 95 % intervals that contain the true value, among intervals that are "
+                    "not only a limit (their number is in brackets). If the remark `walk-or-markov` "
+                    "says that K may describe a slow Gauss-Markov process, the true K includes its "
+                    "q_c"
+                ),
+                "K false": "share of recordings with a value of K although there is no random walk",
+                "rejected": f"share of goodness-of-fit tests with p below {ACCEPTED:g}",
+                "in the set": (
+                    "share of recordings in which the model is among the equivalent models. These "
+                    "never contain one another; the data do not exclude a larger sum that contains "
+                    "one of them"
+                ),
+                "robust": "share of recordings for which the robust wavelet variance was used",
+                "warm-up, coarse, walk or Markov": "share of recordings with this remark",
+                "agree alarms": "share of pairs of recordings of an unchanged sensor in which a number differs",
+            }
+        ),
         "",
         f"| {' | '.join(_COLUMNS.values())} |",
         f"|{'---|' * len(_COLUMNS)}",

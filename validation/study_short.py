@@ -15,6 +15,7 @@ import numpy as np
 
 import gmwm
 from validation import recordings
+from validation.legend import legend
 
 NAME = "short"
 SEED = 20261204
@@ -190,17 +191,32 @@ def table(result: dict[str, Any]) -> str:
     count, followed = result["recordings"], result["likelihood_recordings"]
     noise, rough = (100 * np.sqrt(0.95 * 0.05 / n) for n in (count, followed))
     lines = [
-        f"95 % intervals of {count} recordings each, {followed} for maximum likelihood. The standard error of a share "
-        f"of 95 % is {noise:.1f} % and {rough:.1f} %. In long recordings of models whose terms are all visible, the "
-        "intervals contain the true value [in 93 to 97 %](coverage.md).",
+        (
+            f"The tables have the coverage of 95 % intervals in {count} recordings each, and "
+            f"in {followed} recordings for maximum likelihood. The standard errors of a share "
+            f"of 95 % are {noise:.1f} % and {rough:.1f} %. In long recordings of models whose "
+            "terms are all visible, the intervals contain the true value [in 93 to 97 "
+            "%](coverage.md) of cases."
+        ),
         "",
         "## Few correlation times",
         "",
-        f"`{result['truth']}` at {result['rate']:g} Hz, T_c = {result['samples_per_time']} samples, fitted as GM + "
-        "WN: the share of intervals of β and of σ² that contain the true value, by the length of the recording in "
-        "T_c. Open: the interval of β is (0, ∞), because the term acts as another process. With remark: share of fits "
-        "with a remark that the term acts as another process or that the recording has few correlation times. No "
-        "remark: coverage of β and σ² in the recordings without such a remark.",
+        (
+            f"Recordings of `{result['truth']}` at {result['rate']:g} Hz, with T_c = "
+            f"{result['samples_per_time']} samples, are fitted as GM + WN. The table has the "
+            "share of intervals of β and of σ² that contain the true value, by the length of "
+            "the recording in T_c."
+        ),
+        *legend(
+            {
+                "open": ("share of intervals of β that are (0, ∞), because the term acts as another process"),
+                "with remark": (
+                    "share of fits with a remark that the term acts as another process or that the "
+                    "recording has few correlation times"
+                ),
+                "no remark": "coverage of β and σ² in the recordings without such a remark",
+            }
+        ),
         "",
         "| T / T_c | by | recordings | β | σ² | open | with remark | β, no remark | σ², no remark |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -215,9 +231,13 @@ def table(result: dict[str, Any]) -> str:
         "",
         "## A weak term estimated as zero",
         "",
-        "The fitted model is right, but one of its terms is so weak that it is often estimated as zero. Standard "
-        "errors are computed at the estimate, without the noise of that term. The table has the coverage of the other "
-        "term in all recordings, in those with the weak term at zero, and in the remaining ones.",
+        (
+            "The fitted model is correct, but one of its terms is so weak that it is often "
+            "estimated as zero. Standard errors are computed at the estimate, without the "
+            "noise of that term. The table has the coverage of the other term in all "
+            "recordings, in the recordings with the weak term at zero, and in the remaining "
+            "ones."
+        ),
         "",
         "| truth | samples | weak | by | recordings | zero | parameter | covered | where zero | elsewhere |",
         "|---|---|---|---|---|---|---|---|---|---|",
@@ -231,11 +251,18 @@ def table(result: dict[str, Any]) -> str:
         "",
         "## After model selection",
         "",
-        "The same recordings, with the model that `gmwm.select` recommends within the true one. The table has the "
-        "share of recommendations without the weak term, and the coverage of the other term under the recommended "
-        "model: in all recordings, in those without the weak term, and in the remaining ones. Largest: the interval "
-        "under the largest model, here the true one. Both: the interval from the smaller lower to the larger upper "
-        "limit of the two.",
+        (
+            "The same recordings are used with the model that `gmwm.select` recommends within "
+            "the true model. The table has the share of recommendations without the weak "
+            "term, and the coverage of the other term under the recommended model: in all "
+            "recordings, in the recordings without the weak term, and in the remaining ones."
+        ),
+        *legend(
+            {
+                "largest": "interval under the largest model, here the true model",
+                "both": "interval from the smaller lower limit to the larger upper limit of the two",
+            }
+        ),
         "",
         "| truth | samples | lacking | recommended without it | parameter | covered | where lacking | elsewhere "
         "| largest | both |",

@@ -18,6 +18,7 @@ from scipy.signal import lfilter
 import gmwm
 from gmwm.calibration.measurement import measured_axis
 from gmwm.calibration.options import CalibrationOptions
+from validation.legend import legend
 from validation.recordings import Array, everywhere
 
 NAME = "tails"
@@ -189,15 +190,29 @@ def table(result: dict[str, Any]) -> str:
         return "" if value is None else f"{100 * value:.{digits}f} %"
 
     lines = [
-        f"{result['recordings']} recordings each of {result['samples']} samples at {result['rate']:g} Hz: white noise "
-        "of unit variance, a Gauss-Markov process (20 s, 0.1 sd), a random walk (1e-4 per sample). Each is measured as "
-        f"one axis of {result['axes']} with the rule of `calibrate`, and fitted with {result['structure']} and optimal "
-        "weights. Wanted: the classical curve for tails, the classical one after replacement for knocks, motion and "
-        "isolated wrong samples. Robust: share of recordings with "
-        "the robust curve. Replaced: share of samples. Excess: median of N E_11, which is the excess kurtosis for "
-        "white noise. N: median of N "
-        "divided by the true value. Covered: share of 95 % intervals that cover the variance of the white noise. "
-        "Rejected: share of goodness-of-fit tests at the 5 % level. No entry: the sum is not the truth.",
+        (
+            f"{result['recordings']} recordings each of {result['samples']} samples at "
+            f"{result['rate']:g} Hz are simulated. The noise is white noise of unit variance, "
+            "a Gauss-Markov process (20 s, standard deviation 0.1) and a random walk (1e-4 "
+            f"per sample). Each recording is measured as one axis of {result['axes']} with the "
+            f"rule of `calibrate`, and fitted with {result['structure']} and optimal weights."
+        ),
+        *legend(
+            {
+                "wanted": (
+                    "the classical curve for tails; the classical curve after replacement for knocks, "
+                    "motion and isolated wrong samples"
+                ),
+                "robust": "share of recordings with the robust curve",
+                "replaced": "share of samples that were replaced",
+                "excess": "median of N E_11, which is the excess kurtosis for white noise",
+                "N": "median of N divided by the true value",
+                "covered": "share of 95 % intervals that contain the variance of the white noise",
+                "rejected": "share of goodness-of-fit tests that reject at the 5 % level",
+            }
+        ),
+        "",
+        "An entry is missing if the fitted sum is not the true model.",
         "",
         "| recording | wanted | robust | replaced | excess | N | covered | rejected |",
         "|---|---|---|---|---|---|---|---|",

@@ -14,6 +14,7 @@ import gmwm
 from gmwm.covariance import Design
 from gmwm.inference.simulated_curves import simulated_variances
 from validation import recordings
+from validation.legend import legend
 
 NAME = "timeseries"
 SEED = 20261129
@@ -63,11 +64,19 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     covered = [row["covered"] for row in result["rows"]]
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
-        "fitted without starting values. Asymptotic 95 % intervals. Covered: the interval contains the true value; "
-        f"the standard error of this share is {noise:.1f} %. Low, high: the whole interval is below or above the true "
-        f"value. Rejected: the goodness-of-fit test at 5 % rejects the model. The coverage is {min(covered):.1%} to "
-        f"{max(covered):.1%}.",
+        (
+            f"{result['recordings']} recordings of {result['samples']} samples at "
+            f"{result['rate']:g} Hz are simulated from each model and fitted without starting "
+            "values. The 95 % intervals are asymptotic, and their coverage is "
+            f"{min(covered):.1%} to {max(covered):.1%}."
+        ),
+        *legend(
+            {
+                "covered": (f"share of intervals that contain the true value, with a standard error of {noise:.1f} %"),
+                "low, high": "share of intervals that lie completely below or above the true value",
+                "rejected": "share of goodness-of-fit tests that reject the model at the 5 % level",
+            }
+        ),
         "",
         "| model | weights | parameter | truth | covered | low | high | median | spread | standard error | rejected |",
         "|---|---|---|---|---|---|---|---|---|---|---|",

@@ -25,6 +25,7 @@ from gmwm.plots.trace import extremes_there
 from gmwm.plots.tracks import WORDS, tracks_figure
 from gmwm.signals import Signal
 from validation import recordings
+from validation.legend import legend
 
 NAME = "tracks"
 SEED = 20261213
@@ -151,15 +152,22 @@ def _words(result: Result) -> Iterator[str]:
     rate, gap = result["rate"], (result["gap"][1] - result["gap"][0]) / result["rate"]
     values = "; ".join(f"`{text}`" for text in dict.fromkeys(row["values"] for row in result["rows"]))
     yield (
-        f"{result['recordings']} recordings of each of these gyroscopes (rad/s, {rate:g} Hz, "
+        f"{result['recordings']} recordings of each of these gyroscopes are simulated (rad/s, {rate:g} Hz, "
         f"{result['samples'] / rate / 60:g} min, turn-on bias {result['offset']:g}, {gap:g} s missing): {values}. "
         "Each process is simulated separately, so the true bias is known: the offset and all correlated processes. "
-        "The bias is estimated by `kalman_filter`, from the samples so far, and by `smooth`, from all samples, with "
-        "the true parameters and with those that `fit` (GMWM) and `fit_ml` (ML) estimate from the same recording. RMS "
-        "error: difference from the true bias in 10⁻⁶ rad/s (0.2 °/h), over all recordings, without the gap and the "
-        f"first and last {SETTLED / rate:g} s. Stated error: the RMS of the standard deviations that gmwm states. "
-        "Over true: the RMS error divided by the RMS error with the true parameters. Gap: the same within the gap."
+        "The bias is estimated by `kalman_filter`, from the samples so far, and by `smooth`, from all samples. The "
+        "parameters are the true ones, or the estimates of `fit` (GMWM) and `fit_ml` (ML) from the same recording."
     )
+    yield from legend(
+        {
+            "RMS error": "root mean square difference from the true bias in 10⁻⁶ rad/s (0.2 °/h), over all recordings, "
+            f"without the gap and the first and last {SETTLED / rate:g} s",
+            "stated error": "root mean square of the standard deviations that gmwm states",
+            "over true": "RMS error divided by the RMS error with the true parameters",
+            "gap": "the same within the gap",
+        }
+    )
+    yield from ["", "The results:"]
     yield ""
     yield from map("- {}".format, _seen(result["rows"], result["recordings"]))
 
@@ -182,7 +190,7 @@ def _seen(rows: Sequence[dict[str, Any]], count: int) -> Iterator[str]:
         f"the stated ones within {off_fitted:.1%}. {_span(fitted, 'covered')} of the samples are in the band, "
         "although it treats the parameters as known."
     )
-    yield f"The error of a smoothed bias is {_span(smoothed, 'share', '.2f')} times that of a filtered one."
+    yield f"The error of a smoothed bias is {_span(smoothed, 'share', '.2f')} times the error of a filtered bias."
     yield (
         f"In the gap the errors are {_span(wider, 'times', '.1f')} times as large, and the band is wider by the same "
         f"factor. {_span(true, 'gap_covered')} of the samples are in it with the true parameters, "

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import gmwm
 from gmwm.signals import Imu, Signal
+from validation.legend import legend
 
 NAME = "trends"
 SEED = 20261206
@@ -132,10 +133,13 @@ def table(result: dict[str, Any]) -> str:
     nulls = [row for row in result["rows"] if not row["size"]]
     power = [row for row in result["rows"] if row["size"]]
     lines = [
-        f"Recordings of {result['duration'] / 60:.0f} min at {result['rate']:g} Hz, each inspected with "
-        "`gmwm.inspect`. Found: share of recordings with a remark on a trend (`warm-up`, `trend` or `linear-trend`).",
+        (
+            f"Recordings of {result['duration'] / 60:.0f} min at {result['rate']:g} Hz are "
+            "inspected with `gmwm.inspect`. *Found* is the share of recordings with a remark "
+            "on a trend (`warm-up`, `trend` or `linear-trend`)."
+        ),
         "",
-        f"Noise without a trend. The largest share is {result['false']:.1%}.",
+        (f"The first table is for noise without a trend. The largest share is {result['false']:.1%}."),
         "",
         "| noise | K (deg/h/√h) | recordings | found | `warm-up` |",
         "|---|---|---|---|---|",
@@ -145,9 +149,17 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "With a warm-up a·e^(−t/τ). The medians and the coverage are those of recordings with the remark `warm-up`. K "
-        "with: K fitted to the means without a term for the warm-up. Limit: 95 % upper limit of K with a term for the "
-        "warm-up. Holds: share of these limits that are not below the true K.",
+        (
+            "The second table is for noise with a warm-up a·e^(−t/τ). The medians and the "
+            "coverage include the recordings with the remark `warm-up`."
+        ),
+        *legend(
+            {
+                "K with": "K fitted to the means without a term for the warm-up",
+                "limit": "95 % upper limit of K with a term for the warm-up",
+                "holds": "share of these limits that are not below the true K",
+            }
+        ),
         "",
         "| noise | a (deg/h) | τ (s) | found | `warm-up` | median a | median τ | K true | K with | limit | holds |",
         "|---|---|---|---|---|---|---|---|---|---|---|",

@@ -16,6 +16,7 @@ from gmwm.covariance import covariance
 from gmwm.estimation.reweighting import implied_weights
 from gmwm.inference.asymptotic import sandwich_of
 from validation import recordings
+from validation.legend import legend
 
 NAME = "weak"
 SEED = 20261202
@@ -99,11 +100,23 @@ def relative_error(text: str, name: str, weighting: str) -> float | None:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each value of each model and weighting."""
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz for each truth. "
-        "Relative error: the theoretical standard error of γ² or ω² divided by its value. One-sided: the interval "
-        "extends from zero to a one-sided 95 % upper limit; otherwise it is two-sided. Covered: the interval contains "
-        "the true value, in all recordings. Limit holds: the upper end is not below the true value, in all recordings "
-        "and among the one-sided intervals.",
+        (
+            f"{result['recordings']} recordings of {result['samples']} samples at "
+            f"{result['rate']:g} Hz are simulated for each true value."
+        ),
+        *legend(
+            {
+                "relative error": "theoretical standard error of γ² or ω², divided by its value",
+                "one-sided": (
+                    "share of intervals that extend from zero to a one-sided 95 % upper limit; the others are two-sided"
+                ),
+                "covered": "share of intervals that contain the true value, in all recordings",
+                "limit holds": (
+                    "share of intervals whose upper end is not below the true value, in all "
+                    "recordings and among the one-sided intervals"
+                ),
+            }
+        ),
         "",
         "| model | weighting | truth | relative error | zero | one-sided | covered | limit holds "
         "| of the one-sided | median limit | limit / truth |",

@@ -187,13 +187,19 @@ def _disturbances(levels: NDArray[np.int64]) -> Vector:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each case and parameter; one for each parameter of each model of theory."""
     lines = [
-        f"This study compares three weightings. {result['recordings']} recordings at {result['rate']:g} Hz of "
-        f"{result['model']}, without and with a disturbance that GM + WN + RW does not include:",
+        (
+            f"This study compares three weightings. It uses {result['recordings']} recordings "
+            f"at {result['rate']:g} Hz of {result['model']}, without and with a disturbance "
+            "that GM + WN + RW does not include:"
+        ),
         "",
         *(f"- {case}: {record.__doc__}" for case, (record, _) in CASES.items() if record is not right),
         "",
-        "Estimate divided by the true value: median, root mean square error, and coverage of the 95 % interval "
-        f"(identity: one recording in {RARELY}).",
+        (
+            "The table has the estimate divided by the true value, as median and root mean "
+            "square error, and the coverage of the 95 % interval (for identity weights, from "
+            f"one recording in {RARELY})."
+        ),
         "",
         "| case | samples | parameter | diagonal: median | error | covered | optimal: median | error | covered "
         "| identity: median | error | covered |",
@@ -204,12 +210,17 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| {r['case']} | {r['samples']} | {r['parameter']} | {' | '.join(cells)} |")
     lines += [
         "",
-        f"From theory, for {SAMPLES} samples. Right model: relative standard error with optimal weights, and the "
-        "ratio of the others to it. Slightly wrong model: one of 25 disturbances is added (a sinusoid with a period "
-        "of 3 to 46 000 samples, a Gauss-Markov process with β from 0.01 to 100, rounding), with the size that the "
-        "best test for it would detect at three standard deviations. The table has the root mean square error over "
-        "all disturbances, from bias and standard deviation, in standard errors of optimal weights, and the share of "
-        "disturbances with a smaller error for diagonal weights.",
+        (
+            f"The next table comes from theory, for {SAMPLES} samples. For the correct model, "
+            "it has the relative standard error with optimal weights, and the ratio of the "
+            "other standard errors to it. For a slightly wrong model, one of 25 disturbances "
+            "is added (a sinusoid with a period of 3 to 46 000 samples, a Gauss-Markov "
+            "process with β from 0.01 to 100, rounding), with the size that the best test for "
+            "it would detect at three standard deviations. The table then has the root mean "
+            "square error over all disturbances, from bias and standard deviation, in "
+            "standard errors of optimal weights, and the share of disturbances for which "
+            "diagonal weights have the smaller error."
+        ),
         "",
         "| model | parameter | optimal | diagonal | identity "
         "| wrong: optimal | diagonal | identity | diagonal is better |",
@@ -238,9 +249,10 @@ def _words(result: dict[str, Any]) -> str:
         f"{np.mean([r['diagonal_better'] for r in result['theory']]):.0%} of the cases, and an error larger by "
         f"{np.median(disturbed) - 1:.0%} in the median and {max(disturbed) - 1:.0%} at worst. Under large "
         "disturbances the result depends on the omitted process. With a slow process omitted, the estimate of the "
-        f"random walk is {slow['diagonal_median']:.2f} of the true value with diagonal weights and "
-        f"{slow['optimal_median']:.2f} with optimal ones; under a slow swing it is {swing['diagonal_median']:.2f} and "
-        f"{swing['optimal_median']:.2f}. No weighting corrects a wrong model: both estimates and their intervals miss "
+        f"random walk is {slow['diagonal_median']:.2f} times the true value with diagonal weights and "
+        f"{slow['optimal_median']:.2f} with optimal ones; with a slow oscillation it is "
+        f"{swing['diagonal_median']:.2f} and {swing['optimal_median']:.2f}. No weighting corrects a "
+        "wrong model: both estimates and their intervals miss "
         "the true value by several standard errors. Heavy tails and knocks affect only the white noise, with either "
         "weighting. Its intervals are then too short, because the covariance assumes a Gaussian signal, or do not "
         "include the contribution of the knocks. Identity weights depend almost only on the largest levels: errors "

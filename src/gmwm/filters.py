@@ -28,7 +28,7 @@ __all__ = ["WaveletFilter", "find_filter"]
 LONGEST_FILTER = 2**24
 """Most taps of a level filter that `level_filter` returns: 2^24 doubles take 128 MB."""
 _DEPENDENT = 1e-12
-"""Singular values below this share of the largest one count as zero: they belong to redundant equations."""
+"""Singular values below this share of the largest one are treated as zero: they belong to redundant equations."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -144,7 +144,7 @@ class Signal:
             raise DataError(
                 f"{axis or 'the signal'} has {counted(infinite, 'infinite value')}, the first at index "
                 f"{int(np.argmax(np.isinf(vector)))}",
-                advice="If infinite values stand for missing samples, replace them with NaN.",
+                advice="If infinite values mark missing samples, replace them with NaN.",
             )
         if not present.any():
             raise DataError(

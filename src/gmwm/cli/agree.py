@@ -57,7 +57,10 @@ def agree(
     size: Annotated[float, typer.Option(help="Significance level of the test of all numbers together.")] = 0.05,
     horizon: Annotated[
         str,
-        typer.Option(help="Horizon of N and K for one calibration and a file: see gmwm export.", metavar="LENGTH"),
+        typer.Option(
+            help="Horizon of N and K, for a comparison of one calibration with a file: see gmwm export.",
+            metavar="LENGTH",
+        ),
     ] = "1s",
 ) -> Outcome:
     """Test whether calibrations of one unit agree with each other, or with a reference.

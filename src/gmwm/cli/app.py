@@ -22,7 +22,7 @@ def app(
             metavar="[FILE]",
         ),
     ] = Path("."),
-    port: Annotated[int, typer.Option(help="Port; 0 for any free one.", min=0, max=65535)] = 0,
+    port: Annotated[int, typer.Option(help="Port of the page; 0 for any free port.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> Outcome:
     """Calibrate in the browser: look at a recording, leave spans out, try models, and download the files.

@@ -76,8 +76,8 @@ def calibrate(
         typer.Option(
             "--model",
             "-m",
-            help="Model that is fitted without a choice: MODEL for all axes, gyro=MODEL or accel=MODEL for three, "
-            "gyro_x=MODEL for one. Repeat the option for other axes; gmwm chooses the models of the rest.",
+            help="Model to fit, instead of a comparison of models: MODEL for all axes, gyro=MODEL or accel=MODEL for "
+            "three, gyro_x=MODEL for one. Repeat the option for other axes; gmwm chooses the models of all others.",
             metavar="[AXIS=]MODEL",
             rich_help_panel="Estimation",
             show_default=False,
@@ -105,8 +105,8 @@ def calibrate(
     tilt: Annotated[
         float | None,
         typer.Option(
-            help="Largest angle (degrees) between the vertical and the accelerometer axis next to it. It gives the "
-            "bias of the level axes; without it, only the bias of the vertical axis is computed.",
+            help="Largest possible angle (degrees) between the vertical and the accelerometer axis closest to it. "
+            "With it, the biases of the level axes are computed too; without it, only the bias of the vertical axis.",
             rich_help_panel="Bias at rest",
             show_default=False,
         ),

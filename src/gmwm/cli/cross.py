@@ -32,7 +32,7 @@ def cross(
     robust: Annotated[
         bool,
         typer.Option(
-            "--robust", help="Use robust estimates, which knocks do not change.", rich_help_panel="Estimation"
+            "--robust", help="Use robust estimates, which are insensitive to knocks.", rich_help_panel="Estimation"
         ),
     ] = False,
     efficiency: Efficiency = None,

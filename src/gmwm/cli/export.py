@@ -69,7 +69,7 @@ def export(
         str,
         typer.Option(
             help="Time between corrections from other sensors: 100ms, 1s, 1min or seconds. A process with a shorter "
-            "correlation time counts as white noise, one with a longer correlation time as random walk.",
+            "correlation time is treated as white noise, one with a longer correlation time as random walk.",
             metavar="LENGTH",
         ),
     ] = f"{HORIZON:g}s",

@@ -71,8 +71,8 @@ def fit(
         typer.Option(
             "--model",
             "-m",
-            help=f"Sum of processes: {_PROCESSES}. 2*GM stands for two of them. Given values are starting values; "
-            "fixed(…) holds a value: GM(beta=fixed(0.01)).",
+            help=f"Sum of processes: {_PROCESSES}. 2*GM means two Gauss-Markov processes. Given values are starting "
+            "values; fixed(…) holds a value: GM(beta=fixed(0.01)).",
             metavar="MODEL",
             show_default=False,
         ),
@@ -82,8 +82,8 @@ def fit(
     conditions: Annotated[
         Path | None,
         typer.Option(
-            help="CSV table of the parts of the recording at known conditions, with the columns start and stop (s from "
-            "the first sample) and the condition: start,stop,rate. One model is fitted to all parts.",
+            help="CSV table of the parts of the recording with known conditions. Its columns are start and stop (s "
+            "from the first sample) and the condition, such as start,stop,rate. One model is fitted to all parts.",
             metavar="TABLE",
             rich_help_panel="Estimation",
             show_default=False,
@@ -93,7 +93,8 @@ def fit(
         list[str] | None,
         typer.Option(
             help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
-            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. Can be repeated.",
+            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. "
+            "Repeat the option for other terms.",
             metavar="TERM: SUM",
             rich_help_panel="Estimation",
             show_default=False,
@@ -155,7 +156,7 @@ def fit(
         typer.Option(
             "--bootstrap-draws",
             help="Compute intervals and test from this number of simulated records, for example 500, instead of from "
-            "theory. At least 39 at 95 %.",
+            "theory. Intervals at 95 % need at least 39.",
             metavar="DRAWS",
             rich_help_panel=RESULT,
             show_default=False,

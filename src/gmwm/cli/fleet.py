@@ -98,7 +98,7 @@ def fleet(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Number of processes on this machine. Default: one for each processor. 0: no further process.",
+            help="Number of processes on this machine. Default: one for each processor. 0: only this process.",
             min=0,
             rich_help_panel=MACHINES,
             show_default=False,

@@ -60,7 +60,7 @@ def fuse(
     axis: Axes = None,
     nonnegative: Annotated[
         bool,
-        typer.Option("--nonnegative", help="Allow no negative weights. They increase errors of scale factors."),
+        typer.Option("--nonnegative", help="Allow no negative weights, which increase the errors from scale factors."),
     ] = False,
     apply: Annotated[
         list[Path] | None,

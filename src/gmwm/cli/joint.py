@@ -32,8 +32,8 @@ def joint(
     model: Annotated[
         str,
         typer.Option(
-            help="Terms: 'WN' is own noise of each axis, 'common(RW)' one process in all of them, each with its own "
-            "factor, and 'shared(RW)' noise with any correlations.",
+            help="Terms: 'WN' is independent noise of each axis, 'common(RW)' is one process in all axes, with a "
+            "factor for each, and 'shared(RW)' is noise with any correlations between the axes.",
             metavar="MODEL",
         ),
     ],
@@ -41,8 +41,8 @@ def joint(
     levels: Annotated[
         str | None,
         typer.Option(
-            help="Levels to use, such as 9-17 or 12 for the first twelve. Default: all with five coefficients per "
-            "scale.",
+            help="Levels to use, such as 9-17 or 12 for the first twelve. Default: all with at least five "
+            "coefficients.",
             metavar="FIRST-LAST",
             show_default=False,
         ),
@@ -53,7 +53,9 @@ def joint(
     ] = False,
     certify_within: Annotated[
         str,
-        typer.Option(help="Time for the proof: 60s, 10min. If it is too short, the bound is lower.", metavar="TIME"),
+        typer.Option(
+            help="Time for the proof: 60s, 10min. If it ends early, the lower bound is less tight.", metavar="TIME"
+        ),
     ] = "60s",
     plot: Annotated[
         Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)

@@ -47,7 +47,8 @@ def plan(
     model: Annotated[
         str | None,
         typer.Argument(
-            help="Model with all values (SI units and per sample, GM.beta in 1/s). Values in fixed(…) count as known.",
+            help="Model with all values (SI units and per sample, GM.beta in 1/s). Values in fixed(…) are treated as "
+            "known.",
             metavar="MODEL",
             show_default=False,
         ),
@@ -67,7 +68,7 @@ def plan(
     ] = None,
     accuracy: Annotated[
         str,
-        typer.Option(help="Wanted relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
+        typer.Option(help="Desired relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
     ] = "0.1",
     weighting: Annotated[
         Literal["diagonal", "optimal"] | None,

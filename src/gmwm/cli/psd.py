@@ -39,14 +39,16 @@ def psd(
         int | None,
         typer.Option(
             help="Length of the blocks (samples), an even number from 8. Default: the greatest power of two up to "
-            "65536 of which the recording has 15 blocks.",
+            "65536 that leaves at least 15 blocks.",
             rich_help_panel=ESTIMATION,
             show_default=False,
         ),
     ] = None,
     detrend: Annotated[
         Literal["constant", "linear"],
-        typer.Option(help="What is removed from each block: its mean, or a line.", rich_help_panel=ESTIMATION),
+        typer.Option(
+            help="Trend to remove from each block: its mean (constant), or a line (linear).", rich_help_panel=ESTIMATION
+        ),
     ] = "constant",
     datasheet: Annotated[
         bool,

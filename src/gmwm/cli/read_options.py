@@ -35,7 +35,8 @@ Files = Annotated[
     list[Path],
     typer.Argument(
         help="Recording, in any supported format; or a pattern in quotes, 'hour_*.csv', of files that continue one "
-        "another. Several files are several recordings of one unit, which get one fit; they may differ in length.",
+        "another. Several files are recordings of one unit: one model is fitted to all of them. Their "
+        "lengths may differ.",
         metavar="FILE…",
         show_default=False,
     ),
@@ -138,8 +139,8 @@ Skip = Annotated[
 Topic = Annotated[
     str | None,
     typer.Option(
-        help="Recording to read from a file with several, for example the topic of a ROS bag. If it is needed and "
-        "missing, the error lists all of them.",
+        help="Recording to read from a file with several, for example the topic of a ROS bag. If the file has "
+        "several and none is named, the error lists them.",
         metavar="NAME",
         rich_help_panel=INPUT,
         show_default=False,

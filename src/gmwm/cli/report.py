@@ -33,7 +33,8 @@ def report(
         bool,
         typer.Option(
             "--one-page",
-            help="Only what fits a page: the verdict, four numbers of each axis, one plot, the cautions and the data.",
+            help="Write only what fits on one page: the verdict, four numbers of each axis, one plot, the cautions "
+            "and the data.",
         ),
     ] = False,
     pdf: Annotated[

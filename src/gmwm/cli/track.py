@@ -55,7 +55,7 @@ def track(
     predict: Annotated[
         str | None,
         typer.Option(
-            help="Predict the time after the recording instead: 90s, 10min, 1h30m or seconds.",
+            help="Instead, predict this time after the recording: 90s, 10min, 1h30m or seconds.",
             metavar="LENGTH",
             rich_help_panel=RESULT,
             show_default=False,

@@ -59,7 +59,7 @@ def watch(
     ] = None,
     accuracy: Annotated[
         str,
-        typer.Option(help="Wanted relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
+        typer.Option(help="Desired relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
     ] = "0.1",
     every: Annotated[str, typer.Option(help="Time between updates: 5s, 1min.", metavar="LENGTH")] = "5s",
     idle: Idle = None,

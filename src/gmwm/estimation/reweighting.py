@@ -54,7 +54,7 @@ MIXED = 5
 RETURNS = 4
 """Number of times that the iteration is repeated if the global search finds another optimum."""
 CLOSE = 1e-6
-"""Relative change of the curve, beyond `fixed`, at which weights and estimate count as equal."""
+"""Relative change of the curve, beyond `fixed`, at which weights and estimate are treated as equal."""
 
 
 First = Callable[[Problem], Solution]

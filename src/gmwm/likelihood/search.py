@@ -29,7 +29,7 @@ decay within one sample: a factor of 5 in β."""
 _FAINT = 0.05
 """Information about the logarithm of a scale below which zero is tried: the relative standard error exceeds 4."""
 _GONE = 1e-7
-"""Change of the log-likelihood with the logarithm of a scale below which the term counts as zero."""
+"""Change of the log-likelihood with the logarithm of a scale below which the term is treated as zero."""
 
 
 @dataclass(frozen=True, eq=False)

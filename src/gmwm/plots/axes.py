@@ -22,8 +22,8 @@ MANY_DECADES = 2.5
 """Number of decades from which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled too. Pinned by
 tests/plots/test_plot_axes.py."""
 MANY_SIDED = 5.0
-"""The same number for an axis that is linear about zero. Its linear part counts as one decade on each side. Pinned by
-tests/plots/test_plot_ranking.py."""
+"""The same number for an axis that is linear about zero. Its linear part is treated as one decade on each side.
+Pinned by tests/plots/test_plot_ranking.py."""
 EMPTY = (1.0, 10.0)
 """Limits of an axis without data. It has no ticks."""
 

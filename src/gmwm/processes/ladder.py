@@ -38,7 +38,7 @@ STEP = math.log(8.0)
 """Step of ln b. A factor of 8 leaves a ripple of 0.6 % in the Allan deviation of flicker noise
 (tests/processes/test_ladder.py)."""
 FASTEST = 4.0
-"""Largest b in 1/sample: faster processes count as white noise."""
+"""Largest b in 1/sample: faster processes are treated as white noise."""
 BAND = 22
 """The sums follow the Allan deviation up to 2^BAND samples."""
 _BEYOND = 5

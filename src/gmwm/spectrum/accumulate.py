@@ -62,7 +62,7 @@ class SpectrumAccumulator(OneAtATime):
     depend on how the recording is split. Parts can be accumulated separately, with `start` as the number of the first
     sample, and merged in order. Call `gap()` between two chunks if samples are missing: no block extends across a gap.
 
-    Unless `length` is given, blocks have the greatest power of two, up to 2^16 samples, of which the recording has 15.
+    Unless `length` is given, the length is the greatest power of two, up to 2^16 samples, that leaves 15 blocks.
 
     Parameters
     ----------

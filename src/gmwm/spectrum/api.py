@@ -71,10 +71,10 @@ def psd(
     rate : float
         Sampling rate (Hz); leave it out for an Imu or a Signal.
     length : int, optional
-        Length L of the blocks (samples), an even number from 8. By default the greatest power of two up to 65536 of
-        which the recording has 15 blocks.
+        Length L of the blocks (samples), an even number from 8. By default the greatest power of two, up to 65536,
+        that leaves at least 15 blocks.
     detrend : "constant" or "linear"
-        What is removed from each block: its mean, or a straight line.
+        The trend to remove from each block: its mean, or a straight line.
     confidence : float
         Confidence level of the limits, from 0.5 to below 1.
     fill_gaps : bool

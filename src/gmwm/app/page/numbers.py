@@ -47,7 +47,7 @@ def panel() -> list[Any]:
         ),
         html.Div(id="numbers"),
         html.H2("For a filter"),
-        html.P("N and K that stand for the whole model between two corrections from other sensors.", className="hint"),
+        html.P("N and K that replace the whole model between two corrections from other sensors.", className="hint"),
         html.Div(
             [
                 html.Div(
