@@ -4,9 +4,35 @@
 #include <cmath>
 #include <limits>
 
+#include "gmwm/clones.hpp"
 #include "gmwm/nonnegative.hpp"
+#include "gmwm/pack.hpp"
 
 namespace gmwm {
+
+namespace {
+
+// Nodes that are multiplied together. Their values and slopes are adjacent, dimension by dimension.
+constexpr std::size_t batch = 2 * Pack::size;
+
+// Inner products of a direction with the values and the slopes of the nodes of batches, written to p and d.
+GMWM_CLONES void products(const double* nodes, const double* direction, std::size_t dim, std::size_t batches, double* p,
+                          double* d) {
+  for (std::size_t b = 0; b < batches; ++b, p += batch, d += batch) {
+    Pack p0 = Pack::of(0), p1 = p0, d0 = p0, d1 = p0;
+    for (std::size_t j = 0; j < dim; ++j, nodes += 2 * batch) {
+      const Pack y = Pack::of(direction[j]);
+      p0 = p0 + y * Pack::load(nodes);
+      p1 = p1 + y * Pack::load(nodes + Pack::size);
+      d0 = d0 + y * Pack::load(nodes + batch);
+      d1 = d1 + y * Pack::load(nodes + batch + Pack::size);
+    }
+    p0.store(p), p1.store(p + Pack::size);
+    d0.store(d), d1.store(d + Pack::size);
+  }
+}
+
+}  // namespace
 
 double Curve::Cell::operator()(double t) const {
   const double u = 1 - t;
@@ -44,16 +70,16 @@ Curve::Curve(std::size_t dim, std::span<const double> values, std::span<const do
       nodes_(dim ? values.size() / dim : 0),
       values_(values.begin(), values.end()),
       slopes_(slopes.begin(), slopes.end()),
-      values_t_(values.size()),
-      slopes_t_(slopes.size()),
+      batches_((nodes_ + batch - 1) / batch * batch * 2 * dim, 0.0),
       margins_(margins.begin(), margins.end()),
       least_(margins.size()),
-      p_(nodes_),
-      d_(nodes_) {
+      p_(nodes_ + batch),
+      d_(nodes_ + batch) {
   for (std::size_t i = 0; i < nodes_; ++i)
     for (std::size_t j = 0; j < dim_; ++j) {
-      values_t_[j * nodes_ + i] = values_[i * dim_ + j];
-      slopes_t_[j * nodes_ + i] = slopes_[i * dim_ + j];
+      double* at = &batches_[(i / batch * dim_ + j) * 2 * batch + i % batch];
+      at[0] = values_[i * dim_ + j];
+      at[batch] = slopes_[i * dim_ + j];
     }
   const double norm = std::sqrt(dot(positive.data(), positive.data(), dim_));
   std::size_t first = 0;
@@ -102,18 +128,8 @@ void Curve::at(double s, double* value, double* slope, double* curvature) const 
 double Curve::steepest(std::span<const double> direction, Range range, double threshold, std::vector<Peak>& peaks) {
   const auto first = static_cast<std::size_t>(range.low);
   const auto last = std::min(static_cast<std::size_t>(std::ceil(range.high)), nodes_ - 1);
-  std::fill(p_.begin() + static_cast<std::ptrdiff_t>(first), p_.begin() + static_cast<std::ptrdiff_t>(last) + 1, 0.0);
-  std::fill(d_.begin() + static_cast<std::ptrdiff_t>(first), d_.begin() + static_cast<std::ptrdiff_t>(last) + 1, 0.0);
-  for (std::size_t j = 0; j < dim_; ++j) {
-    const double y = direction[j];
-    const double* values = &values_t_[j * nodes_];
-    const double* slopes = &slopes_t_[j * nodes_];
-    double *p = p_.data(), *d = d_.data();
-    for (std::size_t i = first; i <= last; ++i) {
-      p[i] += y * values[i];
-      d[i] += y * slopes[i];
-    }
-  }
+  const std::size_t from = first / batch, to = last / batch + 1;
+  products(&batches_[from * dim_ * 2 * batch], direction.data(), dim_, to - from, &p_[from * batch], &d_[from * batch]);
   const double length = std::sqrt(dot(direction.data(), direction.data(), dim_));
   double ratio = 0;
   bool rising = false;  // inside a run of cells whose maxima are above the threshold
@@ -131,12 +147,17 @@ double Curve::steepest(std::span<const double> direction, Range range, double th
       d_[i + 1] = dot(direction.data(), &slopes_[(i + 1) * dim_], dim_);
     }
     const Cell cell{p_[c], p_[c + 1], d_[c], d_[c + 1]};
-    const double margin = margins_[c] * length;
-    if (cell.control_maximum() + margin <= 0) {
+    const double margin = margins_[c] * length, most = cell.control_maximum();
+    if (most + margin <= 0) {
       rising = false;
       continue;
     }
     const double start = static_cast<double>(c);
+    // In a run of rising cells, a cell that cannot exceed the ratio and the peak so far changes neither.
+    const bool whole = range.low <= start && range.high >= start + 1;
+    if (whole && rising && !peaks.empty() && most <= peaks.back().value && most + margin <= ratio * least_[c] &&
+        std::max(cell.p0, cell.p1) > threshold)
+      continue;
     const Peak peak = cell.maximum(std::max(range.low - start, 0.0), std::min(range.high - start, 1.0));
     // If the margin leaves no positive lower bound of <z, g>, no upper bound can be proven.
     if (peak.value + margin > 0)

@@ -3,13 +3,60 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gmwm/clones.hpp"
+#include "gmwm/pack.hpp"
+
 namespace gmwm {
 
-double dot(const double* a, const double* b, std::size_t n) {
-  double total = 0;
-  for (std::size_t i = 0; i < n; ++i) total += a[i] * b[i];
+namespace {
+
+GMWM_INLINE double product(const double* a, const double* b, std::size_t n) {
+  Pack first = Pack::of(0), second = first;
+  std::size_t i = 0;
+  for (; i + 2 * Pack::size <= n; i += 2 * Pack::size) {
+    first = first + Pack::load(a + i) * Pack::load(b + i);
+    second = second + Pack::load(a + i + Pack::size) * Pack::load(b + i + Pack::size);
+  }
+  for (; i + Pack::size <= n; i += Pack::size) first = first + Pack::load(a + i) * Pack::load(b + i);
+  double total = (first + second).total();
+  for (; i < n; ++i) total += a[i] * b[i];
   return total;
 }
+
+// a - c b
+GMWM_INLINE void subtract(double* a, double c, const double* b, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) a[i] -= c * b[i];
+}
+
+// Makes column k of q orthogonal to the k columns before it, twice; adds the coefficients to r. Returns its length
+// before and after.
+struct Lengths {
+  double before, after;
+};
+
+GMWM_CLONES Lengths orthogonalise(double* columns, std::size_t n, std::size_t k, double* r) {
+  double* q = columns + k * n;
+  const double before = std::sqrt(product(q, q, n));
+  for (int pass = 0; pass < 2; ++pass)
+    for (std::size_t i = 0; i < k; ++i) {
+      const double c = product(columns + i * n, q, n);
+      r[i] += c;
+      subtract(q, c, columns + i * n, n);
+    }
+  return {before, std::sqrt(product(q, q, n))};
+}
+
+// Projects columns out of a vector, one after the other (modified Gram-Schmidt); writes the coefficients to z.
+GMWM_CLONES void take_out(const double* columns, std::size_t n, std::size_t count, double* vector, double* z) {
+  for (std::size_t k = 0; k < count; ++k) {
+    z[k] = product(columns + k * n, vector, n);
+    subtract(vector, z[k], columns + k * n, n);
+  }
+}
+
+}  // namespace
+
+GMWM_CLONES double dot(const double* a, const double* b, std::size_t n) { return product(a, b, n); }
 
 NonNegative::NonNegative(std::span<const double> target)
     : target_(target.begin(), target.end()), residual_(target_) {
@@ -29,16 +76,7 @@ bool NonNegative::least_squares(std::span<const double* const> columns) {
     double* q = q_.data() + k * n;
     const double* a = columns[passive_[k]];
     std::copy(a, a + n, q);
-    const double before = std::sqrt(dot(q, q, n));
-    for (int pass = 0; pass < 2; ++pass) {
-      for (std::size_t i = 0; i < k; ++i) {
-        const double* p = q_.data() + i * n;
-        const double c = dot(p, q, n);
-        r_[k * m + i] += c;
-        for (std::size_t t = 0; t < n; ++t) q[t] -= c * p[t];
-      }
-    }
-    const double norm = std::sqrt(dot(q, q, n));
+    const auto [before, norm] = orthogonalise(q_.data(), n, k, r_.data() + k * m);
     if (!(norm > 1e-12 * before)) {
       blocked_[passive_[k]] = 1;
       passive_.erase(passive_.begin() + static_cast<std::ptrdiff_t>(k));
@@ -49,11 +87,7 @@ bool NonNegative::least_squares(std::span<const double* const> columns) {
   }
   // Project the target step by step (modified Gram-Schmidt), then solve the triangular system.
   residual_ = target_;
-  for (std::size_t k = 0; k < m; ++k) {
-    const double* q = q_.data() + k * n;
-    z_[k] = dot(q, residual_.data(), n);
-    for (std::size_t t = 0; t < n; ++t) residual_[t] -= z_[k] * q[t];
-  }
+  take_out(q_.data(), n, m, residual_.data(), z_.data());
   for (std::size_t k = m; k-- > 0;) {
     z_[k] /= r_[k * m + k];
     for (std::size_t i = 0; i < k; ++i) z_[i] -= r_[k * m + i] * z_[k];
@@ -121,12 +155,8 @@ void NonNegative::solve(std::span<const double* const> columns, std::vector<doub
 }
 
 void NonNegative::project_out(std::span<double> vector) const {
-  const std::size_t n = target_.size();
-  for (std::size_t k = 0; k < passive_.size(); ++k) {
-    const double* q = q_.data() + k * n;
-    const double c = dot(q, vector.data(), n);
-    for (std::size_t t = 0; t < n; ++t) vector[t] -= c * q[t];
-  }
+  std::vector<double> coefficients(passive_.size());
+  take_out(q_.data(), target_.size(), passive_.size(), vector.data(), coefficients.data());
 }
 
 }  // namespace gmwm

@@ -51,7 +51,7 @@ class Curve {
   std::size_t dim_;
   std::size_t nodes_;
   std::vector<double> values_, slopes_;      // node by node: for evaluation at one position
-  std::vector<double> values_t_, slopes_t_;  // dimension by dimension: for inner products over many nodes
+  std::vector<double> batches_;              // both, batch by batch of nodes: for inner products over many nodes
   std::vector<double> margins_;
   std::vector<double> least_;  // lower bound of <z, g> in each cell
   std::vector<Range> branches_;
