@@ -3,6 +3,7 @@
 namespace nb = nanobind;
 
 void bind_arma(nb::module_& m);
+void bind_exponential(nb::module_& m);
 void bind_haar(nb::module_& m);
 void bind_kalman(nb::module_& m);
 void bind_cone(nb::module_& m);
@@ -18,6 +19,7 @@ void bind_whitening(nb::module_& m);
 NB_MODULE(_core, m) {
   m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
   bind_arma(m);
+  bind_exponential(m);
   bind_haar(m);
   bind_kalman(m);
   bind_cone(m);

@@ -119,9 +119,9 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
         owner=np.concatenate(owner),
         nodes=np.concatenate(nodes),
         spacing=np.concatenate(spacing[:-1]),
-        values=np.concatenate(values),
-        slopes=np.concatenate(slopes),
-        middle_values=np.concatenate(middles[:-1]),
+        values=np.ascontiguousarray(np.concatenate(values)),
+        slopes=np.ascontiguousarray(np.concatenate(slopes)),
+        middle_values=np.ascontiguousarray(np.concatenate(middles[:-1])),
     )
 
 

@@ -60,6 +60,20 @@ class Optimum:
     objective: float
     places: list[Place]
     weights: Vector
+    ends: tuple[int, ...] | None = None
+    """For each place, the end of its branch as which it acts: 1 (high), −1 (low) or 0 (neither); None if not known."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The global optimum, the lower bounds of the search and of its relaxation, the objective of the best candidate on
+    the table, and the number of nodes; objectives in the unit of the problem."""
+
+    best: Optimum
+    bound: float
+    relaxed: float
+    table: float
+    nodes: int
 
 
 class Search:
@@ -73,6 +87,14 @@ class Search:
         )
         self.fixed = problem.fixed
         self.positive = problem.positive
+
+    def optimum(self, *, certify: bool) -> Found:
+        """Return the global optimum on the exact curve, with its bounds."""
+        candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
+        least = candidates[0][0]
+        lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
+        best = min((self.polished(self.located(p)) for p in lowest), key=lambda found: found.objective)
+        return Found(self.settled(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
         """Return local optima on the tabulated curve (the best first), the lower bound, the bound of the relaxation,
@@ -141,9 +163,9 @@ class Search:
         sharp = self.at(places)
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
-    def followed(self, places: list[Place]) -> Optimum:
+    def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum next to the optimum of a problem with other weights: by one Newton step if that is
-        sufficient."""
+        sufficient. If `ends`, a faster search may also find the ends as which its places act."""
         start = self.at(places)
         there = self._sharpened(start, 1, FOLLOWED)
         return self.polished(places) if there is start and places else there
@@ -188,6 +210,8 @@ class Search:
         """Return the process at an end of the branch that fits as well as curved process `index`; None if there is
         none."""
         branch, u = best.places[index]
+        if best.ends is not None:
+            return {1: branch.high_acts_as, -1: branch.low_acts_as}.get(best.ends[index])
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
         for end, name in sorted(ends, key=lambda end: end[0] != u):  # the end at which it is comes first
             there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]

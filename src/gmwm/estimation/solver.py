@@ -16,7 +16,8 @@ from gmwm import _core
 from gmwm._arrays import Vector
 from gmwm.errors import ModelError
 from gmwm.estimation.atoms import Place
-from gmwm.estimation.branch_and_bound import TABLE_ERROR, Search, Term
+from gmwm.estimation.branch_and_bound import Term
+from gmwm.estimation.exponential_search import search_of
 from gmwm.estimation.problem import Problem
 from gmwm.estimation.starts import (
     Alone,
@@ -96,20 +97,18 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
             nodes=0,
             start=Start(how="convex", tried=1, objective=float(value)),
         )
-    search = Search(problem, problem.curved_class)
-    candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
-    least = candidates[0][0]
-    lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
-    best = search.settled(min((search.polished(search.located(p)) for p in lowest), key=lambda found: found.objective))
+    search = search_of(problem)
+    found = search.optimum(certify=certify)
+    best = found.best
     return Solution(
         objective=best.objective * square,
-        lower_bound=min(bound, best.objective) * square if certify else None,
-        relaxed_bound=min(relaxed, best.objective) * square,
+        lower_bound=min(found.bound, best.objective) * square if certify else None,
+        relaxed_bound=min(found.relaxed, best.objective) * square,
         scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
         terms=search.terms(best),
         places=tuple(best.places),
-        nodes=nodes,
-        start=Start(how="convex", tried=nodes or 1, objective=float(candidates[0][0] * square)),
+        nodes=found.nodes,
+        start=Start(how="convex", tried=found.nodes or 1, objective=float(found.table * square)),
     )
 
 
@@ -136,8 +135,8 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
         return _resumed(problem, solution, ends=ends)
     if problem.curved_class is None:
         return solve(problem, certify=False)
-    search = Search(problem, problem.curved_class)
-    best = search.followed(list(solution.places))
+    search = search_of(problem)
+    best = search.followed(list(solution.places), ends=ends)
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return replace(
         solution, objective=best.objective * problem.unit**2, lower_bound=None, relaxed_bound=0.0, scales=scales,

@@ -1,15 +1,6 @@
 """Haar wavelet variance of autocovariances φ^|k|, φ = ±e^(−λ), and its derivatives, at full accuracy.
 
-The usual closed forms lose accuracy by cancellation as φ → 1, the typical case for inertial sensors. All formulas
-here use λ = −ln|φ|, x = λh (h = τ/2) and y = 1 − e^(−x), with powers of λ and x divided out analytically. This avoids
-cancellation, overflow and underflow from λ = 1e-300 to white noise; relative errors are about 1e-16.
-
-With f(x) = 2x − 2y − y², the wavelet variance at marginal variance 1 and φ > 0 is
-
-    ν² = [f(x) + 2h(sinh λ − λ)] / (8h² sinh²(λ/2)),
-
-and the derivatives follow from f′ = 2y² with the leading terms cancelled analytically. A function below uses a power
-series for small arguments if the leading terms of its direct form cancel there.
+The kernels in `cpp/src/exponential.cpp` have relative errors of about 1e-16 from λ = 1e-300 to white noise.
 """
 
 from __future__ import annotations
@@ -31,35 +22,28 @@ WHITE = 700.0
 
 def gm_shape(lam: Array, h: Array) -> Array:
     """Wavelet variance ν² for the autocovariance e^(−λ|k|), at half-scales h: (n,), (J,) → (n, J)."""
-    lam, x, y = _arguments(lam, h)
-    e1 = _decay(lam)
-    return lam * (np.exp(-lam) * h * _f(x, y) + _s(lam) / h) / (2.0 * e1 * e1)
+    return _rows(_core.exponential_shapes, lam, h)
 
 
 def gm_slope(lam: Array, h: Array) -> Array:
     """Derivative ∂ν²/∂λ for the autocovariance e^(−λ|k|): (n,), (J,) → (n, J)."""
-    lam, x, y = _arguments(lam, h)
-    z = _z(0.5 * lam)
-    curve = 2.0 * h * h * ((y / x) ** 2 - _f(x, y) * (1.0 + 0.25 * lam * lam * z)) + z
-    return np.exp(-lam) * curve / (2.0 * h * _decay(lam) ** 2)
+    return _rows(_core.exponential_slopes, lam, h)
 
 
 def ar1_shape(phi: Array, h: Array) -> Array:
     """Wavelet variance ν² of an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
-    result = np.empty((phi.size, h.size))
-    negative = phi < 0
-    result[~negative] = _positive_shape(phi[~negative], h)
-    result[negative] = _negative_shape(phi[negative], h)
-    return result
+    return _rows(_core.autoregressive_shapes, phi, h)
 
 
 def ar1_slope(phi: Array, h: Array) -> Array:
     """Derivative ∂ν²/∂φ for an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
-    result = np.empty((phi.size, h.size))
-    negative = phi < 0
-    result[~negative] = _positive_slope(phi[~negative], h)
-    result[negative] = _negative_slope(phi[negative], h)
-    return result
+    return _rows(_core.autoregressive_slopes, phi, h)
+
+
+def _rows(kernel: Callable[[Array, Array, Array], None], parameters: Array, h: Array) -> Array:
+    out = np.empty((parameters.size, h.size))
+    kernel(np.ascontiguousarray(parameters), h, out)
+    return out
 
 
 def log_decay(phi: Array) -> Array:
@@ -67,47 +51,6 @@ def log_decay(phi: Array) -> Array:
     size = np.maximum(np.abs(phi), np.exp(-WHITE))
     near_one = size > 0.5
     return np.where(near_one, -np.log1p(np.where(near_one, size, 1.0) - 1.0), -np.log(size))
-
-
-def _arguments(lam: Array, h: Array) -> tuple[Array, Array, Array]:
-    """Return λ (n, 1), x = λh (n, J) and y = 1 − e^(−x)."""
-    column = np.minimum(lam, WHITE)[:, None]
-    x = column * h
-    return column, x, -np.expm1(-x)
-
-
-def _positive_shape(phi: Array, h: Array) -> Array:
-    lam, x, y = _arguments(log_decay(phi), h)
-    e1, e2 = _decay(lam), _decay(2.0 * lam)
-    return (np.exp(-lam) * h * _f(x, y) + _s(lam) / h) / (4.0 * e1 * e1 * e2)
-
-
-def _positive_slope(phi: Array, h: Array) -> Array:
-    lam, x, y = _arguments(log_decay(phi), h)
-    e1, e2 = _decay(lam), _decay(2.0 * lam)
-    f = _f(x, y)
-    curve = h**3 * _g(x, y, f) + h * h * f * (_r(lam) - 1.0) + 2.0 * _t(lam)
-    return curve / (4.0 * h * e1 * e1 * e2)
-
-
-def _negative_shape(phi: Array, h: Array) -> Array:
-    lam, x, y = _arguments(log_decay(phi), h)
-    e1, above = _decay(lam), 1.0 - phi[:, None]
-    smooth = 0.5 / (h * above**2) - phi[:, None] * (y / x) * (2.0 + y) / (2.0 * h * above**3 * e1)
-    # φ^h is negative only at h = 1, where ν² = 1/(2(1 + φ)).
-    return np.where(h == 1.0, 0.5 / (lam * e1), smooth)
-
-
-def _negative_slope(phi: Array, h: Array) -> Array:
-    lam, x, y = _arguments(log_decay(phi), h)
-    e1, above = _decay(lam), 1.0 - phi[:, None]
-    w = (1.0 + 2.0 * phi[:, None]) / above - 0.5 + 0.25 * lam * _z(0.5 * lam)
-    curve = h * x * _k(x) + (y / x) * (2.0 + y) * w
-    smooth = 1.0 / (h * above**3) - curve / (2.0 * h * above**3 * e1)
-    return np.where(h == 1.0, -0.5 / (lam * e1) ** 2, smooth)
-
-
-# --- functions with a series for small arguments ------------------------------------------------------
 
 
 def _series(term: Callable[[int], float], first: int, last: int) -> Array:
@@ -131,51 +74,12 @@ def _piecewise(x: Array, series: Callable[[Array], Any], direct: Callable[[Array
     return result
 
 
-_F = _series(lambda n: (-1) ** n * (4 - 2**n) / factorial(n), 3, 24)
-_G = _series(lambda n: (-1) ** (n - 1) * (4 - 2**n) * (n - 3) / factorial(n), 4, 26)
-_K = _series(lambda n: (-1) ** n * (2**n - 4) * (1 - n) / factorial(n), 3, 26)
-_ODD = _series(lambda k: 1.0 / factorial(2 * k + 1), 0, 10)  # sinh v / v in v²
 _EXCESS = _series(lambda k: 1.0 / factorial(2 * k + 1), 1, 10)  # (sinh v − v)/v³ in v²
-_COTH = _series(lambda k: 2.0 * k / factorial(2 * k + 1), 1, 10)  # (v cosh v − sinh v)/v³ in v²
-_RATIO = _series(lambda k: 2.0 / factorial(2 * k) - 3.0 / factorial(2 * k + 1), 1, 10)
-_REST = _series(
-    lambda n: (
-        -((-2) ** n) / (2 * factorial(n)) + (2 / factorial(n) - 2 / factorial(n - 1) if n % 2 else 1 / factorial(n - 1))
-    ),
-    4,
-    26,
-)
 
 
 def _decay(v: Array) -> Array:
     """Compute (1 − e^(−v))/v."""
     return np.asarray(-np.expm1(-v) / v)
-
-
-def _f(x: Array, y: Array) -> Array:
-    """Compute f(x)/x³, with f(x) = 2(x − y) − y² and y = 1 − e^(−x)."""
-    result = (2.0 * (x - y) - y * y) / np.maximum(x, 1.0) ** 3
-    small = x < 1.0
-    result[small] = _polynomial(_F, x[small])
-    return np.asarray(result)
-
-
-def _g(x: Array, y: Array, f: Array) -> Array:
-    """Compute (3f(x)/x − f′(x))/x³, with f = f(x)/x³ given."""
-    result = 3.0 * f / x - 2.0 * y * y / np.maximum(x, 1.0) ** 3
-    small = x < 1.0
-    result[small] = _polynomial(_G, x[small])
-    return np.asarray(result)
-
-
-def _k(x: Array) -> Array:
-    """Compute (3 − 4q + q² − 4xq + 2xq²)/x³, q = e^(−x)."""
-
-    def direct(x: Array) -> Array:
-        q = np.exp(-x)
-        return np.asarray((3.0 - (4.0 + 4.0 * x) * q + (1.0 + 2.0 * x) * q * q) / x**3)
-
-    return _piecewise(x, lambda x: _polynomial(_K, x), direct)
 
 
 def _s(lam: Array) -> Array:
@@ -184,33 +88,6 @@ def _s(lam: Array) -> Array:
         lam,
         lambda v: 2.0 * np.exp(-v) * _polynomial(_EXCESS, v * v),
         lambda v: (-np.expm1(-2.0 * v) - 2.0 * v * np.exp(-v)) / v**3,
-    )
-
-
-def _z(v: Array) -> Array:
-    """Compute (v coth v − 1)/v²."""
-    return _piecewise(
-        v,
-        lambda v: _polynomial(_COTH, v * v) / _polynomial(_ODD, v * v),
-        lambda v: (v / np.tanh(v) - 1.0) / (v * v),
-    )
-
-
-def _r(lam: Array) -> Array:
-    """Compute coth(λ/2) + coth λ − 3/λ."""
-    return _piecewise(
-        lam,
-        lambda v: v * _polynomial(_RATIO, v * v) / _polynomial(_ODD, v * v),
-        lambda v: 1.0 / np.tanh(0.5 * v) + 1.0 / np.tanh(v) - 3.0 / v,
-    )
-
-
-def _t(lam: Array) -> Array:
-    """Compute [e^(−λ) + λ + 2 − λ(coth λ + coth(λ/2))]/λ³."""
-    return _piecewise(
-        lam,
-        lambda v: _polynomial(_REST, v) / _polynomial(_ODD, v * v),
-        lambda v: (np.exp(-v) + v + 2.0 - v * (1.0 / np.tanh(v) + 1.0 / np.tanh(0.5 * v))) / v**3,
     )
 
 

@@ -17,7 +17,7 @@ from gmwm.processes import exponential, filtered, haar_covariance
 from gmwm.processes.base import Process
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.noise import WN
-from gmwm.processes.parameter import Branch, Parameter, Value
+from gmwm.processes.parameter import Branch, Exponential, Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.processes.start_context import Occasion
 from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
@@ -83,6 +83,7 @@ def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
         coordinate=coordinate,
         low_acts_as=low_acts_as,
         high_acts_as=WN.name,
+        exponential=Exponential(along.bend, along.least, sign, innovation=True),
     )
 
 
@@ -339,6 +340,7 @@ class GM(_Markov):
                 coordinate=lambda beta: along.of(beta / rate),
                 low_acts_as=RW.name,
                 high_acts_as=WN.name,
+                exponential=Exponential(along.bend, along.least),
             ),
         )
 

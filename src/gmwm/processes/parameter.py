@@ -186,6 +186,26 @@ class Parameter:
         return np.asarray(np.exp(z) if self.domain == "positive" else z)
 
 
+@dataclass(frozen=True)
+class Exponential:
+    """A branch of autocovariances ±e^(−λ|k|) with λ = `bend`·(e^(u − low) − 1 + `least`), which a kernel searches.
+
+    Parameters
+    ----------
+    bend, least : float
+    sign : float
+        1, or −1 for (−1)^k e^(−λ|k|).
+    innovation : bool
+        Whether the process has innovation variance 1 at scale 1, and otherwise marginal variance 1. The parameter is φ
+        or λ times the rate.
+    """
+
+    bend: float
+    least: float
+    sign: float = 1.0
+    innovation: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Branch:
     """Curve through the domain of a single nonlinear parameter, along a search coordinate u.
@@ -202,6 +222,8 @@ class Branch:
         u of a value, not clipped to the range; None if the value is not on this curve.
     low_acts_as, high_acts_as : str or None
         Names of the processes that the process approaches at the two ends; None if there is none.
+    exponential : Exponential, optional
+        The form of the autocovariance if it is exponential: fits are then faster.
     """
 
     low: float
@@ -211,6 +233,7 @@ class Branch:
     coordinate: Callable[[float], float | None]
     low_acts_as: str | None = None
     high_acts_as: str | None = None
+    exponential: Exponential | None = None
 
 
 def _power(base: str, power: int) -> str:

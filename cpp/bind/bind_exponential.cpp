@@ -1,0 +1,161 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "arrays.hpp"
+#include "gmwm/exponential.hpp"
+#include "gmwm/exponential_search.hpp"
+
+namespace nb = nanobind;
+using namespace gmwm_bind;
+using namespace nb::literals;
+
+namespace {
+
+using Indices = Input<std::int64_t, 1>;
+using Search = gmwm::ExponentialSearch;
+using Found = std::tuple<double, std::vector<std::int64_t>, Result, Result, std::vector<int>>;
+
+void require(bool condition, const char* message) {
+  if (!condition) throw nb::value_error(message);
+}
+
+bool finite(std::span<const double> numbers) {
+  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
+}
+
+// A shape function at each of the parameters, a row of `out` for each.
+template <class Shape>
+auto rows_of(Shape shape) {
+  return [shape](Vector parameters, Vector half_scales, OutMatrix out) {
+    require(out.shape(0) == parameters.size() && out.shape(1) == half_scales.size(),
+            "out must have a row for each parameter, and a column for each half-scale");
+    nb::gil_scoped_release release;
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+      shape(parameters.data()[i], view(half_scales), out.data() + i * half_scales.size());
+  };
+}
+
+void bind_shape(nb::module_& m, const char* name, const char* parameter,
+                void (*shape)(double, std::span<const double>, double*), const char* words) {
+  m.def(name, rows_of(shape), nb::arg(parameter).noconvert(), "half_scales"_a.noconvert(), "out"_a.noconvert(), words);
+}
+
+// Rows of `branches`: low, high, bend, least, sign, and whether the process acts as another one at the low and the high
+// end. `limits`: gap, table_error, settled, flat, acts_as, followed, safety, neighbours, polishes, newton_steps.
+Search search_of(Vector target, Matrix fixed, Matrix root, double rounding, Vector half_scales, Matrix branches,
+                 double rate, bool innovation, Vector limits, Vector widths) {
+  const std::size_t dim = target.size();
+  require(dim > 0 && fixed.shape(1) == dim && root.shape(0) == dim && root.shape(1) == dim && half_scales.size() == dim,
+          "all vectors must have the length of the target");
+  require(branches.shape(0) > 0 && branches.shape(1) == 7 && limits.size() == 10 && widths.size() > 0 && rate > 0,
+          "a branch has seven numbers, and there are ten limits");
+  for (const auto& numbers : {view(target), view(fixed), view(root), view(half_scales), view(branches)})
+    require(finite(numbers), "all numbers must be finite");
+  std::vector<gmwm::ExponentialBranch> along;
+  for (std::size_t b = 0; b < branches.shape(0); ++b) {
+    const double* row = branches.data() + 7 * b;
+    require(row[0] < row[1] && row[2] > 0, "a branch must ascend");
+    along.push_back({row[0], row[1], row[2], row[3], row[4], row[5] != 0, row[6] != 0});
+  }
+  const double* limit = limits.data();
+  const auto whole = [&](int k) { return static_cast<std::size_t>(std::max(limit[k], 0.0)); };
+  return {gmwm::ExponentialCurve(view(half_scales), along, rate, innovation),
+          {limit[0], limit[1], limit[2], limit[3], limit[4], limit[5], limit[6], whole(7), whole(8), whole(9),
+           {widths.data(), widths.data() + widths.size()}},
+          view(target), view(fixed), view(root), rounding};
+}
+
+std::vector<gmwm::Place> places_of(const Search& search, const Indices& branches, const Vector& coordinates) {
+  require(branches.size() == coordinates.size(), "each place has a branch and a coordinate");
+  std::vector<gmwm::Place> places;
+  for (std::size_t i = 0; i < branches.size(); ++i) {
+    const std::int64_t branch = branches.data()[i];
+    require(branch >= 0 && branch < static_cast<std::int64_t>(search.curve().branches()), "there is no such branch");
+    places.push_back({static_cast<std::size_t>(branch), coordinates.data()[i]});
+  }
+  return places;
+}
+
+Found as_tuple(gmwm::Optimum best, std::vector<int> acts) {
+  std::vector<std::int64_t> branches;
+  std::vector<double> coordinates;
+  for (const gmwm::Place& place : best.places) {
+    branches.push_back(static_cast<std::int64_t>(place.branch));
+    coordinates.push_back(place.u);
+  }
+  return {best.objective, std::move(branches), to_numpy(std::move(coordinates)), to_numpy(std::move(best.weights)),
+          std::move(acts)};
+}
+
+std::tuple<Found, double, double, double, std::size_t> solve(const Search& search, Indices owner, Vector nodes,
+                                                             Vector spacing, Matrix values, Matrix slopes,
+                                                             Matrix middles, Vector positive, std::size_t count,
+                                                             std::size_t most, Vector starts) {
+  const std::size_t size = nodes.size(), dim = search.curve().dim();
+  require(size > 1 && owner.size() == size && spacing.size() == size - 1 && values.shape(0) == size &&
+              slopes.shape(0) == size && middles.shape(0) == size - 1 && values.shape(1) == dim &&
+              slopes.shape(1) == dim && middles.shape(1) == dim && positive.size() == dim && count > 0,
+          "a table has as many owners, values and slopes as nodes, and one spacing and one middle less");
+  require(spacing.data()[0] > 0 && spacing.data()[size - 2] > 0, "a branch has at least two nodes");
+  for (const double s : view(starts)) require(s >= 0 && s <= static_cast<double>(size) - 1, "starts must lie on the curve");
+  for (const std::int64_t branch : view(owner))
+    require(branch >= 0 && branch < static_cast<std::int64_t>(search.curve().branches()), "there is no such branch");
+  for (const auto& numbers : {view(values), view(slopes), view(middles), view(positive)})
+    require(finite(numbers), "all numbers must be finite");
+  gmwm::Solved best;
+  std::vector<int> acts;
+  {
+    nb::gil_scoped_release release;
+    best = search.solve({view(owner), view(nodes), view(spacing), view(values), view(slopes), view(middles)},
+                        view(positive), count, most, view(starts));
+    acts = search.acts_as(best);
+  }
+  return {as_tuple(best, std::move(acts)), best.bound, best.relaxed, best.table, best.nodes};
+}
+
+Found follow(const Search& search, Indices branches, Vector coordinates, bool ends) {
+  const std::vector<gmwm::Place> places = places_of(search, branches, coordinates);
+  gmwm::Optimum best;
+  std::vector<int> acts;
+  {
+    nb::gil_scoped_release release;
+    best = search.followed(places);
+    acts = ends ? search.acts_as(best) : std::vector<int>(best.places.size(), 0);
+  }
+  return as_tuple(std::move(best), std::move(acts));
+}
+
+}  // namespace
+
+void bind_exponential(nb::module_& m) {
+  bind_shape(m, "exponential_shapes", "decays", gmwm::exponential_shape,
+             "Write the Haar wavelet variances of autocovariances exp(-decay |k|) to out.");
+  bind_shape(m, "exponential_slopes", "decays", gmwm::exponential_slope,
+             "Write the derivatives of `exponential_shapes` with respect to the decay to out.");
+  bind_shape(m, "autoregressive_shapes", "coefficients", gmwm::autoregressive_shape,
+             "Write the Haar wavelet variances of autoregressions of order 1 with innovation variance 1 to out.");
+  bind_shape(m, "autoregressive_slopes", "coefficients", gmwm::autoregressive_slope,
+             "Write the derivatives of `autoregressive_shapes` with respect to the coefficient to out.");
+
+  nb::class_<Search>(m, "ExponentialSearch",
+                     "The search for processes with exponential autocovariances in a sum with fixed processes.")
+      .def(nb::new_(&search_of), "target"_a.noconvert(), "fixed"_a.noconvert(), "root"_a.noconvert(), "rounding"_a,
+           "half_scales"_a.noconvert(), "branches"_a.noconvert(), "rate"_a, "innovation"_a, "limits"_a.noconvert(),
+           "widths"_a.noconvert())
+      .def("solve", &solve, "owner"_a.noconvert(), "nodes"_a.noconvert(), "spacing"_a.noconvert(),
+           "values"_a.noconvert(), "slopes"_a.noconvert(), "middles"_a.noconvert(), "positive"_a.noconvert(), "count"_a,
+           "most"_a, "starts"_a.noconvert(),
+           "Find the global optimum: its objective, branches and coordinates of the places, weights, and ends as which "
+           "they act; then the lower bounds of the search and of the relaxation, the objective on the table, and the "
+           "number of nodes.")
+      .def("follow", &follow, "branches"_a.noconvert(), "coordinates"_a.noconvert(), "ends"_a,
+           "Find the local optimum next to places; if `ends`, also the ends as which they act.");
+}

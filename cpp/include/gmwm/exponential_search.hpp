@@ -1,0 +1,121 @@
+// The optimum of a sum of fixed processes and of processes with exponential autocovariances: branch and bound on a
+// tabulated curve, then refinement on the exact curve. The Python code does the same for other processes.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "gmwm/cone.hpp"
+
+namespace gmwm {
+
+// phi = sign exp(-lambda) along a coordinate u from low to high: lambda = bend (exp(u - low) - 1 + least).
+struct ExponentialBranch {
+  double low, high, bend, least, sign;
+  bool low_acts, high_acts;  // whether the process acts as another one at this end
+};
+
+// Wavelet variances of a process at unit scale at half-scales h, and derivatives with respect to u.
+class ExponentialCurve {
+ public:
+  // `innovation`: unit scale is a unit innovation variance instead of a unit marginal variance.
+  ExponentialCurve(std::span<const double> h, std::span<const ExponentialBranch> branches, double rate, bool innovation);
+
+  std::size_t dim() const { return h_.size(); }
+  std::size_t branches() const { return branches_.size(); }
+  const ExponentialBranch& branch(std::size_t index) const { return branches_[index]; }
+  std::span<const double> half_scales() const { return h_; }
+  bool innovation() const { return innovation_; }
+
+  // The parameter of the process at u: the inverse correlation time (1/s), or phi. And lambda, as it follows from it.
+  double parameter(std::size_t branch, double u) const;
+  double decay(double parameter) const;
+
+  void shape_of(double parameter, double* out) const;
+  void shape(std::size_t branch, double u, double* out) const { shape_of(parameter(branch, u), out); }
+  void slope(std::size_t branch, double u, double* out) const;
+
+ private:
+  std::vector<double> h_;
+  std::vector<ExponentialBranch> branches_;
+  double rate_;
+  bool innovation_;
+};
+
+// Nodes of the table: u of each node, its branch, the distance to the next node (0 at the end of a branch), values and
+// slopes at the nodes, and values at the midpoints of the cells.
+struct ExponentialTable {
+  std::span<const std::int64_t> owner;
+  std::span<const double> nodes, spacing, values, slopes, middles;
+};
+
+struct Place {
+  std::size_t branch;
+  double u;
+};
+
+struct Optimum {
+  double objective = 0;
+  std::vector<Place> places;
+  std::vector<double> weights;  // of the unit vectors, the fixed ones first
+};
+
+struct Solved : Optimum {
+  double bound = 0, relaxed = 0;  // lower bounds of the objective
+  double table = 0;               // objective of the best candidate on the table
+  std::size_t nodes = 0;
+};
+
+// How exactly the optimum is found; the Python module of the search states the values and their sources.
+struct SearchLimits {
+  double gap = 0, table_error = 0, settled = 0, flat = 0, acts_as = 0, followed = 0;
+  double safety = 0;
+  std::size_t neighbours = 0, polishes = 0, newton_steps = 0;
+  std::vector<double> widths;
+};
+
+class ExponentialSearch {
+ public:
+  // target and rows of `fixed` are weighted by the upper triangular root (dim x dim); `rounding`: length of the rounding
+  // error of the residual.
+  ExponentialSearch(ExponentialCurve curve, SearchLimits limits, std::span<const double> target,
+                    std::span<const double> fixed, std::span<const double> root, double rounding);
+
+  // The global optimum with at most k places, by at most `most` nodes; `starts`: positions of additional searches.
+  Solved solve(const ExponentialTable& table, std::span<const double> positive, std::size_t k, std::size_t most,
+               std::span<const double> starts) const;
+
+  // The local optimum next to the optimum of a problem with other weights.
+  Optimum followed(const std::vector<Place>& places) const;
+
+  // For each place, the end of its branch as which it acts: 1 (high), -1 (low), or 0 (neither).
+  std::vector<int> acts_as(const Optimum& best) const;
+
+  const ExponentialCurve& curve() const { return curve_; }
+
+ private:
+  struct Piece;
+
+  void weighted(const double* row, double* out) const;
+  bool as_low(double objective, double least, double share) const;
+  Optimum at(std::vector<Place> places) const;
+  Optimum polished(std::vector<Place> places) const;
+  Optimum sharpened(Optimum best, std::size_t steps, double reach, bool* moved = nullptr) const;
+  bool newton(std::vector<Place>& places, const std::vector<double>& weights, std::size_t steps, double reach) const;
+  Optimum settled(Optimum best) const;
+
+  ExponentialCurve curve_;
+  SearchLimits limits_;
+  std::size_t dim_;
+  std::vector<double> target_, fixed_;
+  std::vector<double> columns_;   // columns of the root, one after the other
+  std::vector<double> diagonal_;  // the root if it is diagonal, otherwise empty
+  double rounding_;
+};
+
+// Solves the system a x = b (n x n, row by row) by elimination with row exchanges; false if it is singular.
+bool solve_linear(std::vector<double>& a, std::vector<double>& b);
+
+}  // namespace gmwm

@@ -1,0 +1,137 @@
+"""Fits of exponential autocovariances in the kernel equal those of the open search, which takes any process."""
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import _core
+from gmwm.errors import FitWarning
+from gmwm.estimation.branch_and_bound import CERTIFIED_GAP, Search
+from gmwm.estimation.exponential_search import ExponentialSearch, search_of
+from gmwm.estimation.problem import pose
+from gmwm.estimation.weighting import weighting_matrix
+from gmwm.processes import AR1, DR, GM, QN, RW, WN, Model, exponential
+from tests.oracles import exponential as twin
+
+RATE = 100.0
+H = np.ldexp(1.0, np.arange(30))
+
+
+def _open(kind):
+    """The same process, of which the search does not state the form of its autocovariance."""
+
+    class Open(kind, register=False):
+        @classmethod
+        def search(cls, samples, rate):
+            return tuple(replace(branch, exponential=None) for branch in kind.search(samples, rate))
+
+    return dataclass(frozen=True, repr=False)(Open)
+
+
+OpenGM, OpenAR1 = _open(GM), _open(AR1)
+
+
+def _curve(truth, samples, seed):
+    return gmwm.wavelet_variance(Model.parse(truth).simulate(samples, RATE, seed), RATE)
+
+
+CURVES = {
+    "reference": _curve(
+        "GM(beta=10, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
+        " + QN(q2=2e-6) + RW(gamma2=1e-13)", 300_000, 1,
+    ),
+    "walk": _curve("WN(sigma2=1) + RW(gamma2=1e-3)", 20_000, 2),
+    "alternating": _curve("AR1(phi=-0.7, sigma2=1) + AR1(phi=0.99, sigma2=0.1)", 30_000, 3),
+    "drift": _curve("WN(sigma2=1) + GM(beta=0.3, sigma2=0.1) + DR(omega=-1e-4)", 50_000, 4),
+    "exact": gmwm.WaveletVariance.from_values(
+        Model.parse("GM(beta=2, sigma2=1) + WN(sigma2=3)").wavelet_variance(15, RATE),
+        100_000, RATE,
+    ),
+}  # fmt: skip
+
+
+def _quietly(*args, **kwargs):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FitWarning)
+        return gmwm.fit(*args, **kwargs)
+
+
+MODELS = {
+    "3*GM + WN + QN + RW": lambda gm, ar1: (gm(), gm(), gm(), WN(), QN(), RW()),
+    "GM + WN + DR": lambda gm, ar1: (gm(), WN(), DR()),
+    "GM + RW": lambda gm, ar1: (gm(beta=0.1), RW()),
+    "2*AR1 + WN": lambda gm, ar1: (ar1(), ar1(), WN()),
+}
+
+
+# Where a model is far from the data, the iterated weights end with a change of up to 1e-6, not at a fixed point.
+ITERATED = ("3*GM + WN + QN + RW", "2*AR1 + WN")
+
+
+CASES = [
+    (model, weighting, name)
+    for model in MODELS
+    for weighting in ("identity", "of the data", *(("diagonal", "optimal") if model in ITERATED else ()))
+    for name in CURVES
+    # The open search of two autoregressions takes seconds on the longest recording.
+    if (model, name) != ("2*AR1 + WN", "reference")
+]
+
+
+@pytest.mark.parametrize(("model", "weighting", "name"), CASES)
+def test_both_paths_reach_the_same_optimum(model, weighting, name):
+    wv, terms = CURVES[name], MODELS[model]
+    weighting = weighting_matrix("diagonal", wv) if weighting == "of the data" else weighting
+    ours = _quietly(Model(terms(GM, AR1)), wv, weighting=weighting)
+    open_one = _quietly(Model(terms(OpenGM, OpenAR1)), wv, weighting=weighting)
+    np.testing.assert_allclose(ours.implied, open_one.implied, rtol=1e-12)
+    # The objective of exact data is the square of rounding errors.
+    exact = float(wv.variance @ ours.weighting_matrix @ wv.variance) * 1e-26
+    assert ours.objective == pytest.approx(open_one.objective, rel=1e-12, abs=exact)
+    assert ours.diagnostics.acts_as == open_one.diagnostics.acts_as
+    assert ours.diagnostics.not_supported == open_one.diagnostics.not_supported
+    # Both bounds are valid; how far each search went beyond the gap is decided by rounding.
+    assert ours.lower_bound == pytest.approx(open_one.lower_bound, rel=CERTIFIED_GAP, abs=exact)
+
+
+def test_the_kernel_is_used_where_the_search_states_an_exponential_and_the_filter_is_haar():
+    wv = CURVES["walk"]
+    matrix = weighting_matrix("diagonal", wv)
+    assert type(search_of(pose(GM() + WN(), wv, matrix))) is ExponentialSearch
+    assert type(search_of(pose(OpenGM() + WN(), wv, matrix))) is Search
+    other = gmwm.wavelet_variance(np.random.default_rng(1).normal(size=1000), RATE, filter="d4")
+    assert type(search_of(pose(GM() + WN(), other, weighting_matrix("diagonal", other)))) is Search
+
+
+def test_shapes_in_the_kernel_are_those_of_the_twin():
+    decays = np.concatenate([np.geomspace(1e-200, 0.9, 60), np.geomspace(0.9, 1e4, 60)])
+    np.testing.assert_allclose(exponential.gm_shape(decays, H), twin.gm_shape(decays, H), rtol=2e-14)
+    np.testing.assert_allclose(exponential.gm_slope(decays, H), twin.gm_slope(decays, H), rtol=2e-12)
+    coefficients = np.concatenate([-np.exp(-np.geomspace(1e-8, 30, 60)), [0.0], np.exp(-np.geomspace(1e-8, 30, 60))])
+    np.testing.assert_allclose(exponential.ar1_shape(coefficients, H), twin.ar1_shape(coefficients, H), rtol=2e-14)
+    np.testing.assert_allclose(
+        exponential.ar1_slope(coefficients, H), twin.ar1_slope(coefficients, H), rtol=2e-12, atol=1e-300
+    )
+
+
+def test_the_kernel_refuses_what_does_not_fit_together():
+    numbers, root = np.ones(3), np.eye(3)
+    branch = np.array([[0.0, 1.0, 1e-3, 1e-8, 1.0, 0.0, 0.0]])
+    with pytest.raises(ValueError, match="length of the target"):
+        _core.ExponentialSearch(
+            numbers, np.ones((1, 2)), root, 0.0, numbers, branch, 1.0, False, np.ones(10), np.ones(2)
+        )
+    with pytest.raises(ValueError, match="branch"):
+        _core.ExponentialSearch(
+            numbers, np.ones((1, 3)), root, 0.0, numbers, branch[:, :5].copy(), 1.0, False, np.ones(10), np.ones(2)
+        )
+    search = _core.ExponentialSearch(
+        numbers, np.ones((1, 3)), root, 0.0, numbers, branch, 1.0, False, np.ones(10), np.ones(2)
+    )
+    with pytest.raises(ValueError, match="no such branch"):
+        search.follow(np.array([1]), np.array([0.5]), False)
+    with pytest.raises(ValueError, match="out must have"):
+        _core.exponential_shapes(numbers, numbers, np.empty((3, 2)))
