@@ -27,6 +27,8 @@ KEPT = 1024
 """Largest number of samples of a recording whose nodes are kept for the next call; they take at most 70 MB."""
 SHARED = 2_000_000
 """Largest number of nodes for which covariances of fixed shapes are kept, at 8 bytes for each node and shape."""
+RECENT = 1_000_000
+"""Largest number of nodes for which covariances of other shapes are kept, all recent ones of a grid together."""
 
 
 def knows(model: Model, design: Design) -> bool:
@@ -233,14 +235,21 @@ def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) ->
     """Compute 2^(j+k) Cov(W_j, W_k) at the nodes."""
     total = np.zeros_like(at.lag)
     for process in present:
-        if at.lag.size > SHARED or not has_fixed_shape(process):
+        # The shape is the same for every scale. Models that are compared share the fixed ones; those of an upper limit,
+        # and the weights and the covariance of a fit, share the others.
+        fixed = has_fixed_shape(process)
+        if at.lag.size > (SHARED if fixed else RECENT // 2):
             total += process.coefficient_covariance(at, rate)
             continue
-        # The shape is the same for every scale, and models that are compared share it.
+        kept = at.known if fixed else at.recent
         key = (type(process), tuple(process.nonlinear.tolist()), rate)
-        if key not in at.known:
-            at.known[key] = type(process).standard(process.nonlinear).coefficient_covariance(at, rate)
-        total += process.scale * at.known[key]
+        shape = kept.pop(key, None)
+        if shape is None:
+            shape = type(process).standard(process.nonlinear).coefficient_covariance(at, rate)
+        kept[key] = shape
+        for old in [] if fixed else list(kept)[: -max(RECENT // at.lag.size, 1)]:
+            kept.pop(old, None)
+        total += process.scale * shape
     return total
 
 

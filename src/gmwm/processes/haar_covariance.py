@@ -32,7 +32,8 @@ class LagGrid:
     """Half-scales h_j ≤ h_k of pairs of levels and lags u between their coefficients, all (n,).
 
     `odd` marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
-    `known` keeps the covariances of processes of scale 1, by class and shape. `pieces` are groups of adjacent nodes of
+    `known` keeps the covariances of processes of scale 1 and fixed shape, by class and shape, and `recent` those of the
+    last other shapes. `pieces` are groups of adjacent nodes of
     a pair of levels without a kink inside: first nodes, patterns, and begins and values of the offsets of the patterns.
     """
 
@@ -41,6 +42,7 @@ class LagGrid:
     lag: Vector
     odd: NDArray[np.uint8] | None = None
     known: dict[Any, Vector] = field(default_factory=dict)
+    recent: dict[Any, Vector] = field(default_factory=dict)
     pieces: Pieces | None = None
 
 
