@@ -1,10 +1,12 @@
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -12,6 +14,7 @@
 #include "arrays.hpp"
 #include "gmwm/exponential.hpp"
 #include "gmwm/exponential_search.hpp"
+#include "gmwm/reweighting.hpp"
 
 namespace nb = nanobind;
 using namespace gmwm_bind;
@@ -133,6 +136,70 @@ Found follow(const Search& search, Indices branches, Vector coordinates, bool en
   return as_tuple(std::move(best), std::move(acts));
 }
 
+template <class T>
+std::vector<T> copied(const Input<T, 1>& numbers) {
+  return {numbers.data(), numbers.data() + numbers.size()};
+}
+
+// Rows of `data`: observed, freedom, counts, added. `segments`: samples, times, number of levels. `kinds`: white (0),
+// walk (1), spike (2), drift (3). `options`: loss, rounding, cumulant, prior, fixed, far, cutoff, rounds, hope, mixed.
+std::optional<std::tuple<Found, Result, double, double>> reweight(const Search& search, Indices levels, Matrix data,
+                                                                  Matrix segments, Indices kinds, Vector powers,
+                                                                  Matrix shapes, Vector options,
+                                                                  Vector scales, Matrix curved, Indices branches,
+                                                                  Vector coordinates) {
+  const std::size_t dim = search.curve().dim(), linear = kinds.size();
+  require(levels.size() == dim && data.shape(0) == 4 && data.shape(1) == dim && shapes.shape(0) == linear &&
+              shapes.shape(1) == dim && powers.size() == linear && scales.size() == linear,
+          "data and shapes have a column for each level, and there is a power and a scale for each kind");
+  require(segments.shape(0) > 0 && segments.shape(1) == 3 && options.size() == 10 && curved.shape(1) == 2,
+          "a segment has three numbers, a curved process two, and there are ten options");
+  for (const auto& numbers : {view(data), view(shapes), view(scales), view(curved)})
+    require(finite(numbers), "all numbers must be finite");
+  gmwm::Setting setting;
+  setting.levels = copied(levels);
+  const double* row = data.data();
+  setting.observed.assign(row, row + dim), setting.freedom.assign(row + dim, row + 2 * dim);
+  setting.counts.assign(row + 2 * dim, row + 3 * dim), setting.added.assign(row + 3 * dim, row + 4 * dim);
+  for (std::size_t s = 0; s < segments.shape(0); ++s) {
+    const double* own = segments.data() + 3 * s;
+    require(own[0] >= 1 && own[0] <= 0x1p60 && own[2] >= 1 && own[2] <= static_cast<double>(dim),
+            "a segment has samples, and at least one level");
+    const gmwm::Segment segment{static_cast<std::int64_t>(own[0]), own[1], static_cast<std::size_t>(own[2])};
+    const std::int64_t* level = levels.data();
+    for (std::size_t j = 0; j < segment.levels; ++j)
+      require(level[j] >= 1 && level[j] <= 60 && (j == 0 || level[j] > level[j - 1]) &&
+                  (std::int64_t{1} << level[j]) <= segment.samples,
+              "levels must ascend from 1, and 2^level not exceed samples");
+    setting.segments.push_back(segment);
+  }
+  for (const std::int64_t kind : view(kinds)) {
+    require(kind >= 0 && kind <= 3, "there is no such kind");
+    setting.kinds.push_back(static_cast<gmwm::Elementary>(kind));
+  }
+  setting.powers = copied(powers);
+  setting.shapes.assign(shapes.data(), shapes.data() + shapes.size());
+  setting.curved = curved.shape(0);
+  const double* option = options.data();
+  const auto whole = [&](int k) { return static_cast<std::size_t>(std::max(option[k], 1.0)); };
+  setting.loss = option[0], setting.rounding = option[1];
+  setting.options = {option[3], option[4], option[5], option[2], option[6], whole(7), whole(8), whole(9)};
+  gmwm::Estimate estimate{copied(scales), {}};
+  for (std::size_t i = 0; i < curved.shape(0); ++i)
+    estimate.curved.emplace_back(curved.data()[2 * i], curved.data()[2 * i + 1]);
+  std::vector<gmwm::Place> places = places_of(search, branches, coordinates);
+  std::optional<gmwm::Reweighted> found;
+  {
+    nb::gil_scoped_release release;
+    gmwm::Reweighting iteration(std::move(setting), search.curve(), search.limits());
+    found = iteration.run(std::move(estimate), std::move(places));
+  }
+  if (!found) return std::nullopt;
+  const std::vector<int> unknown(found->best.places.size(), 0);
+  return std::tuple{as_tuple(std::move(found->best), unknown), to_numpy(std::move(found->weights)), found->change,
+                    found->expected};
+}
+
 }  // namespace
 
 void bind_exponential(nb::module_& m) {
@@ -157,5 +224,10 @@ void bind_exponential(nb::module_& m) {
            "they act; then the lower bounds of the search and of the relaxation, the objective on the table, and the "
            "number of nodes.")
       .def("follow", &follow, "branches"_a.noconvert(), "coordinates"_a.noconvert(), "ends"_a,
-           "Find the local optimum next to places; if `ends`, also the ends as which they act.");
+           "Find the local optimum next to places; if `ends`, also the ends as which they act.")
+      .def("reweight", &reweight, "levels"_a.noconvert(), "data"_a.noconvert(), "segments"_a.noconvert(),
+           "kinds"_a.noconvert(), "powers"_a.noconvert(), "shapes"_a.noconvert(), "options"_a.noconvert(),
+           "scales"_a.noconvert(), "curved"_a.noconvert(), "branches"_a.noconvert(), "coordinates"_a.noconvert(),
+           "Iterate estimate and diagonal weights: the optimum, the weights, and the last and the next change of the "
+           "curve; None if the model has no noise at some level.");
 }

@@ -8,6 +8,7 @@
 
 #include "check.hpp"
 #include "gmwm/exponential_search.hpp"
+#include "gmwm/reweighting.hpp"
 
 namespace {
 
@@ -107,11 +108,74 @@ void test_search() {
   CHECK_CLOSE(again.places[1].u, best.places[1].u, 1e-9);
 }
 
+void test_least_squares() {
+  const std::vector<std::vector<double>> columns{{1, 1, 1, 1}, {0, 1, 2, 3}};
+  const std::vector<double> line = gmwm::least_squares(columns, {1, 3, 5, 7}, 1e-6);
+  CHECK_CLOSE(line[0], 1, 1e-13);
+  CHECK_CLOSE(line[1], 2, 1e-13);
+  // Of two equal columns, each has one half.
+  const std::vector<double> same = gmwm::least_squares({{1, 2}, {1, 2}}, {2, 4}, 1e-6);
+  CHECK_CLOSE(same[0], 1, 1e-13);
+  CHECK_CLOSE(same[1], 1, 1e-13);
+}
+
+gmwm::Setting white_and_exponential(const std::vector<double>& h) {
+  gmwm::Setting setting;
+  for (std::size_t j = 0; j < h.size(); ++j) {
+    setting.levels.push_back(static_cast<std::int64_t>(j + 1));
+    setting.counts.push_back(1000 - 2 * h[j] + 1);
+    setting.freedom.push_back(1000 / (2 * h[j]));
+    setting.shapes.push_back(1 / (2 * h[j]));
+  }
+  setting.added.assign(h.size(), 0.0);
+  setting.loss = 1;
+  setting.segments = {{1000, 1.0, h.size()}};
+  setting.kinds = {gmwm::Elementary::white};
+  setting.powers = {1};
+  setting.curved = 1;
+  setting.rounding = 2e-15;
+  setting.options = {1000, 1e-11, 0.7, -1.2, 1e-6, 60, 12, 5};
+  return setting;
+}
+
+// The variances of white noise at two levels are those that the Python documentation states.
+void test_weights() {
+  const std::vector<double> h{1, 2, 4, 8, 16, 32};
+  const double low = std::log(1e-5), high = std::log(40.0);
+  const gmwm::ExponentialCurve curve(h, std::vector{gmwm::ExponentialBranch{low, high, 1e-5, 1e-8, 1, true, true}}, 1, false);
+  const gmwm::SearchLimits limits{1e-4, 1e-5, 1e-12, 1e-10, 1e-6, 0.05, 2, 12, 8, 5, {1e-2, 1e-3}};
+  gmwm::Setting setting = white_and_exponential(h);
+  gmwm::Reweighting alone(setting, curve, limits);
+  const std::vector<double> white = alone.variances({{1.0}, {{0.1, 0.0}}});
+  CHECK_CLOSE(white[0], 0.0007505, 1e-4);
+  CHECK_CLOSE(white[1], 0.0002192, 3e-4);
+  // An exponential of decay 1000 is white noise too, and so is half of each.
+  const std::vector<double> halves = alone.variances({{0.5}, {{1000.0, 0.5}}});
+  for (std::size_t j = 0; j < h.size(); ++j) CHECK_CLOSE(halves[j], white[j], 1e-12);
+
+  // Exact data have the truth as their optimum under any weights, so the last weights are those of an estimate near it.
+  std::vector<double> shape(h.size());
+  curve.shape_of(0.05, shape.data());
+  for (std::size_t j = 0; j < h.size(); ++j) setting.observed.push_back(setting.shapes[j] + 0.5 * shape[j]);
+  gmwm::Reweighting iteration(setting, curve, limits);
+  const auto found = iteration.run({{0.8}, {{0.06, 0.6}}}, {{0, std::log(0.06)}});
+  CHECK(found.has_value() && found->best.places.size() == 1 && found->expected <= 1e-11);
+  if (!found || found->best.places.empty()) return;
+  CHECK_CLOSE(curve.parameter(0, found->best.places[0].u), 0.05, 1e-8);
+  const std::vector<double> expected = iteration.variances({{1.0}, {{0.05, 0.5}}});
+  for (std::size_t j = 0; j < h.size(); ++j) CHECK_CLOSE(found->weights[j], 1 / expected[j], 1e-3);
+
+  // Without noise at any level there are no weights.
+  CHECK(!gmwm::Reweighting(setting, curve, limits).run({{0.0}, {{0.06, 0.0}}}, {}).has_value());
+}
+
 }  // namespace
 
 int main() {
   test_shapes();
   test_linear();
   test_search();
+  test_least_squares();
+  test_weights();
   return check::result("exponential");
 }

@@ -51,6 +51,13 @@ CURVES = {
         100_000, RATE,
     ),
 }  # fmt: skip
+_GAPS = Model.parse("GM(beta=1, sigma2=1) + WN(sigma2=2)").simulate(40_000, RATE, 5)
+CURVES["gaps"] = gmwm.wavelet_variance(
+    gmwm.Signal(_GAPS, RATE, segments=((0, 9_000), (9_000, 20_000), (20_000, 20_010), (20_010, 40_000)), filled=30)
+)
+CURVES["beyond the model"] = replace(
+    CURVES["walk"], excess=0.05**2 * (np.eye(len(CURVES["walk"])) + 0.5), model_error=0.03
+)
 
 
 def _quietly(*args, **kwargs):
@@ -91,7 +98,8 @@ def test_both_paths_reach_the_same_optimum(model, weighting, name):
     # The objective of exact data is the square of rounding errors.
     exact = float(wv.variance @ ours.weighting_matrix @ wv.variance) * 1e-26
     assert ours.objective == pytest.approx(open_one.objective, rel=1e-12, abs=exact)
-    assert ours.diagnostics.acts_as == open_one.diagnostics.acts_as
+    if name != "exact":  # there, rounding errors decide what a superfluous term acts as
+        assert ours.diagnostics.acts_as == open_one.diagnostics.acts_as
     assert ours.diagnostics.not_supported == open_one.diagnostics.not_supported
     # Both bounds are valid; how far each search went beyond the gap is decided by rounding.
     assert ours.lower_bound == pytest.approx(open_one.lower_bound, rel=CERTIFIED_GAP, abs=exact)

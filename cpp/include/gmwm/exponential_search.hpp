@@ -94,6 +94,7 @@ class ExponentialSearch {
   std::vector<int> acts_as(const Optimum& best) const;
 
   const ExponentialCurve& curve() const { return curve_; }
+  const SearchLimits& limits() const { return limits_; }
 
  private:
   struct Piece;

@@ -23,7 +23,7 @@ def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
     Segments are treated as independent. Segments of the same length have the same V_s.
     """
     counts, total = design.counts, None
-    for length, times in _lengths(design.lengths):
+    for length, times in lengths_of(design.lengths):
         segment = design.segment(length, counts)
         if segment is None:
             continue
@@ -40,7 +40,7 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
     return np.asarray(np.outer(values, values) if dimensions == 2 else values**2)
 
 
-def _lengths(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
+def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
     """Yield lengths, and the number of segments that each represents.
 
     M² V is a convex function of the length, and nearly linear beyond a few scales. A segment between two nodes is

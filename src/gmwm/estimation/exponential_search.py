@@ -6,9 +6,11 @@ holds its results to those of the open search.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector
@@ -38,12 +40,16 @@ _LIMITS = np.array(
 
 
 def search_of(problem: Problem) -> Search:
-    """Return the search for the curved processes of a problem: in the kernel if it has their shapes."""
+    """Return the search for the curved processes of a problem: in the kernel if it has their shapes.
+
+    A class that inherits its search may have changed the shape, so the class must state the branches itself.
+    """
     kind = problem.curved_class
     assert kind is not None
-    branches = kind.search(problem.samples, problem.rate)
-    closed = problem.filter is HAAR and all(branch.exponential is not None for branch in branches)
-    return (ExponentialSearch if closed else Search)(problem, kind)
+    closed = problem.filter is HAAR and "search" in vars(kind)
+    if closed and all(branch.exponential for branch in kind.search(problem.samples, problem.rate)):
+        return ExponentialSearch(problem, kind)
+    return Search(problem, kind)
 
 
 class ExponentialSearch(Search):
@@ -71,14 +77,19 @@ class ExponentialSearch(Search):
             grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes, grid.middle_values, self.positive,
             len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
         )  # fmt: skip
-        return Found(self._optimum(*found), bound, relaxed, table, nodes)
+        return Found(self.found(*found), bound, relaxed, table, nodes)
 
     def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum next to the optimum of a problem with other weights."""
-        known = [branch.exponential for branch in self.grid.branches]
-        owner = np.array([known.index(branch.exponential) for branch, _ in places], dtype=np.int64)
-        return self._optimum(*self.kernel.follow(owner, np.array([u for _, u in places], dtype=np.float64), ends))
+        return self.found(*self.kernel.follow(*self.coordinates(places), ends))
 
-    def _optimum(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
+    def coordinates(self, places: Sequence[Place]) -> tuple[NDArray[np.int64], Vector]:
+        """Return the indices of the branches of places, and their search coordinates."""
+        known = [branch.exponential for branch in self.grid.branches]
+        owner = [known.index(branch.exponential) for branch, _ in places]
+        return np.array(owner, dtype=np.int64), np.array([u for _, u in places], dtype=np.float64)
+
+    def found(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
+        """Make an optimum of what the kernel returns."""
         places = [(self.grid.branches[k], at) for k, at in zip(branches, u.tolist(), strict=True)]
         return Optimum(objective, places, weights, tuple(ends))

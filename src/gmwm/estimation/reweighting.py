@@ -20,8 +20,10 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Design, covariance, variances
 from gmwm.covariance.mixture import mixture
 from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.estimation.exponential_search import search_of
+from gmwm.estimation.exponential_weights import reweighted, search_for_weights
 from gmwm.estimation.problem import Problem, pose
-from gmwm.estimation.solver import Solution, estimated, final, resume, solve
+from gmwm.estimation.solver import Solution, estimated, final, moved, resume, solve
 from gmwm.estimation.weighting import precision, weighting_matrix
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -51,6 +53,10 @@ NEARLY = 3
 models."""
 MIXED = 5
 """Largest number of iterations that are combined for the next one."""
+CUTOFF = 1e-6
+"""Relative singular value below which a direction of the combination counts as zero."""
+FAR = 0.7
+"""Largest change of the logarithm of a parameter by the combination: a factor of two."""
 RETURNS = 4
 """Number of times that the iteration is repeated if the global search finds another optimum."""
 CLOSE = 1e-6
@@ -125,36 +131,69 @@ def settle(
         problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
     solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
     implied = _implied(problem, solution, wv)
-    ahead = _Ahead()
     for _ in range(returns):
-        history: list[float] = []
-        for _ in range(ROUNDS):
-            try:
-                matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
-            except (MissingTheoryError, ModelError) as error:
-                if weighting == "optimal":
-                    raise
-                remark = Remark.of("weights-from-data", wv.axis, reason=error.reason)
-                return Settled(problem, finish(problem, solution), (remark,))
-            problem = problem.under(matrix)
-            solution = resume(problem, solution)
-            before, implied = implied, _implied(problem, solution, wv)
-            change = _change(before, implied)
-            history.append(change)
-            # The steps shrink by at least the last ratio.
-            expected = change * min(1.0, change / history[-2]) if len(history) > 1 and history[-2] > 0 else change
-            if expected <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
-                break
+        found = _iterated(problem, solution, wv, weighting, design=design, fixed=fixed)
+        problem, solution = found.problem, found.solution
+        if found.reason is not None:
+            remark = Remark.of("weights-from-data", wv.axis, reason=found.reason)
+            return Settled(problem, finish(problem, solution), (remark,))
+        implied = _implied(problem, solution, wv)
         last = finish(problem, solution)
-        moved = _change(implied, _implied(problem, last, wv))
+        change = _change(implied, _implied(problem, last, wv))
         solution, implied = last, _implied(problem, last, wv)
-        if moved <= max(CLOSE, change):
+        if change <= max(CLOSE, found.change):
             break
-    if expected <= max(CLOSE, fixed) and moved <= max(CLOSE, fixed):
+    if found.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
         return Settled(problem, solution)
     # Two estimates may alternate, each with weights that lead to the other. Weights without the model end this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
     return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
+
+
+@dataclass(frozen=True, eq=False)
+class _Iterated:
+    """A problem with iterated weights and its solution, the last and the expected next relative change of the curve,
+    and the reason why the model has no weights, if it has none."""
+
+    problem: Problem
+    solution: Solution
+    change: float = math.inf
+    expected: float = math.inf
+    reason: str | None = None
+
+
+def _iterated(
+    problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
+) -> _Iterated:
+    """Iterate weights and estimate until the curve changes by `fixed`, or does not converge; in a kernel if it has the
+    covariance of every process."""
+    search = search_for_weights(problem, design) if weighting == "diagonal" else None
+    if search is not None:
+        options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
+        found = reweighted(search, solution, design.for_weights, options)
+        if found is not None:
+            best, weights, change, expected = found
+            problem = problem.under(np.diag(weights))
+            return _Iterated(problem, moved(search_of(problem), solution, best), change, expected)
+    ahead, implied = _Ahead(), _implied(problem, solution, wv)
+    history: list[float] = []
+    for _ in range(ROUNDS):
+        try:
+            matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
+        except (MissingTheoryError, ModelError) as error:
+            if weighting == "optimal":
+                raise
+            return _Iterated(problem, solution, reason=error.reason)
+        problem = problem.under(matrix)
+        solution = resume(problem, solution)
+        before, implied = implied, _implied(problem, solution, wv)
+        change = _change(before, implied)
+        history.append(change)
+        # The steps shrink by at least the last ratio.
+        expected = change * min(1.0, change / history[-2]) if len(history) > 1 and history[-2] > 0 else change
+        if expected <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
+            break
+    return _Iterated(problem, solution, change, expected)
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
@@ -210,8 +249,8 @@ class _Ahead:
             return model
         inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED:], strict=True))
         residuals = outputs - inputs
-        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=1e-6)
-        reach = np.clip(-share @ np.diff(outputs, axis=0), -0.7, 0.7)
+        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=CUTOFF)
+        reach = np.clip(-share @ np.diff(outputs, axis=0), -FAR, FAR)
         moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(found, reach, strict=True)}
         try:
             there = model.with_values(moved)

@@ -16,7 +16,7 @@ from gmwm import _core
 from gmwm._arrays import Vector
 from gmwm.errors import ModelError
 from gmwm.estimation.atoms import Place
-from gmwm.estimation.branch_and_bound import Term
+from gmwm.estimation.branch_and_bound import Optimum, Search, Term
 from gmwm.estimation.exponential_search import search_of
 from gmwm.estimation.problem import Problem
 from gmwm.estimation.starts import (
@@ -136,7 +136,12 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
     if problem.curved_class is None:
         return solve(problem, certify=False)
     search = search_of(problem)
-    best = search.followed(list(solution.places), ends=ends)
+    return moved(search, solution, search.followed(list(solution.places), ends=ends), ends=ends)
+
+
+def moved(search: Search, solution: Solution, best: Optimum, *, ends: bool = False) -> Solution:
+    """Return a solution with another local optimum of the places; without bounds."""
+    problem = search.problem
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return replace(
         solution, objective=best.objective * problem.unit**2, lower_bound=None, relaxed_bound=0.0, scales=scales,

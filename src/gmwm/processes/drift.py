@@ -41,6 +41,7 @@ class DR(Process):
     title = "Drift"
     parameters = (Parameter("omega", "ω", "slope", domain="real", signal_power=1, per_sample=True, scale_power=2),)
     stationary = False
+    elementary = "drift"
 
     omega: Value = None
 

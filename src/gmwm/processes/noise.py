@@ -65,6 +65,7 @@ class WN(Process):
     name = "WN"
     title = "White noise"
     parameters = (Parameter("sigma2", "σ²", "variance", signal_power=2, scale_power=1),)
+    elementary = "white"
 
     sigma2: Value = None
 
@@ -138,6 +139,7 @@ class QN(Process):
     name = "QN"
     title = "Quantization noise"
     parameters = (Parameter("q2", "Q²", "variance of the rounding error", signal_power=2, scale_power=1),)
+    elementary = "spike"
 
     q2: Value = None
 

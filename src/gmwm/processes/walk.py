@@ -44,6 +44,7 @@ class RW(Process):
         Parameter("gamma2", "γ²", "variance of the innovations", signal_power=2, per_sample=True, scale_power=1),
     )
     stationary = False
+    elementary = "walk"
 
     gamma2: Value = None
 
