@@ -40,7 +40,7 @@ auto rows_of(Shape shape) {
   return [shape](Vector parameters, Vector half_scales, OutMatrix out) {
     require(out.shape(0) == parameters.size() && out.shape(1) == half_scales.size(),
             "out must have a row for each parameter, and a column for each half-scale");
-    nb::gil_scoped_release release;
+    // Microseconds: a thread that gave up the lock would wait longer to get it back.
     for (std::size_t i = 0; i < parameters.size(); ++i)
       shape(parameters.data()[i], view(half_scales), out.data() + i * half_scales.size());
   };
@@ -125,15 +125,8 @@ std::tuple<Found, double, double, double, std::size_t> solve(const Search& searc
 }
 
 Found follow(const Search& search, Indices branches, Vector coordinates, bool ends) {
-  const std::vector<gmwm::Place> places = places_of(search, branches, coordinates);
-  gmwm::Optimum best;
-  std::vector<int> acts;
-  {
-    nb::gil_scoped_release release;
-    best = search.followed(places);
-    acts = ends ? search.acts_as(best) : std::vector<int>(best.places.size(), 0);
-  }
-  return as_tuple(std::move(best), std::move(acts));
+  const gmwm::Optimum best = search.followed(places_of(search, branches, coordinates));
+  return as_tuple(best, ends ? search.acts_as(best) : std::vector<int>(best.places.size(), 0));
 }
 
 template <class T>
