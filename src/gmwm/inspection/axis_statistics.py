@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gmwm._arrays import Vector
+from gmwm._arrays import Vector, row_medians
 from gmwm.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, level_length, outliers_of
 from gmwm.inspection.time_grid import Extent
 
@@ -154,7 +154,7 @@ class AxisStatistics:
         values, clean = np.concatenate([self._unlevelled, slab]), np.concatenate([self._unaveraged, clean])
         whole = values.size - values.size % self._length
         if whole:
-            medians = np.median(values[:whole].reshape(-1, self._length), axis=1)
+            medians = row_medians(values[:whole].reshape(-1, self._length))
             self._levels[-1][1].append(medians)
             self._means[-1][1].append(_means(clean[:whole].reshape(-1, self._length), medians))
         self._unlevelled, self._unaveraged = values[whole:].copy(), clean[whole:].copy()

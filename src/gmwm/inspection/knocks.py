@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Vector
+from gmwm._arrays import Vector, row_medians
 from gmwm.inspection.time_grid import Extent
 
 BLOCK = 1000
@@ -123,7 +123,7 @@ def outliers_of(blocks: Vector, resolution: float) -> Outliers:
     resolution : float
         Quantization step; half of it is the smallest standard deviation that is used.
     """
-    distance = np.abs(blocks - np.median(blocks, axis=1, keepdims=True))
+    distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
     at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
     return at, distance.ravel()[at] / spread.ravel()[at // blocks.shape[1]]
@@ -136,7 +136,7 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
     values the median distance is accurate to one step only, so one step is added, and the result is at least half a
     step.
     """
-    bound = np.median(distance, axis=1, keepdims=True) / 0.67449 + step
+    bound = row_medians(distance)[:, None] / 0.67449 + step
     spread = np.minimum(np.std(blocks, axis=1, keepdims=True), bound)
     return np.asarray(np.maximum(spread, 0.5 * step))
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
-from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm._arrays import Vector, as_rate, as_vector, freeze, row_medians
 from gmwm.resolution import Sample, step_of
 from gmwm.signals import Signal
 from gmwm.variance.panels import Panels, panel_length
@@ -304,7 +304,7 @@ def _local_spread(size: Vector, piece: int) -> Vector:
     whole = size.size // piece
     if whole < 2:
         return np.array([float(np.median(size)) / _QUARTILE])
-    local = np.median(size[: whole * piece].reshape(whole, piece), axis=1) / _QUARTILE
+    local = row_medians(size[: whole * piece].reshape(whole, piece)) / _QUARTILE
     if whole * piece < size.size:
         local = np.append(local, local[-1])
     return np.asarray(np.maximum(local, np.median(local)))

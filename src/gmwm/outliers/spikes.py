@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Vector, freeze
+from gmwm._arrays import Vector, freeze, row_medians
 from gmwm.errors import DataError, OptionError
 from gmwm.filling import drawn
 from gmwm.outliers.bursts import NEIGHBOURHOOD
@@ -200,7 +200,7 @@ def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
     for k in shifted:
         nearest = np.arange(7) + (0 if at[k] < 3 else values.size - 7)
         around[k] = others[nearest[nearest != at[k]]]
-    return np.asarray(values[at] - np.median(around, axis=1))
+    return np.asarray(values[at] - row_medians(around))
 
 
 def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[Vector, int, float, float]:
@@ -216,7 +216,7 @@ def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[
     residual = np.abs(_residuals(values, values, places))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
-    local = np.median(residual[: count * piece].reshape(count, piece), axis=1) / _QUARTILE
+    local = row_medians(residual[: count * piece].reshape(count, piece)) / _QUARTILE
     local = np.maximum(local, np.maximum(np.median(local), step * 12**-0.5))
     if not local.min() > 0:
         return local, values.size, np.inf, np.inf

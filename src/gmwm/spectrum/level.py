@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gmwm._arrays import Vector
+from gmwm._arrays import Vector, row_medians
 
 NEIGHBOURS = (4 / 9, 1 / 36)
 """Correlation of Hann periodograms one and two bins apart: (2/3)² and (1/6)²."""
@@ -46,7 +46,7 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
     known = np.count_nonzero(~np.isnan(windows), axis=1)
     medians = np.full(len(windows), np.nan)
     full = known == width
-    medians[full] = np.median(windows[full], axis=1)
+    medians[full] = row_medians(windows[full])
     some = (known >= least) & ~full
     medians[some] = np.nanmedian(windows[some], axis=1)
     shift = farthest + nearest
