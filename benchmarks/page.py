@@ -29,12 +29,12 @@ writes this page. No number is typed by hand.
 
 ![Time of a sample against the length of the record; time against Gauss-Markov terms and axes; memory.](benchmarks.svg)
 
-Top: time per sample. For small records the confidence limits and checks dominate, {small} µs per call. The time per
-sample is then constant until a record no longer fits into the caches; the working set of a chunk always fits.
-allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of PyWavelets inserts zeros
-into its filters, so each level takes twice as long as the previous level. Bottom: fits, covariance and model selection
-from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest resident set beyond that of
-`import gmwm`, including the samples.
+Top: time per sample. For small records, the confidence limits and the checks dominate: they take {small} µs per call.
+For longer records, the time per sample is constant until a record no longer fits into the caches; the working set of a
+chunk always fits. allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of
+PyWavelets inserts zeros into its filters, so each level takes twice as long as the previous level. Bottom: fits,
+covariance and model selection from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest
+resident set beyond that of `import gmwm`, including the samples.
 
 ## Comparison with the memory bandwidth
 

@@ -59,7 +59,7 @@ class Blocks:
 
 
 def log_sampling(x: Vector, each: int = EACH) -> Blocks:
-    """Cut a record into `each` blocks of 1 sample, as many of 2, 4 …, and so on to its end.
+    """Divide a record into `each` blocks of 1 sample, as many of 2, 4 …, and so on to its end.
 
     The means are what the running sum at the instants between the blocks tells: angle increments of a gyroscope over
     growing times. What is left at the end and shorter than a block is not used.

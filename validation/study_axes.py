@@ -120,10 +120,10 @@ def table(result: dict[str, Any]) -> str:
             for tau in rows[0]["slow"]
         ),
         "",
-        f"**What the joint fit says.** `gmwm.fit_joint(\"{MODEL}\", imu, levels=range(9, 18))`, scales of 5 s "
-        "to 22 min. No model fits all scales of these recordings, whose output is rounded. At scales above 5 s, the "
-        "misfit is moderate. The white noise of the gyroscopes is independent of all other noise. All six axes share "
-        "the slow noise, most of all the accelerometers. A table that moves, or "
+        f"**What the joint fit says.** `gmwm.fit_joint(\"{MODEL}\", imu, levels=range(9, 18))` fits the scales "
+        "of 5 s to 22 min. No model fits all scales of these recordings, whose output is rounded. At scales above 5 s, "
+        "the misfit is moderate. The white noise of the gyroscopes is independent of all other noise. All six axes "
+        "share the slow noise, most of all the accelerometers. A table that moves, or "
         "a room whose temperature changes, would cause this.",
         "",
         "![Deviations and correlations of the first recording, with the joint model](axes-joint.svg)",

@@ -19,7 +19,7 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 """A two-dimensional float64 array."""
 
-MISSING_SAMPLES = "Mark missing samples as gaps with `gmwm.Signal.from_missing(x, rate)`; do not cut them out."
+MISSING_SAMPLES = "Mark missing samples as gaps with `gmwm.Signal.from_missing(x, rate)`; do not remove them."
 """Advice for NaN and masked values. Cutting them out would join samples that are not neighbours in time."""
 
 

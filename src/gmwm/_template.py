@@ -95,12 +95,12 @@ def render(
 
     Examples
     --------
-    >>> template = "{count:#knock} at {first:moment}: cut them out with {--skip}."
+    >>> template = "{count:#knock} at {first:moment}: leave them out with {--skip}."
     >>> facts = {"count": 2, "first": Quantity(612.5, "s")}
     >>> render(template, facts)
-    '2 knocks at 612.5 s: cut them out with skip=.'
+    '2 knocks at 612.5 s: leave them out with skip=.'
     >>> render(template, facts, Dialect.SHELL)
-    '2 knocks at 612.5 s: cut them out with --skip.'
+    '2 knocks at 612.5 s: leave them out with --skip.'
     >>> render("{--units=gyro:deg/s} or {--gaps=longest}"), render("{--units=gyro:deg/s}", dialect=Dialect.SHELL)
     ("units={'gyro': 'deg/s'} or gaps='longest'", '--units gyro=deg/s')
     >>> render("{--columns=gyro_x:4,time:none} or {--columns=time,gyro_x}")

@@ -455,9 +455,9 @@ class Imu:
     def between(
         self, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
     ) -> Imu:
-        """Cut out the part of the recording between two times, without the ranges in `skip`; each leaves a gap.
+        """Return the part of the recording between two times, without the ranges in `skip`; each leaves a gap.
 
-        Times count from the first sample on the recording's clock, gaps included. If the clock was set back, the
+        Times are measured from the first sample on the recording's clock, gaps included. If the clock was set back, the
         next sample is treated as one sampling interval later. The part includes a sample at `start` and excludes one at
         `stop`.
 

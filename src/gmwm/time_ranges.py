@@ -1,4 +1,4 @@
-"""Cut a recording to a range of time, and leave out ranges within it."""
+"""Shorten a recording to a range of time, and leave out ranges within it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ tests/test_cuts.py."""
 def cut(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
-    """Cut out the part of a recording between two times: see `Imu.between`."""
+    """Return the part of a recording between two times: see `Imu.between`."""
     kept = kept_ranges(start, stop, skip)
     first = next(iter(imu.signals.values()))
     runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
@@ -195,7 +195,7 @@ def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) 
         raise DataError(
             f"no segment of {MINIMUM_SAMPLES} samples or more is left of the recording, which lasts {moment(end)}; "
             f"wanted is {wanted}",
-            advice="Times count from the first sample; check {--start}, {--stop} and {--skip}.",
+            advice="Times are measured from the first sample; check {--start}, {--stop} and {--skip}.",
         )
 
 
@@ -211,7 +211,7 @@ def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float)
         if begin >= end:
             raise DataError(
                 f"the recording lasts {moment(end)}, so {moment(begin)} to {moment(last)} cannot be left out",
-                advice="Times count from the first sample; check {--skip}.",
+                advice="Times are measured from the first sample; check {--skip}.",
             )
     if kept and end + 1 / rate < kept[-1][1] < math.inf:
         remark = Remark.of("stop-outside", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))

@@ -1,4 +1,4 @@
-"""The results of a session: calls of public functions of gmwm, made as jobs and kept for the next look."""
+"""The results of a session: public functions of gmwm, called in jobs, whose results are kept for later use."""
 
 from __future__ import annotations
 

@@ -66,8 +66,9 @@ def agree(
     """Test whether calibrations of one unit agree with each other, or with a reference.
 
     N, B, K, R and Q of the calibrations are compared, and T_c and q_c if the models are the same. A number that
-    differs by more than chance is marked. --reference compares with values from a datasheet, or with a file of another
-    program. One calibration with a file is compared in the convention of the file, with the factor of each number.
+    differs by more than chance is marked. --reference compares them with values from a datasheet, or with a file of
+    another program. One calibration with a file is compared in the convention of the file, with the factor of each
+    number.
     """
     from gmwm import Calibration, agree
 

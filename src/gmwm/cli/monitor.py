@@ -64,7 +64,7 @@ def monitor(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Recording of the healthy sensor at rest, which the charts compare with. Default: the baseline in "
+            help="Recording of the healthy sensor at rest, for comparison in the charts. Default: the baseline in "
             "calibration.json.",
             show_default=False,
         ),
@@ -291,7 +291,7 @@ def _fitted(path: Path) -> Mapping[str, Any]:
 def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
     """Yield the events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end.
 
-    Times count from the first sample of the recording, as in the other commands.
+    Times are measured from the first sample of the recording, as in the other commands.
     """
     origin = stream.time_base.start - stream.time_base.left
     try:

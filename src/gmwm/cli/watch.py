@@ -69,11 +69,12 @@ def watch(
     """Watch a recording while it is written, and show when it is long enough.
 
     Shows the Allan deviation of each axis with its standard error. With --model, also shows the estimates, their
-    standard errors, and the time to record for the wanted accuracy. A terminal shows a live view; a file or pipe gets
-    one line for each update. The complete table is printed at the end: Ctrl-C, the end of standard input, or --idle.
+    standard errors, and the time to record for the desired accuracy. A terminal shows a live view; a file or pipe gets
+    one line for each update. The complete table is printed when the watch ends: at Ctrl-C, at the end of standard
+    input, or after --idle.
 
-    The file must be text that grows line by line. An incomplete line is read when it is complete. If the file is cut or
-    replaced, the watch ends with the result up to there.
+    The file must be text that grows line by line. An incomplete line is read when it is complete. If the file is
+    truncated or replaced, the watch ends with the result up to there.
     """
     from gmwm import Model
     from gmwm.inference.planning import as_accuracy

@@ -168,7 +168,7 @@ class Lags:
 
 
 def _pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
-    """Return the number of pairs n(u) at any lags."""
+    """Return the number of pairs n(u) at the lags u."""
     if design.transform == "dwt":
         apart = 1 << int(design.levels[a])
         return np.where(lags % apart == 0, _decimated_pairs(design, a, b, lags // apart), 0.0)

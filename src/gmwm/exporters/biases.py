@@ -58,8 +58,8 @@ def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterato
 def prior(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> float | None:
     """Return the standard deviation (SI) of the bias of a sensor before a filter has seen data; None if not known.
 
-    It is the turn-on spread of several recordings, or the standard error of the bias and its rms; the largest of the
-    axes.
+    It is the root sum of squares of the standard error of the bias, the rms of its changes at rest and, with several
+    recordings, its spread from one turn-on to the next. The result is the largest value of the axes.
     """
     known = [rest[axis] for axis in known_axes(rest, quantity)]
     if len(known) < 3:

@@ -24,8 +24,8 @@ from gmwm.signals import Signal
 
 
 def fill_gaps(signals: Mapping[str, Signal]) -> dict[str, Signal]:
-    """Fill the short gaps of synchronous signals: see `Signal.fill_gaps`. They are cut at the restarts of any of them,
-    so that they stay synchronous."""
+    """Fill the short gaps of synchronous signals: see `Signal.fill_gaps`. They are split at the restarts of any of
+    them, so that they stay synchronous."""
     return dict(joined(list(filled([Batch(signals)], together=True))).signals)
 
 
@@ -34,7 +34,7 @@ def filled(
 ) -> Iterator[Batch]:
     """Fill the short gaps of a recording: see `Signal.fill_gaps`. The axes of a batch are filled in threads.
 
-    Each axis is cut at its own restarts; `together`, at the restarts of any axis.
+    Each axis is split at its own restarts; `together`, at the restarts of any axis.
 
     Samples without short gaps are passed on as they come. Others wait until their block is complete, with the context
     after it. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.

@@ -30,7 +30,7 @@ class Format:
     name : str
         The program.
     keys : tuple of str
-        Keys of which every file has one, by which it is recognised.
+        Keys by which a file is recognised: every file has at least one of them.
     read : callable
         Values by axis, from the text and the sampling rate (Hz), which is None if neither the file nor the user gives
         it.

@@ -113,7 +113,7 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
     extent : Extent
         Segments and times of the recording.
     cut : bool
-        Whether the beginning of the file is already left out, so that times count from a later sample.
+        Whether the beginning of the file is already left out, so that times are measured from a later sample.
     """
     longest = max((found.until for found in trends if found.until is not None), default=0.0)
     duration = extent.samples / extent.rate

@@ -73,7 +73,7 @@ class Inspection(Summarised):
     static : bool
         Whether no motion was found.
     knocks : tuple of Knock
-        Bursts of outliers, ordered by time. Times count from the first sample of the file.
+        Bursts of outliers, ordered by time. Times are measured from the first sample of the file.
     steps : tuple of Step
         Lasting jumps of the mean, ordered by time.
     trends : tuple of Trend
@@ -177,7 +177,7 @@ def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = 
     if len(found.steps) > 5:
         lines.append(f"and {counted(len(found.steps) - 5, 'more jump')}")
     if (found.knocks or found.steps) and (found.time_base.start or found.time_base.left):
-        lines.append(render("times count from the first sample of the file, as in {--skip}", {}, dialect))
+        lines.append(render("times are measured from the first sample of the file, as in {--skip}", {}, dialect))
     lines += [_trend_line(one, found.axes[one.axis].unit) for one in found.trends]
     groups = with_groups(found.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST + 1 else groups[:MOST]

@@ -72,8 +72,8 @@ class Monitor(OneAtATime):
     rate : float, optional
         Sampling rate (Hz); by default the rate of the calibration.
     baseline : mapping of axis to Baseline, or None, optional
-        Statistics of the innovations of the healthy sensor; by default those in the calibration. None compares with the
-        model alone, which a real sensor never follows exactly.
+        Statistics of the innovations of the healthy sensor; by default those in the calibration. With None,
+        the signal is compared with the model alone, which a real sensor never follows exactly.
     axes : sequence of str, optional
         The axes to monitor; all by default.
     start : float

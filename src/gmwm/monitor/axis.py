@@ -75,7 +75,7 @@ class Axis:
     gain : Gain
         Filter of its model.
     settings : ChartSettings
-        What its charts compare with.
+        The settings of its charts.
     run_length : float
         Average number of samples between two false alarms of a chart.
     rest, longest_rest : int

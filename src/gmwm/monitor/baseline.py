@@ -119,7 +119,7 @@ class Baseline:
         )
 
     def settings(self) -> ChartSettings:
-        """The charts that compare with this baseline."""
+        """The charts for this baseline."""
         usual = spike_limit(self.samples)
         return ChartSettings(
             self.ratios,

@@ -87,7 +87,7 @@ def white_shape(level: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ChartSettings:
-    """What the charts of one axis compare with.
+    """The settings of the charts of one axis, from the statistics of a healthy sensor.
 
     Attributes
     ----------

@@ -214,7 +214,7 @@ def _blocks(
                     raise DataError(
                         f"{name} has missing samples at {chunk.start:.1f} s, and units are compared sample by sample",
                         argument="recordings",
-                        advice="Monitor each unit alone, or cut the recordings with {--start} and {--stop}.",
+                        advice="Monitor each unit alone, or shorten the recordings with {--start} and {--stop}.",
                     )
                 held[name] = {axis: np.concatenate([x, chunk.values[axis]]) for axis, x in held[name].items()}
         n = min([size, *(values[axes[0]].size for values in held.values())])

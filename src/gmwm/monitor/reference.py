@@ -23,7 +23,7 @@ LONGEST = 1 << 21
 def baselines(
     calibration: Mapping[str, Any], recording: Imu | Stream, axes: Sequence[str] | None = None
 ) -> dict[str, Baseline]:
-    """Measure the baseline of each axis in a recording of a healthy sensor at rest, which `Monitor` compares with.
+    """Measure the baseline of each axis in a recording of a healthy sensor at rest, for `Monitor`.
 
     `calibrate` does this with the recording that it calibrates.
 

@@ -95,7 +95,7 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, cli
     The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far
     beyond nearly all others are moved to limits, so that a knock does not flatten the rest of the picture.
     """
-    # Times count from the first sample: seconds since 1970 in double precision cannot resolve a microsecond.
+    # Times are measured from the first sample: seconds since 1970 in double precision cannot resolve a microsecond.
     starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
     clock = Signal(signal.values, signal.rate, segments=signal.segments, starts=starts)
     seconds: list[Vector] = []

@@ -54,7 +54,7 @@ class ShortMemory:
 
 
 def trimmed(autocovariance: Vector) -> Vector | None:
-    """Cut the autocovariance at the lag from which it is negligible; return None if this lag is too large.
+    """Truncate the autocovariance at the lag from which it is negligible; return None if this lag is too large.
 
     `autocovariance` must reach beyond this lag itself.
     """

@@ -109,7 +109,7 @@ class McapStorage(Storage):
         kind, length = _HEAD.unpack_from(footer) if len(footer) == tail else (0, 0)
         if kind != _FOOTER or length != 20 or not footer.endswith(MAGIC):
             raise ReadError(
-                f"{self.path} is cut off: the copy is incomplete, or the recorder was killed",
+                f"{self.path} is truncated: the copy is incomplete, or the recorder was killed",
                 code="cut-off",
                 advice="Copy it again, or repair it with `mcap recover`.",
             )

@@ -108,7 +108,7 @@ class Ros1Storage(Storage):
         """Go to a position from the index, after a check that it is inside the file."""
         if position > self.path.stat().st_size:
             raise ReadError(
-                f"{self.path} is damaged or cut off: its index points behind its end",
+                f"{self.path} is damaged or truncated: its index points behind its end",
                 code="index-damaged",
                 advice="Copy the file again.",
             )
@@ -133,7 +133,7 @@ class Ros1Storage(Storage):
             part = file.read(length)
             if len(part) != length:
                 raise ReadError(
-                    f"{self.path} is cut off: a record of {length} bytes where {len(part)} are left",
+                    f"{self.path} is truncated: a record of {length} bytes where {len(part)} are left",
                     code="cut-off",
                     advice="Copy the file again.",
                 )
@@ -148,7 +148,9 @@ class Ros1Storage(Storage):
         return header, parts[1]
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged or cut off ({error})", code="damaged", advice="Copy the file again.")
+        return ReadError(
+            f"{self.path} is damaged or truncated ({error})", code="damaged", advice="Copy the file again."
+        )
 
 
 def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:

@@ -114,7 +114,7 @@ class SqliteStorage(Storage):
             head = file.read(100)
         if len(head) < 100:
             raise ReadError(
-                f"{self.path} is cut off: {len(head)} bytes are not a complete database",
+                f"{self.path} is truncated: {len(head)} bytes are not a complete database",
                 code="cut-off",
                 advice="Copy the file again.",
             )
@@ -124,7 +124,7 @@ class SqliteStorage(Storage):
         there = self.path.stat().st_size
         if valid == changed and there < size * count:
             raise ReadError(
-                f"{self.path} is cut off: {there} bytes, expected {size * count}",
+                f"{self.path} is truncated: {there} bytes, expected {size * count}",
                 code="cut-off",
                 advice="Copy the file again.",
             )

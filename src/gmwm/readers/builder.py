@@ -1,4 +1,4 @@
-"""Build the samples of a recording from the rows of a file: in SI units, cut at gaps, with a summary of all rows."""
+"""Build the samples of a recording from the rows of a file: in SI units, split at gaps, with a summary of all rows."""
 
 from __future__ import annotations
 

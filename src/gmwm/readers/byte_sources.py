@@ -39,7 +39,7 @@ GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
 
 
 class PackedError(ReadError):
-    """Packed bytes that cannot be unpacked: damaged, cut off, encrypted, or larger than the limits."""
+    """Packed bytes that cannot be unpacked: damaged, truncated, encrypted, or larger than the limits."""
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ class _Counted(io.RawIOBase):
             data = self._stream.read(len(view))
         except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
             raise PackedError(
-                f"{self._name} is damaged or cut off after {self._count} unpacked bytes ({error})",
+                f"{self._name} is damaged or truncated after {self._count} unpacked bytes ({error})",
                 code="damaged",
                 advice="Copy the file again.",
             ) from error

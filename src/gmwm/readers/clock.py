@@ -41,7 +41,8 @@ deviation of their intervals."""
 
 @dataclass(frozen=True)
 class _Block:
-    """What the time stamps of a block show. Ticks count from the first time stamp and continue over steps backward.
+    """What the time stamps of a block show. Ticks are counted from the first time stamp and continue over steps
+    backward.
 
     Attributes
     ----------

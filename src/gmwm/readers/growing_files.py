@@ -56,7 +56,9 @@ class GrowingFile:
             return None
         here = os.fstat(self._file.fileno())
         if here.st_size < self._taken:
-            self.trouble = f"{self.path} was cut to {here.st_size} bytes while it was watched: what follows is another"
+            self.trouble = (
+                f"{self.path} was truncated to {here.st_size} bytes while it was watched: what follows is another"
+            )
         elif data := self._file.read(BLOCK):
             self._taken += len(data)
             return data

@@ -83,7 +83,7 @@ def _header(path: Path) -> _Header:
     Raises
     ------
     ReadError
-        If the signature is missing, the header is cut off, or a field has a value that it cannot have.
+        If the signature is missing, the header is truncated, or a field has a value that it cannot have.
     """
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES)

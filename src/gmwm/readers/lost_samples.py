@@ -25,7 +25,7 @@ from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase
 
 CUT = -1
-"""Key of a Boolean column among the rows: the recording is cut before a marked row, and the number of missing samples
+"""Key of a Boolean column among the rows: the recording is split before a marked row, and the number of missing samples
 is unknown."""
 IMPOSSIBLE = 1e12
 """Size of a value (rad/s, m/s²) that no sensor measures: a choice. Shock sensors end at 2e6 m/s², and counts of 32 bits
@@ -60,7 +60,7 @@ class Sifted:
     lost : (n,) array of bool, or None
         Rows without a value in some axis; None if there is none.
     cut : (n + 1,) array of bool, or None
-        Rows before which the recording is cut, or a row that cannot be placed was left out; the last entry is for the
+        Rows before which the recording is split, or a row that cannot be placed was left out; the last entry is for the
         row that follows.
     unplaced, other : int
         Number of rows that were left out because they have no time stamp, and because they have no value in any axis.

@@ -43,14 +43,14 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     Raises
     ------
     ReadError
-        If the file is cut off or damaged, or decompresses to more than any recording.
+        If the file is truncated or damaged, or decompresses to more than any recording.
     """
-    # Not mapped: if a mapped file is cut while it is read, the process is killed.
+    # Not mapped: if a mapped file is truncated while it is read, the process is killed.
     data = memoryview(path.read_bytes())
     head = bytes(data[:_HEADER])
     if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
         raise ReadError(
-            f"{path} is not a complete MATLAB file: its header is cut off or damaged",
+            f"{path} is not a complete MATLAB file: its header is truncated or damaged",
             code="incomplete",
             advice="Copy the file again.",
         )

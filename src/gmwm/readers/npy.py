@@ -96,7 +96,7 @@ class NpzReader(Reader):
 
 @dataclass(frozen=True)
 class _Stored:
-    """An array in a file, read part by part. It is not mapped: if a mapped file is cut, the process is killed."""
+    """An array in a file, read part by part. It is not mapped: if a mapped file is truncated, the process is killed."""
 
     path: Path
     offset: int
@@ -202,7 +202,7 @@ def _require_size(shape: tuple[int, ...], dtype: np.dtype[Any], there: int, name
     expected = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if expected > there:
         raise ReadError(
-            f"{name} is cut off: {there} bytes of numbers, expected {expected}",
+            f"{name} is truncated: {there} bytes of numbers, expected {expected}",
             code="cut-off",
             advice="Copy the file again.",
         )

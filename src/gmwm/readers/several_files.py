@@ -2,7 +2,7 @@
 
 They are a sequence of paths, or a pattern such as logs/hour_*.csv, whose files are in the order of the numbers in their
 names. The time stamps show how much is missing between two files. Without time stamps this is not known: the recording
-is cut there, and nothing is filled.
+is split there, and nothing is filled.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class SeveralFiles(Reader):
 
 
 def _cut_before(rows: Rows) -> Rows:
-    """Add a mark that cuts the recording before the first of the rows."""
+    """Add a mark that splits the recording before the first of the rows."""
     cut = np.zeros(next(iter(rows.values())).size, dtype=bool)
     cut[:1] = True
     return {**rows, CUT: cut}

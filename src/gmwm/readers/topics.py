@@ -96,7 +96,7 @@ def separate_sensors(path: Source, format: str | None = None) -> tuple[str, str]
     Returns
     -------
     (gyroscopes, accelerometers), or None
-        None if the inertial recordings are others.
+        None if the file holds other inertial recordings.
 
     Raises
     ------

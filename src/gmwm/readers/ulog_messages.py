@@ -85,7 +85,7 @@ class Log:
         Raises
         ------
         ReadError
-            If the log is cut off or damaged.
+            If the log is truncated or damaged.
         """
         rest, begin = b"", _HEADER
         with self.path.open("rb") as file:

@@ -49,8 +49,8 @@ def psd(
 ) -> PowerSpectrum | PowerSpectra:
     """Estimate the power spectral density of a signal, or of each axis of a recording, and find lines and bumps in it.
 
-    Welch's method: the recording is cut into K blocks of L samples that overlap by one half. The mean is removed from
-    each block, and the density is the mean of the periodograms under a Hann window w,
+    Welch's method: the recording is divided into K blocks of L samples that overlap by one half. The mean is removed
+    from each block, and the density is the mean of the periodograms under a Hann window w,
 
     Ŝ(f) = 2 / (K f_s Σ w_t²) Σ_k |Σ_t w_t x_{k,t} e^{−2πi f t / f_s}|².
 

@@ -1,4 +1,4 @@
-"""Cut samples that arrive in chunks of any length into panels of a fixed length.
+"""Divide samples that arrive in chunks of any length into panels of a fixed length.
 
 A result that is a sum over panels does not depend on the chunks. The panels of a recording are the same in memory and
 in chunks.
@@ -27,7 +27,7 @@ def panel_length(rate: float) -> int:
 
 
 class Panels:
-    """Cut one segment after the other into panels; the last panel of a segment is shorter.
+    """Divide one segment after the other into panels; the last panel of a segment is shorter.
 
     Parameters
     ----------

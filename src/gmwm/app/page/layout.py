@@ -1,4 +1,4 @@
-"""The whole page: its head, the tabs, the state of long work, and the stores behind them."""
+"""The whole page: its head, the tabs, the progress of long computations, and the stores behind them."""
 
 from __future__ import annotations
 
