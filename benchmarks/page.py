@@ -45,8 +45,8 @@ resident set beyond that of `import gmwm`, including the samples.
 {lengths}
 
 A record of {longest} samples in chunks takes {stream:.2g} ns per sample, {over:.2f} times as long as one of 10⁷ in
-memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB beyond the import, whatever its length. The state between
-two chunks is {state:.1f} MB.
+memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than after the import, independent of
+its length. The state between two chunks is {state:.1f} MB.
 
 ## Statements in the documentation
 

@@ -97,8 +97,8 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: correlations, joint fits and differences."""
     rows, differ = result["rows"], sum(row["levels"] > 0 for row in result["same"])
     lines = [
-        "Three recordings of ADIS 16405 units at rest, 10⁶ samples of six axes at 100 Hz each. It is not known whether "
-        "they come from one unit.",
+        "The study uses three recordings of ADIS 16405 units at rest, with 10⁶ samples of six axes at 100 Hz each. It "
+        "is not known whether they come from one unit.",
         "",
         "**What is correlated.** `gmwm.cross` finds shared noise in "
         + ", ".join(f"{row['shared']} of {row['tests']}" for row in rows)

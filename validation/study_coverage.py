@@ -1,7 +1,8 @@
 """Coverage of 95 % confidence intervals.
 
 Recordings of known models are simulated and fitted, with diagonal and with optimal weights; for each parameter, the
-share of intervals that hold the truth, and the standard errors that the fits report beside the spread of the estimates.
+share of intervals that contain the true value, and the standard errors that the fits report beside the spread of the
+estimates.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ SEED = recordings.SEED
 
 
 def run(reduced: bool = False) -> dict[str, Any]:
-    """Share of intervals that hold the truth, lie below it and above it; estimates and standard errors / truth."""
+    """Share of intervals that contain the true value, lie below it and above it; estimates and standard errors /
+    truth."""
     count = recordings.count(reduced)
     rows = []
     for text in recordings.truths(reduced):

@@ -62,7 +62,7 @@ def drawn(fleets: int, units: int, spread: float, errors: str, rng: np.random.Ge
 
 
 def _healthy(fleets: int, units: int, spread: float, errors: str, seed: int) -> dict[str, Any]:
-    """How often a healthy fleet raises an alarm, and how often intervals hold the truth."""
+    """How often a healthy fleet raises an alarm, and how often intervals contain the true value."""
     rng = np.random.default_rng(seed)
     x, s = drawn(fleets, units, spread, errors, rng)
     s2, further = s * s, spread * rng.normal(size=fleets)

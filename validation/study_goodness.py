@@ -96,7 +96,7 @@ def table(result: dict[str, Any]) -> str:
         (
             f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are "
             "simulated. The fitted model is correct, so a test at the 5 % level should reject "
-            "5 %. The asymptotic test excludes the two coarsest levels. The bootstrap, with "
+            "5 % of the recordings. The asymptotic test excludes the two coarsest levels. The bootstrap, with "
             f"{result['draws']} simulated recordings for each test, uses all levels."
         ),
         "",

@@ -56,7 +56,8 @@ def outcome(text: str, samples: int, profile: bool, seed: int) -> dict[str, Any]
 
 
 def run(reduced: bool = False) -> dict[str, Any]:
-    """Share of intervals that hold the truth; estimates beside standard errors; rejections by the three tests."""
+    """Share of intervals that contain the true value; estimates beside standard errors; rejections by the three
+    tests."""
     count = 20 if reduced else 500
     rows, tests = [], []
     for number, (text, samples, profiles) in enumerate(TRUTHS[:1] if reduced else TRUTHS):
@@ -156,9 +157,10 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             "The next table is for all parameters together. It has the mean of 2 (log "
-            "L(estimate) − log L(truth)), and how often this difference exceeds the 5 % limit "
-            "of the chi-square distribution. The last two columns have how often the tests of "
-            "the standardised innovations at the 5 % level reject the correct model. The "
+            "L(estimate) − log L(truth)), and the share of recordings in which this difference "
+            "exceeds the 5 % limit of the chi-square distribution. The last two columns have the "
+            "shares of recordings in which the tests of the standardised innovations at the 5 % "
+            "level reject the correct model. The "
             "Ljung-Box test reduces its degrees of freedom by the number of estimated "
             f"parameters. The standard error of these shares is {noise:.1f} %."
         ),

@@ -162,8 +162,8 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             "The table has the coverage of the 95 % interval of the mean over recordings. "
-            "Each recording has a normal error of 1, and the recordings have the given "
-            "spread."
+            "The estimate from each recording has a normal error with standard deviation 1, and the recordings have "
+            "the given spread."
         ),
         *legend(
             {

@@ -213,7 +213,7 @@ def _given(row: Outcome, symbol: str) -> dict[str, Any] | None:
 
 
 def _scores(rows: Sequence[Outcome], name: str) -> list[bool]:
-    """Whether each interval of a number that the truth has holds the truth."""
+    """Whether each interval of a number that the truth has contains the true value."""
     return [entry["low"] <= true <= entry["high"] for row in rows for entry, true in _pairs(row, name)]
 
 

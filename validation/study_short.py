@@ -39,7 +39,8 @@ Row = dict[str, Any]
 
 
 def run(reduced: bool = False) -> dict[str, Any]:
-    """Shares of intervals that hold the truth: by length, beside a term that is zero, and of the model chosen."""
+    """Shares of intervals that contain the true value: by length, beside a term that is zero, and of the model
+    chosen."""
     count, followed = (24, 8) if reduced else (400, 200)
     rows: list[Row] = []
     for times in (10, 100) if reduced else TIMES:
@@ -145,7 +146,7 @@ def neighbour(text: str, samples: int, way: str, name: str, term: str, seed: int
 
 
 def share(held: Any, where: Any) -> float | None:
-    """Of the intervals at these places, those that hold the truth; None where there are none."""
+    """Of the intervals at these places, those that contain the true value; None where there are none."""
     return float(np.mean(held[where])) if np.any(where) else None
 
 

@@ -35,7 +35,7 @@ def outcome(structure: str, weighting: str, variance: recordings.Array) -> recor
 
 
 def run(reduced: bool = False) -> dict[str, Any]:
-    """Share of intervals that hold the truth, and the spread of estimates beside the standard errors."""
+    """Share of intervals that contain the true value, and the spread of estimates beside the standard errors."""
     count, truths = (20, TRUTHS[:1]) if reduced else (500, TRUTHS)
     design = Design(np.arange(1, SAMPLES.bit_length()), samples=SAMPLES, rate=RATE)
     rows = []

@@ -42,7 +42,8 @@ LADDERS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
 
 
 def run(reduced: bool = False) -> dict[str, Any]:
-    """Shares of estimates that are zero, of one-sided intervals, and of intervals that hold the truth; upper limits."""
+    """Shares of estimates that are zero, of one-sided intervals, and of intervals that contain the true value; upper
+    limits."""
     count = 12 if reduced else 150
     rows = []
     for place, (pattern, name, values) in enumerate(LADDERS):

@@ -123,7 +123,8 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def _fits(
     record: Recording, samples: int, seed: np.random.SeedSequence, recordings: int, truth: Vector
 ) -> tuple[Vector, Vector, int]:
-    """Estimates, whether their 95 % intervals hold the truth (NaN if not asked), and fits with a note on weights."""
+    """Estimates, whether their 95 % intervals contain the true value (NaN if not asked), and fits with a note on
+    weights."""
     estimates = np.empty((recordings, len(WEIGHTINGS), truth.size))
     covered = np.full(estimates.shape, np.nan)
     unsettled = 0

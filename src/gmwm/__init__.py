@@ -14,7 +14,7 @@ Variances
     `psd` estimates the power spectral density, and finds lines and resonances in it.
     `cross` tests which noise axes share, `fit_joint` models it, and `fuse` makes one virtual sensor of an array. `same`
     tests whether two recordings have the same noise.
-    `contamination` tests for outliers, and `compare` draws curves and fits over one another.
+    `contamination` tests for outliers, and `compare` draws curves and fits in one plot.
 Models
     A `Model` is a sum of processes, `2 * GM() + WN()` or `Model.parse("2*GM + WN")`. `fixed` holds a parameter at a
     value. `fit` estimates a model by the GMWM, and `fit_ml` by maximum likelihood; `select` and `rank` choose among

@@ -30,7 +30,7 @@ _SHARES = ("confidence", "efficiency")
 
 @dataclass(frozen=True)
 class Document:
-    """What a document should be, and the advice if it is not."""
+    """The kind of document that is expected, and the advice if it is of another kind."""
 
     noun: str
     advice: str

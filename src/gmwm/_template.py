@@ -29,7 +29,7 @@ class Quantity:
     ----------
     value : float
     unit : str
-        For example "s"; "" for a plain number.
+        Unit, for example "s"; "" for a plain number.
     """
 
     value: float

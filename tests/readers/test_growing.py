@@ -115,7 +115,7 @@ def test_a_file_that_grows(tmp_path):
     assert take.trouble == ""
     path.write_bytes(b"time\n")
     assert take() is None
-    assert "was cut to 5 bytes" in take.trouble
+    assert "was truncated to 5 bytes" in take.trouble
     assert take() is None
     take.close()
 

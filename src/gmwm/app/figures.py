@@ -146,7 +146,7 @@ def with_spans(found: Drawn, spans: Sequence[tuple[float, float]], unit: float) 
 
 
 def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, units: UnitSystem) -> Panel:
-    """Return the curves of the axes of one sensor over one another, by the name of the estimate and by axis."""
+    """Return the curves of the axes of one sensor in one plot, by the name of the estimate and by axis."""
     items: dict[str, WaveletVariance] = {}
     strokes: list[Stroke] = []
     for name, axes in of.items():
@@ -159,7 +159,7 @@ def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, unit
 
 
 def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
-    """Return the spectra of the axes of one sensor over one another, with symbols at their lines and broad peaks."""
+    """Return the spectra of the axes of one sensor in one plot, with symbols at their lines and broad peaks."""
     marks: list[Mark] = []
     panels = [spectrum_panel(spectrum, units=units, alone=False) for spectrum in axes.values()]
     for k, (axis, panel) in enumerate(zip(axes, panels, strict=True)):

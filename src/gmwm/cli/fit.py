@@ -184,8 +184,8 @@ def fit(
     lower the objective. Models with several shape parameters per process, such as AR(2), have no certificate; they
     start from a scan of all shapes.
 
-    Several files are several recordings of one unit. They get one fit, to the mean of their curves, and a test whether
-    they are equal; intervals include the spread between them.
+    Several files are recordings of one unit. One model is fitted to the mean of their curves, and a test shows whether
+    the recordings are equal. Intervals include the spread between them.
     """
     from gmwm import Imu, Model
     from gmwm.estimation import Sampled

@@ -81,7 +81,7 @@ class Entry:
         Returns
         -------
         value, low, high : float, and float or None
-            In the unit.
+            The number and its limits, in the unit.
         unit : str
 
         Raises

@@ -106,10 +106,10 @@ def fit(
         The model to fit, for example ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values in the model are used
         as additional starting values; values in ``fixed(…)`` are held.
     data : WaveletVariance, Signal, (N,) array in any unit; a list of these; or mapping of condition to one of these
-        The data to fit the model to. A list has several recordings of one unit. They get one fit, to the mean of their
-        curves: `fit.replicates` tests whether they are equal, and intervals include the spread between them. A mapping
-        has recordings at known conditions, for example rates of a turntable or plateaus of a chamber:
-        ``{0.0: rest, 50.0: slow, 100.0: fast}``.
+        The data to fit the model to. A list has several recordings of one unit. The model is fitted to the mean of
+        their curves: `fit.replicates` tests whether they are equal, and intervals include the spread between them. A
+        mapping has recordings at known conditions, for example rates of a turntable or plateaus of a chamber: ``{0.0:
+        rest, 50.0: slow, 100.0: fast}``.
     rate : float, optional
         Sampling rate (Hz); needed only if `data` is a plain array.
     weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional

@@ -117,8 +117,8 @@ class InferenceMethods:
         level : float
             Confidence level, between 0 and 1.
         method : "asymptotic" or "bootstrap"
-            From the exact covariance of the wavelet variance, or from quantiles of the estimates of `draws` simulated
-            recordings.
+            Whether to compute from the exact covariance of the wavelet variance, or from quantiles of the estimates of
+            `draws` simulated recordings.
         covariance : (J, J) array, optional
             V in place of the covariance of the fitted model, as from `empirical_covariance`; only with
             method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance of
@@ -168,9 +168,10 @@ class InferenceMethods:
             T = rᵀV⁻¹r − rᵀV⁻¹D (DᵀV⁻¹D)⁻¹ DᵀV⁻¹r ~ χ² with (levels − parameters) degrees of freedom.
 
         The test leaves out the coarsest levels, whose ν̂² is skewed however long the recording is: with them a test at
-        the 5 % level would reject about 8 %. The model is fitted again without these levels. This fit has the same
-        weighting if it is "diagonal" or "optimal", and "diagonal" otherwise, because estimates under other weights may
-        be too far off for the law to hold. Parameters that are zero or at an end of their domain do not count.
+        the 5 % level would reject about 8 % of correct models. The model is fitted again without these levels. This fit
+        has the same weighting if it is "diagonal" or "optimal", and "diagonal" otherwise, because estimates under other
+        weights may be too far off for the law to hold. Parameters that are zero or at an end of their domain do not
+        count.
 
         Parameters
         ----------

@@ -52,6 +52,7 @@ class Deviations:
     Attributes
     ----------
     recordings : tuple of str
+        Names of the R recordings.
     names : tuple of str
         The p parameters that the data determine.
     values : (R, p) array
@@ -62,8 +63,8 @@ class Deviations:
         Relative difference of the recordings at each level that no parameters describe; it enters the weights of the
         deviations and their covariances, and not the test.
     statistic : float
-        H: the statistic of the goodness-of-fit test of all recordings with the same parameters, minus the sum of those
-        with parameters of their own.
+        H: the statistic of the goodness-of-fit test of a fit with the same parameters for all recordings, minus the
+        sum of the statistics of fits with separate parameters for each recording.
     df : int
         Its degrees of freedom.
     """

@@ -273,7 +273,7 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
     ----------
     weighting : "diagonal" or "optimal"
     model : Model
-        With all its values.
+        Model with all values.
     design : Design
     observed : (J,) array, optional
         Data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000). This changes little

@@ -147,7 +147,7 @@ def calibrate_fleet(
     retries: int = 2,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Calibrate a fleet by options that are already checked; see `fleet`."""
+    """Calibrate a fleet with options that are already checked; see `fleet`."""
     _check_axes(options.wanted)
     if reading.format is not None:
         find_reader(Path(), reading.format)

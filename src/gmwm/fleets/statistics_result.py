@@ -40,7 +40,7 @@ class FleetNumber:
     model : str or None
         The model of the units, if the number is compared only within one model.
     median, quantile_05, quantile_95 : float or None
-        Of the estimates.
+        Median and quantiles of the estimates.
     typical, typical_low, typical_high : float or None
         exp μ̂ (μ̂ for R) and its confidence limits.
     spread, spread_low, spread_high : float or None
@@ -161,11 +161,11 @@ class FleetStatistics(Summarised):
     Attributes
     ----------
     rows : tuple of FleetNumber
-        By sensor and number; the row of all axes comes before the rows of single axes.
+        The statistics by sensor and number; the row of all axes comes before the rows of single axes.
     outliers : tuple of OutlierUnit
         The smallest p-value first.
     differences : tuple of AxisDifference
-        For each sensor with several axes and each number.
+        The differences for each sensor with several axes and each number.
     confidence : float
         Level of confidence intervals and predictions.
     size : float

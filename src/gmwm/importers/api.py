@@ -24,7 +24,7 @@ class Given:
     Attributes
     ----------
     models : mapping of axis to Model
-        With all values.
+        Models with all values.
     values : mapping of axis to Values
         The numbers, for the axes that have numbers and not a model.
     rate : float

@@ -75,7 +75,7 @@ class NoiseAgainst(Summarised):
     unit : str
         Unit of the condition; "" if it is unknown.
     range : (lowest, highest)
-        Of the condition in the recording.
+        Range of the condition in the recording.
     levels : (J,) int array
         Levels that are tested.
     tau : (J,) array
@@ -151,8 +151,8 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         The axis.
     condition : (N,) array, Signal, mapping of one name to it, or "time"
         The condition, for example ``{"temperature": imu.temperature}``; the name may have the options of `against` for
-        its effect on the mean, such as "temperature:3" or "rate:exact". It must change slowly: only scales are used
-        over which it is nearly constant.
+        its effect on the mean, such as "temperature:3" or "rate:exact". It must change slowly: only scales over which
+        it is nearly constant are used.
     model : Model or str
         The noise terms whose slopes are estimated.
 
@@ -169,9 +169,9 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
 
     Notes
     -----
-    In the study, the joint test at the 5 % level rejects 3 % of 160 series of constant noise, and 95 % intervals of the
-    slope of white noise contain the truth in 95 % of 320 series (docs/validation/regression.md).
-    The slopes describe the recording; a noise that changes with time for another reason has slopes too.
+    In the study, the joint test at the 5 % level rejects 3 % of 160 series of noise with a constant variance, and 95 %
+    intervals of the slope of white noise contain the true value in 95 % of 320 series (docs/validation/regression.md).
+    The slopes describe the recording: noise that changes with time for another reason also has slopes.
 
     Examples
     --------

@@ -39,8 +39,8 @@ def fuse(
     """Fuse an array of like sensors into one virtual sensor with less noise; the motion is not changed.
 
     By default, a Kalman filter on the differences of the signals, which do not depend on the motion, estimates the slow
-    noise. Its variance is within a few per cent of the least one of static weights at every scale. It needs a joint
-    model of the noise, see `fit_joint`.
+    noise. Its variance is within a few per cent of the least variance of static weights at every scale. It needs a
+    joint model of the noise, see `fit_joint`.
 
     With `horizon`, the virtual sensor is the weighted sum of least wavelet variance at this scale,
 
@@ -51,14 +51,14 @@ def fuse(
 
     Weights that are estimated from a recording have less noise in it than in others, and `variance` is corrected for
     this. At the scale of the weights, with η degrees of freedom, the expected variance wᵀ Γ̂ w is
-    (η − d + 1)/η · (η − d)/(η − 1) of the one in other recordings. At other scales j the correction is weaker by the
-    regression of ν̂²_j on ν̂² at the scale of the weights. With a model, it follows from a parametric bootstrap.
+    (η − d + 1)/η · (η − d)/(η − 1) times the variance in other recordings. At other scales j the correction is weaker
+    by the regression of ν̂²_j on ν̂² at the scale of the weights. With a model, it follows from a parametric bootstrap.
 
     Parameters
     ----------
     x : sequence of Imu, or mapping
         A recording at rest of each of d units, sampled together; like axes are fused. Or a mapping of names such as
-        "gyro_x[2]" to signals or (N,) arrays. Signals whose names have no brackets are all of one axis.
+        "gyro_x[2]" to signals or (N,) arrays. If the names have no brackets, all signals belong to one axis.
         Arrays of the axes of an IMU are in rad/s and m/s².
     rate : float
         Sampling rate (Hz); only for plain arrays.
@@ -235,8 +235,8 @@ def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
 def _optimism(measured: WaveletMatrices, own: Vector, shares: Vector, d: int) -> Vector:
     """Factor (J,) from the wavelet variance in the recording itself to the expected one in others.
 
-    With Γ̂ of η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1), and E wᵀΓw = (η − 1)/(η − d) · 1/(1ᵀΓ⁻¹1)
-    (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002, with a known mean).
+    With Γ̂ of η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1), and E wᵀΓw = (η − 1)/(η − d) ·
+    1/(1ᵀΓ⁻¹1) (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002, with a known mean).
     """
     design = measured.design
     curve, model = mixture(own, design.degrees_of_freedom, design, random=True)

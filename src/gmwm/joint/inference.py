@@ -24,7 +24,7 @@ class Errors:
     bases : tuple of (m, k_p) arrays
         For each term, the directions in which its matrix can move.
     covariance : (k, k) array
-        Of the coefficients of all directions, and of the coordinates of the shapes after them.
+        Covariance of the coefficients of all directions, and of the coordinates of the shapes after them.
     shapes : tuple of int
         Places of the terms whose shape has an error.
     """

@@ -74,7 +74,7 @@ class Baseline:
         Parameters
         ----------
         model : Model
-            With all values, per sample at `rate`.
+            Model with all values, per sample at `rate`.
         segments : sequence of (n,) arrays
             Samples without a gap in each, in rad/s or m/s².
         rate : float

@@ -38,7 +38,7 @@ class Cleaned:
     Attributes
     ----------
     signal : Signal
-        With other samples in their places, drawn from their distribution given all others.
+        The signal with other samples in the places of the outliers, drawn from their distribution given all others.
     knocks : (k, 2) int array
         Half-open index ranges of the samples that were replaced because of knocks.
     replaced : Replaced

@@ -265,7 +265,7 @@ def plot_allan_axes(
     Parameters
     ----------
     curves : mapping of axis name to ClusterVariance
-        For example {"gyro_x": allan_x, "accel_z": allan_z}. All names that are not axes share a panel.
+        Curves by axis, for example {"gyro_x": allan_x, "accel_z": allan_z}. All names that are not axes share a panel.
     units, guides, path
         As for `plot_allan`.
 

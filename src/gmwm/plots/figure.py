@@ -26,7 +26,7 @@ class Stroke:
     colour : str
         "#rrggbb".
     width : float
-        In points.
+        Width in points.
     dash : tuple of float
         Lengths of dashes and gaps in turn, in units of the width; empty for a solid line.
     symbol : Symbol or None

@@ -34,7 +34,7 @@ class View:
     unit : str
         The unit of a deviation in the picture; "" if the data have no unit.
     factor : float
-        From the unit of the data to `unit`.
+        Conversion factor from the unit of the data to `unit`.
     """
 
     name: ViewName

@@ -203,7 +203,7 @@ def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...
     Parameters
     ----------
     model : Model
-        With all values.
+        Model with all values.
     rate : float
         Samples per second (Hz).
     axis : str

@@ -37,7 +37,7 @@ def fixed(value: float) -> Fixed:
     Parameters
     ----------
     value : float
-        In the unit of the parameter, in SI: u² for a variance, 1/s for β, Hz for a frequency.
+        Value in the SI unit of the parameter: u² for a variance, 1/s for β, Hz for a frequency.
 
     Returns
     -------

@@ -28,8 +28,8 @@ class SIN(Process):
     ν_j² = P |H_j(f₀)|² with P = A²/2. For the Haar filter it is P sin⁴(πhf₀Δt) / (h² sin²(πf₀Δt)), with h = τ_j/2.
 
     A model can contain several sinusoids of different frequencies; they are sorted by frequency. A frequency above half
-    the rate appears at its alias: at a rate of 250 Hz, 260 Hz appear as 10 Hz. The wavelet coefficients are not
-    Gaussian, and their squares vary far less than for noise of the same variance; see `gmwm.covariance.lines`.
+    the rate appears at its alias: at a rate of 250 Hz, a sinusoid at 260 Hz appears at 10 Hz. The wavelet coefficients
+    are not Gaussian, and their squares vary far less than for noise of the same variance; see `gmwm.covariance.lines`.
 
     A wavelet variance determines the frequency to a fraction of an octave at best. Fix the frequency if it is known:
     ``SIN(frequency=fixed(50.0))``.

@@ -188,7 +188,7 @@ def stream(
 
 
 def read_file(path: Source, options: ReadOptions) -> Imu:
-    """Read the recording in a file into memory, by options that are already checked; see `read`."""
+    """Read the recording in a file into memory, with options that are already checked; see `read`."""
     with np.errstate(all="ignore"):  # damaged numbers are checked, not warned about
         opened = _Opened.of(path, options, in_memory=True)
         imu = replace(recording_of(opened.found, opened.rows, opened.path), source=source_words(path))
@@ -199,7 +199,7 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
 
 
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
-    """Open the recording in a file as a stream, by options that are already checked; see `stream`. No segment is left
+    """Open the recording in a file as a stream, with options that are already checked; see `stream`. No segment is left
     out."""
     with np.errstate(all="ignore"):
         opened = _Opened.of(path, options, in_memory=False)

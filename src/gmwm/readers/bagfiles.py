@@ -40,9 +40,9 @@ class Topic:
     Parameters
     ----------
     name : str
-        For example "/imu/data".
+        Name of the topic, for example "/imu/data".
     type : str
-        For example "sensor_msgs/msg/Imu", also for ROS 1.
+        Type of the messages, for example "sensor_msgs/msg/Imu", also for ROS 1.
     encoding : str
         Serialisation of the messages: "cdr", "ros1", or another one, which cannot be read.
     text, language : str

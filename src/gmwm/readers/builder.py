@@ -264,7 +264,7 @@ def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, r
     found : Interpretation
         How they were read.
     base, remarks
-        Of the recording.
+        Time base and remarks of the recording.
 
     Raises
     ------

@@ -48,7 +48,7 @@ def read_array(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
 
 
 def read_units(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], options: ReadOptions) -> dict[str, Imu]:
-    """Read the recordings of all units of an array, by options that are already checked; see `read_array`."""
+    """Read the recordings of all units of an array, with options that are already checked; see `read_array`."""
     if not isinstance(path, str | os.PathLike):
         files = [Path(file) for file in path]
         if len(files) != 1:

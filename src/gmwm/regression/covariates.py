@@ -52,7 +52,7 @@ class Covariates:
     exact : mapping of name to (N,) array
         Samples of the covariates that are known exactly.
     ranges : mapping of name to (lowest, highest)
-        Of the block means; of time in hours.
+        Ranges of the block means; for time, in hours.
     lowest : int
         Lowest wavelet level of the recording at which all covariates are known.
     block : int

@@ -200,7 +200,7 @@ class Replicates(Summarised):
         Parameters
         ----------
         pvalue : float
-            Of the test that the recordings are equal; it may be adjusted for the number of axes.
+            The p-value of the test that the recordings are equal, possibly adjusted for the number of axes.
         """
         few = "yes" if len(self.recordings) < FEW else "no"
         if pvalue > SIZE:

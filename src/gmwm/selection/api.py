@@ -149,7 +149,7 @@ def select_within(
     against: Against = None,
     progress: Progress | None = None,
 ) -> Ranking:
-    """Rank every model within a general one, by options that are already checked; all models contain the `required`
+    """Rank every model within a general one, with options that are already checked; all models contain the `required`
     terms."""
     wv = measured(data, rate, robust, efficiency, against=against)
     optional = without_drift(without_values(as_model(general)), [wv])
@@ -226,7 +226,7 @@ def rank(
 def rank_models(
     models: Sequence[Model], wv: WaveletVariance, options: RankingOptions, *, progress: Progress | None = None
 ) -> Ranking:
-    """Rank given models, by options that are already checked."""
+    """Rank given models, with options that are already checked."""
     wanted = [without_values(model) for model in models]
     for model in wanted:
         if freedom(model) > len(wv):

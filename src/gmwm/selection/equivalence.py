@@ -185,8 +185,8 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Return whether a share of more than `size` of the simulated recordings shows a difference as large as the
-    data."""
+    """Return whether a share of more than `size` of the simulated recordings shows a difference as large as in
+    the data."""
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True

@@ -126,7 +126,7 @@ class Ranking:
     Attributes
     ----------
     candidates : tuple of Candidate
-        In the order of the criterion; a model with the same fit as a smaller one follows it.
+        Candidates in the order of the criterion; a model with the same fit as a smaller one follows it.
     within : Model
         The general model, with its fixed values.
     general : Fit

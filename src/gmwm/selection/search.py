@@ -316,7 +316,7 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
 
 
 def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float) -> Vector:
-    """Return the density per sample (n,) of the slow processes among some processes."""
+    """Return the density per sample (n,) of those processes that are slow."""
     total = np.zeros(frequencies.size)
     for process in processes:
         if process.scale == 0 or process.line(rate) is not None:

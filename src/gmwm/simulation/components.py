@@ -103,7 +103,8 @@ class SimulatedSignal:
         """Write the latent processes as a table with one column each.
 
         The columns are `time [s]` and one for each term, such as `gyro_x WN [rad/s]`, with full precision.
-        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one. If writing fails, there is no file.
+        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one of them. If writing fails, no file
+        remains.
 
         Parameters
         ----------
@@ -176,7 +177,8 @@ class SimulatedImu:
         """Write the latent processes as a table with one column each.
 
         The columns are `time [s]` and one for each term of each axis, such as `gyro_x WN [rad/s]`, with full precision.
-        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one. If writing fails, there is no file.
+        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one of them. If writing fails, no file
+        remains.
 
         Parameters
         ----------

@@ -197,7 +197,7 @@ class SpectrumAccumulator(OneAtATime):
         Parameters
         ----------
         other : SpectrumAccumulator
-            With the same options. The rate of the result is the rate of this recording.
+            An accumulator with the same options. The rate of the result is the rate of this recording.
         """
         self.gap()
         other.gap()

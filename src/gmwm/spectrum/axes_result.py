@@ -27,7 +27,7 @@ class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
     Parameters
     ----------
     spectra : mapping of axis to PowerSpectrum
-        At least one.
+        The spectrum of each axis, at least one.
 
     Examples
     --------

@@ -29,7 +29,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
     Parameters
     ----------
     curves : mapping of axis to WaveletVariance
-        At least one.
+        The curve of each axis, at least one.
 
     Examples
     --------

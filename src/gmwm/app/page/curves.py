@@ -1,4 +1,4 @@
-"""The tab "Curves": Allan deviation or wavelet variance, and the spectrum, of all axes over one another."""
+"""The tab "Curves": Allan deviation or wavelet variance, and the spectrum, of all axes."""
 
 from __future__ import annotations
 
