@@ -1,10 +1,13 @@
-"""Parallel work in threads. Threads are enough, because the kernels release Python's global interpreter lock."""
+"""Parallel work in threads, and its cancellation. Threads are enough, because the kernels release Python's global
+interpreter lock."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from contextvars import ContextVar, copy_context
 from typing import TypeVar
 
 from gmwm.errors import GmwmError, OptionError
@@ -14,6 +17,30 @@ Item = TypeVar("Item")
 
 INTERRUPT_CHECK = 0.1
 """Longest time (s) until Ctrl-C is noticed (tests/test_threads.py)."""
+
+_check: ContextVar[Callable[[], None]] = ContextVar("_check", default=lambda: None)
+
+
+@contextmanager
+def stoppable(check: Callable[[], None]) -> Iterator[None]:
+    """Call a function often during long work in this block, also in the threads that it starts.
+
+    Parameters
+    ----------
+    check : function
+        It may raise to end the work: `gmwm app` cancels a fit in this way.
+    """
+    token = _check.set(check)
+    try:
+        yield
+    finally:
+        _check.reset(token)
+
+
+def check_stop() -> None:
+    """End the work if a caller asks for it by `stoppable`. Long loops call it at least every 0.1 s
+    (tests/app/test_workspace.py)."""
+    _check.get()()
 
 
 def in_threads(
@@ -55,7 +82,7 @@ def in_threads(
     """
     pool = ThreadPoolExecutor(max(1, min(len(items), threads or processors())))
     try:
-        futures = {pool.submit(_named, work, name, item): name for name, item in items.items()}
+        futures = {pool.submit(copy_context().run, _named, work, name, item): name for name, item in items.items()}
         pending = set(futures)
         while pending:
             # After Polars has installed its handler of Ctrl-C, a wait without a timeout ignores Ctrl-C.
@@ -77,6 +104,7 @@ def processors() -> int:
 
 def _named(work: Callable[[str, Item], T], name: str, item: Item) -> T:
     try:
+        check_stop()
         return work(name, item)
     except OptionError:
         raise  # options are the same for all items

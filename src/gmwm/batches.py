@@ -17,6 +17,7 @@ import numpy as np
 
 from gmwm._arrays import Vector, freeze
 from gmwm._memory import return_memory
+from gmwm._threads import check_stop
 from gmwm.axis_names import axis_quantity
 from gmwm.chunks import Samples
 from gmwm.remarks import Remark
@@ -188,6 +189,7 @@ class Batches:
             return
         stop = 0
         for batch in batches(self.recording, self._done):
+            check_stop()
             if self._samples is not None and batch.stop >= self._samples:
                 yield batch.between(0, self._samples - batch.first)
                 return

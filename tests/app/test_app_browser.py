@@ -90,6 +90,8 @@ def tab(page, name):
     }
     place |= {"numbers": "#numbers .datasheet", "download": "#preview pre"}
     page.locator(place[name]).first.wait_for()
+    if name == "model":
+        page.wait_for_function("document.querySelector('#model').value !== ''")
 
 
 def choose(page, menu, option):
@@ -138,6 +140,7 @@ def test_a_user_calibrates_the_shared_recording_and_repeats_it_in_a_shell(opened
     page.fill("#model", "2*GM + WN + RW")
     page.press("#model", "Enter")
     page.locator("#fit h2", has_text="your model").wait_for()
+    page.locator("#terms .chip", has_text="GM[2]").wait_for()
     assert page.locator("#terms .chip").all_text_contents() == ["GM[1] ×", "GM[2] ×", "WN ×", "RW ×"]
     page.click("#spread")
     page.get_by_role("button", name="Accelerometer X").click()

@@ -9,6 +9,8 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any, Literal
 
+from gmwm._threads import stoppable
+
 State = Literal["running", "done", "failed", "cancelled"]
 QUICK = 0.3
 """Time (s) that `Jobs.ask` waits for a result, so that short work needs no progress."""
@@ -51,19 +53,23 @@ class Job:
         self._thread.start()
 
     def step(self, text: str, done: float = 0, total: float = 0) -> None:
-        """Report progress; the work calls it as often as it can be cancelled.
+        """Report progress.
 
         Raises
         ------
         Cancelled
             If the job was cancelled.
         """
-        if self._stop.is_set():
-            raise Cancelled
+        self.check()
         self.text, self.share = text, min(done / total, 1.0) if total > 0 else None
 
+    def check(self) -> None:
+        """Raise `Cancelled` if the job was cancelled."""
+        if self._stop.is_set():
+            raise Cancelled
+
     def cancel(self) -> None:
-        """End the job at its next step. Its result is not used, even if it is found before."""
+        """End the job at its next step or check. Its result is not used, even if it is found before."""
         self._stop.set()
         self._end("cancelled")
 
@@ -89,7 +95,8 @@ class Job:
 
     def _run(self) -> None:
         try:
-            value = self._work(self)
+            with stoppable(self.check):
+                value = self._work(self)
         except Cancelled:
             self._end("cancelled")
         except Exception as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Hashable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,13 @@ from gmwm.app.folders import Folders
 from gmwm.app.jobs import Job, Jobs
 from gmwm.app.overview import overview
 from gmwm.app.session import Session
+from gmwm.calibration.choice import chosen_model, final_fit, given_fit
+from gmwm.calibration.reading import AxisData, axes_data
 from gmwm.errors import GmwmError
+from gmwm.estimation.result import Fit
 from gmwm.inspection import inspect
 from gmwm.readers.streams import Stream, is_large
-from gmwm.selection.search import SLOW
+from gmwm.selection.search import Searched
 from gmwm.signals import Imu
 from gmwm.variance.axes_result import WaveletVariances
 
@@ -100,22 +104,36 @@ class Workspace:
 
         return self._of_recording("spectrum", session, "Spectrum", work)
 
-    def fit(self, session: Session, axis: str, model: str) -> Job:
-        """Fit a model to the curve of an axis."""
+    def data(self, session: Session) -> Job:
+        """Measure all axes as `gmwm calibrate` does: without wrong samples and the effect of the temperature."""
 
-        def work(job: Job) -> Any:
-            return gmwm.fit(model, self._curve(session, axis, job))
+        def work(recording: Imu | Stream, job: Job) -> dict[str, AxisData]:
+            return axes_data(recording, session.calibration, progress=job.step)
 
-        return self.jobs.ask("fit", self._of_axis(session, axis, model), f"Fitting {axis}", work, kept=FITS)
+        return self._of_recording("data", session, "Measuring", work)
 
-    def ranking(self, session: Session, axis: str) -> Job:
-        """Compare all models of slow noise, white noise and quantization noise for an axis."""
+    def fit(self, session: Session, axis: str) -> Job:
+        """Fit the model of an axis, as `gmwm calibrate` does: the model of the user, or the recommended one."""
+        options = session.calibration.of_axis(axis)
 
-        def work(job: Job) -> Any:
-            curve = self._curve(session, axis, job)
-            return gmwm.select(SLOW, curve, progress=lambda done, total: job.step(f"{done} of {total}", done, total))
+        def work(job: Job) -> Fit:
+            if options.models:
+                return given_fit(options.general, self._axis(session, axis, job).measured(options).wv, options)
+            found: Searched = self.search(session, axis).result_for(job)
+            return final_fit(found.ranking.recommended.model, found.with_error, options.weighting)
 
-        return self.jobs.ask("ranking", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
+        key = self._of_axis(session, axis, session.models.get(axis))
+        return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
+
+    def search(self, session: Session, axis: str) -> Job:
+        """Search for the model of an axis, as `gmwm calibrate` does."""
+        options = replace(session.calibration, models={})
+
+        def work(job: Job) -> Searched:
+            found = self._axis(session, axis, job).measured(options)
+            return chosen_model(found.wv, found.spectrum, options, check=job.check)
+
+        return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
 
     def calibration(self, session: Session) -> Job:
         """Calibrate all axes, as `gmwm calibrate` does."""
@@ -137,15 +155,16 @@ class Workspace:
 
         return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
 
-    def _curve(self, session: Session, axis: str, job: Job) -> Any:
-        return self.curves(session, robust=session.robust is True).result_for(job)[axis]
+    def _axis(self, session: Session, axis: str, job: Job) -> AxisData:
+        found: AxisData = self.data(session).result_for(job)[axis]
+        return found
 
     def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
         reading = dict(session.reading) if cut else _uncut(session.reading)
         return (*_stamp(self.path(session)), _key(reading))
 
     def _of_axis(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
-        return (*self._recorded(session), session.robust is True, axis, *more)
+        return (*self._recorded(session), session.robust, session.confidence, axis, *more)
 
 
 def _uncut(reading: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.baselines import with_baselines
+from gmwm.calibration.choice import chosen_model, final_fit
 from gmwm.calibration.data import chosen_axes, common_axes, named, require_axes, require_one
 from gmwm.calibration.findings import LEAST_SCALES, SIZE, WANTED
-from gmwm.calibration.measurement import Measured, measured_recording
+from gmwm.calibration.measurement import Measured
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
+from gmwm.calibration.reading import inspected
 from gmwm.calibration.recording_findings import recording_remarks, shared_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import means_of, with_rest
@@ -26,9 +28,7 @@ from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.several import Part, measured_together, regression_of, worst
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
-from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
-from gmwm.estimation.reweighting import settle
 from gmwm.inference.goodness import GoodnessOfFit, usable_levels
 from gmwm.inference.model_error import nearly_fitted, relative_misfit
 from gmwm.inference.planning import SEEN, relative_errors
@@ -40,12 +40,9 @@ from gmwm.processes.model import Model, ModelLike
 from gmwm.processes.validation import as_seed
 from gmwm.processes.walk import RW
 from gmwm.readers.streams import Stream
-from gmwm.regression.against import AUTO, Against, Asked
-from gmwm.regression.conditions import NOTHING, Conditions
+from gmwm.regression.against import AUTO, Against
 from gmwm.remarks import Remark
-from gmwm.selection.search import Searched, given_model, search, within_family
 from gmwm.signals import Imu, Signal
-from gmwm.spectrum import PowerSpectrum
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
@@ -212,7 +209,7 @@ def calibrate_recording(
     shared: dict[str, tuple[SharedNoise, ...]] = {}
     for name, recording in recordings.items():
         own = {axis: chosen[name][axis] for axis in axes}
-        items, inspection, shared[name], conditions = _inspected(
+        items, inspection, shared[name], conditions = inspected(
             recording, own, options=options, threads=threads, scheduler=scheduler, workers=workers,
             read=partial(_read, steps, name),
         )  # fmt: skip
@@ -280,53 +277,6 @@ def _recording_remarks(
                 yield remark.about(f"{remark.subject} in {name}" if remark.subject else name)
 
 
-def _inspected(
-    data: Any,
-    chosen: Mapping[str, Measured | None],
-    options: CalibrationOptions,
-    threads: int | None,
-    scheduler: str | Client | None,
-    workers: int | None,
-    read: Callable[[str], None],
-) -> tuple[dict[str, Measured], Inspection | None, tuple[SharedNoise, ...], dict[str, Conditions]]:
-    """Return the measured data of each axis, the inspection of a recording, the noise that its axes share, and the
-    conditions of each axis."""
-    asked = options.conditions
-    if not isinstance(data, Stream) and (scheduler is not None or workers is not None):
-        name = "workers" if scheduler is None else "scheduler"
-        raise OptionError(
-            f"{name} can be given for a stream only",
-            argument=name,
-            advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
-        )
-    if isinstance(data, Imu | Stream):
-        conditions = Conditions.of_recording(data, asked, threads=threads, curves=True)
-        measured = measured_recording(
-            data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=read,
-            conditions=conditions,
-        )  # fmt: skip
-        return dict(measured.axes), measured.inspection, measured.shared, dict.fromkeys(chosen, conditions)
-    items, found = {}, {}
-    for axis, item in chosen.items():
-        if item is not None:
-            found[axis] = _conditions_of(axis, item, asked)
-            items[axis] = found[axis].without(axis, item) if isinstance(item, Signal) else item
-    return items, None, (), found
-
-
-def _conditions_of(axis: str, item: Measured, asked: Asked) -> Conditions:
-    """Return the conditions of one axis for data without a recording."""
-    if isinstance(item, Signal):
-        return Conditions.of({axis: item}, asked, None)
-    if asked.terms:
-        raise OptionError(
-            f"against needs the samples; {axis} is a {type(item).__name__}",
-            argument="against",
-            advice="Pass signals, or leave {--against} out.",
-        )
-    return NOTHING
-
-
 def _read(steps: _Progress, name: str, text: str) -> None:
     """Report the progress of reading one of several recordings."""
     steps.read(f"{name}: {text}" if name else text)
@@ -383,12 +333,10 @@ class _Axis:
         self.verdicts.update(measured.verdicts)
         _require_scales(wv)
         self.steps.step(self.name, next(stages))
-        found = self._searched(wv, spectrum)
+        found = chosen_model(wv, spectrum, options, check=self.steps.check)
         ranking, wv = found.ranking, found.with_error
         self.steps.step(self.name, next(stages))
-        model = ranking.recommended.model
-        # `as_fit` issues no warnings, because threads share the filters of Python's warnings. Remarks are in the fit.
-        fit = as_fit(settle(model, wv, options.weighting, certify=True), wv, options.weighting)
+        fit = final_fit(ranking.recommended.model, wv, options.weighting)
         self.steps.step(self.name, next(stages))
         level = options.confidence
         sheet = with_band(averaged_datasheet(datasheet(fit, level), ranking, level), found.band, level)
@@ -422,16 +370,6 @@ class _Axis:
         except GmwmError:
             return None
         return None if entry is None else entry.value
-
-    def _searched(self, wv: WaveletVariance, spectrum: PowerSpectrum | None) -> Searched:
-        """Search for a model, select within the sum that the user gave, or use the model that the user gave."""
-        options, check = self.options, self.steps.check
-        if options.models:
-            return given_model(options.general, wv, options.ranking)
-        if options.searched:
-            # The covariance of a robust estimate of a sinusoid is unknown.
-            return search(wv, None if wv.robust else spectrum, options.ranking, check=check)
-        return within_family(options.general, wv, options.ranking, check=check)
 
 
 def _require_scales(wv: WaveletVariance) -> None:

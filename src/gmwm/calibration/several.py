@@ -67,7 +67,7 @@ def measured_together(
     several = len(parts) > 1
     spectrum = _spectrum([part.item for part in parts.values()]) if several else None
     found: dict[str, tuple[WaveletVariance, Verdict | None, PowerSpectrum | None]] = {}
-    pairs = {name: _pair(part.item, options) if several else part.item for name, part in parts.items()}
+    pairs = {name: pair_of_axis(part.item, options) if several else part.item for name, part in parts.items()}
     for name, item in pairs.items():
         found[name] = measured_axis(item, options, comparisons=comparisons * len(parts))
         if not np.any(found[name][0].variance > 0):
@@ -104,7 +104,7 @@ def regression_of(axis: str, parts: Mapping[str, Part]) -> Regression | None:
     return next(iter(parts.values())).conditions.found.get(axis)
 
 
-def _pair(item: Measured, options: CalibrationOptions) -> Measured:
+def pair_of_axis(item: Measured, options: CalibrationOptions) -> Measured:
     """Return the curves of an axis, after which its samples are no longer needed."""
     if not isinstance(item, AxisMeasurement):
         return item

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
+from gmwm._threads import check_stop
 from gmwm.covariance.design import Design
 from gmwm.covariance.robust import hermite_weights
 from gmwm.errors import MissingTheoryError
@@ -121,6 +122,7 @@ class Lags:
         below = (self.design.levels[a:end] - stage).tolist()
         pairs = _against(self._with_signal(stage, below[0]), self.known[stage].size, self.design.filter, below)
         for b, (first, values) in enumerate(pairs, a):
+            check_stop()
             yield b, first, values
 
     def _with_signal(self, stage: int, level: int) -> tuple[int, Vector]:
@@ -131,6 +133,7 @@ class Lags:
         filter, known = self.design.filter, self.known[stage]
         done, smooth = self.smooth.get(stage, (0, np.concatenate([known[:0:-1], known])))
         while done < level:
+            check_stop()
             done += 1
             smooth, detail = _step(smooth, filter, done)
             # Values that need lags beyond the recording are left out; the result is D_j(−u).
@@ -206,6 +209,7 @@ def _signal_covariance(model: Model, design: Design) -> Vector:
     total = np.zeros(design.samples)
     for process in model.processes:
         if process.scale > 0:
+            check_stop()
             total += process.generalised_covariance(lags, design.rate)
     return total
 
@@ -227,6 +231,7 @@ def _against(
     first, smooth = cross
     last = n - filter.width(levels[0])
     for level in range(1, levels[-1] + 1):
+        check_stop()
         reach = (filter.length - 1) << (level - 1)
         # Zeros before, for the circular step, and zeros behind, up to the end of the recording.
         behind = min(reach, last + 1 - first - smooth.size)

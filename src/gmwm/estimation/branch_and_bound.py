@@ -12,6 +12,7 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
+from gmwm._threads import check_stop
 from gmwm.estimation.atoms import Place, close_up, grid, shapes, table
 from gmwm.estimation.newton import sharpened
 from gmwm.estimation.problem import Problem
@@ -178,6 +179,7 @@ class Search:
 
     def at(self, places: list[Place]) -> Optimum:
         """Return the optimal weights with the curved processes at given places."""
+        check_stop()
         weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
         return Optimum(objective, places, weights)
 

@@ -17,6 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
+from gmwm._threads import check_stop
 from gmwm.covariance import Design, covariance, variances
 from gmwm.covariance.mixture import mixture
 from gmwm.errors import MissingTheoryError, ModelError
@@ -178,6 +179,7 @@ def _iterated(
     ahead, implied = _Ahead(), _implied(problem, solution, wv)
     history: list[float] = []
     for _ in range(ROUNDS):
+        check_stop()
         try:
             matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
         except (MissingTheoryError, ModelError) as error:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
+from gmwm._threads import check_stop
 from gmwm.estimation.atoms import shapes
 from gmwm.estimation.branch_and_bound import Search
 from gmwm.estimation.problem import Problem, to_find
@@ -162,6 +163,7 @@ class Surface:
 
     def at(self, point: Point) -> Projection | None:
         """Return the optimal weights at a point; None if a process is not valid there."""
+        check_stop()
         u, z = self.split(point)
         values = [free.values(part.reshape(1, -1)) for free, part in zip(self.frees, z, strict=True)]
         if not all(free.possible(row)[0] for free, row in zip(self.frees, values, strict=True)):

@@ -196,8 +196,7 @@ def within_family(
 ) -> Searched:
     """Rank every sum within a family, with the model error of its largest sum."""
     whole = _largest(family, wv, required)
-    general = nearly_fitted(whole, wv, options.weighting)
-    error = model_error(general) if Distance.of(general).surely < REJECTED else 0.0
+    error = _error_of(whole, wv, options.weighting)
     check()
     ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
     supported = _supported(required, ranking.recommended.fit)
@@ -208,10 +207,22 @@ def within_family(
 
 def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> Searched:
     """Return the ranking of a single model, with its model error."""
-    general = nearly_fitted(without_values(model), wv, options.weighting)
-    error = model_error(general) if Distance.of(general).surely < REJECTED else 0.0
+    error = _error_of(without_values(model), wv, options.weighting)
     ranking = rank_models([model], having_error(wv, error), options)
     return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=()))
+
+
+def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVariance:
+    """Return the data with the model error of a single model, as `given_model` does but without a ranking."""
+    error = _error_of(without_values(model), wv, weighting)
+    near = nearly_fitted(model, having_error(wv, error), weighting)
+    return having_error(with_sampling_error(wv, near), error)
+
+
+def _error_of(model: Model, wv: WaveletVariance, weighting: str) -> float:
+    """Return the model error of a model; 0 if the test accepts it."""
+    general = nearly_fitted(model, wv, weighting)
+    return model_error(general) if Distance.of(general).surely < REJECTED else 0.0
 
 
 def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:

@@ -47,6 +47,7 @@ def layout(desk: Desk) -> Any:
             dcc.Store(id="width", data=1280),
             dcc.Store(id="tab", data="recording"),
             dcc.Store(id="time-unit", data=1.0),
+            dcc.Store(id="model-shown"),
             *(dcc.Store(id=digest_of(place)) for place in desk.places),
             dcc.Interval(id="poll", interval=POLL),
             dcc.Download(id="file"),

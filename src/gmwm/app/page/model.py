@@ -19,9 +19,10 @@ from gmwm.errors import GmwmError
 from gmwm.estimation.result import Fit
 from gmwm.inference.model_error import relative_misfit
 from gmwm.inference.summary import IntervalMethod, intervals_if_known, rows, test_in_words
+from gmwm.inspection.findings import covariates_text, effect_text
 from gmwm.plots.labels import axis_title
 from gmwm.processes import registry
-from gmwm.selection import Ranking
+from gmwm.selection.search import Searched
 from gmwm.signals import Imu
 
 LISTED = 12
@@ -64,18 +65,21 @@ def register(app: Dash, desk: Desk) -> None:
     for place, draw in (("axes", _axes), ("terms", _chips), ("fit", _fit), ("ranking", _ranking)):
         draws(app, desk, tab="model", place=place, draw=draw)
 
-    def text(data: Any, _: int, shown: str, page: str) -> Any:
+    def text(data: Any, _: int, shown: str, page: str, before: Any) -> tuple[Any, Any]:
         session = desk.session(data)
         if shown != "model" or not session.file:
-            return no_update
+            return no_update, no_update
         try:
-            return model_of(session, desk.workspace(page))
+            model = model_of(session, desk.workspace(page))
         except (GmwmError, OSError):
-            return no_update
+            return no_update, no_update
+        # The end of a job must not replace what the user is typing.
+        now = [data, model]
+        return (no_update, no_update) if now == before else (model, now)
 
     app.callback(
-        Output("model", "value"), Input("session", "data"), Input("revision", "data"), Input("tab", "data"),
-        State("page", "data"),
+        Output("model", "value"), Output("model-shown", "data"), Input("session", "data"), Input("revision", "data"),
+        Input("tab", "data"), State("page", "data"), State("model-shown", "data"),
     )(text)  # fmt: skip
 
     def change(session: Session, *given: Any) -> Session | None:
@@ -119,7 +123,7 @@ def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, ty
         return session
     if kind == "add":
         return session.with_model(axis, adding(model, term))
-    fit = workspace.fit(session, axis, model).value
+    fit = workspace.fit(session, axis).value
     if not isinstance(fit, Fit):
         return session
     if kind == "remove":
@@ -157,9 +161,9 @@ def model_of(session: Session, workspace: Workspace) -> str:
     axis = axis_of(session, workspace)
     if axis in session.models:
         return session.models[axis]
-    job = workspace.ranking(session, axis)
+    job = workspace.search(session, axis)
     job.join(QUICK)
-    return job.value.recommended.structure if job.state == "done" else ""
+    return job.value.ranking.recommended.structure if job.state == "done" else ""
 
 
 def axis_of(session: Session, workspace: Workspace) -> str:
@@ -185,13 +189,7 @@ def _axes(session: Session, workspace: Workspace, width: float) -> Any:
 
 def _with_fit(session: Session, workspace: Workspace, show: Any) -> Any:
     """Return what the fit of the shown axis shows."""
-    axis = axis_of(session, workspace)
-    if axis in session.models:
-        return of_job(workspace.fit(session, axis, session.models[axis]), show)
-    return of_job(
-        workspace.ranking(session, axis),
-        lambda ranking: of_job(workspace.fit(session, axis, ranking.recommended.structure), show),
-    )
+    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
 def _chips(session: Session, workspace: Workspace, width: float) -> Any:
@@ -213,6 +211,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
         residual = drawn(misfit(fit, session.view, session.units), width - 40, 210)
         return [
             html.H2(f"{axis_title(axis)}: {chosen}"),
+            html.P(_measured(fit, session, workspace), className="hint", id="measured"),
             html.P("Drag a coloured handle to hold its term there.", className="hint"),
             graph(
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
@@ -223,6 +222,15 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
         ]
 
     return _with_fit(session, workspace, show)
+
+
+def _measured(fit: Fit, session: Session, workspace: Workspace) -> str:
+    """Return a sentence on the curve that is fitted."""
+    data = workspace.data(session).value[fit.wavelet_variance.axis]
+    curve = "robust" if fit.wavelet_variance.robust else "classical"
+    found = data.regression
+    removed = "" if found is None else f" without the effect of {covariates_text(found)}, {effect_text(found)}"
+    return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
 def _parameters(fit: Fit, session: Session) -> Any:
@@ -262,13 +270,13 @@ def _tests(fit: Fit) -> Any:
 def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     axis = axis_of(session, workspace)
 
-    def show(ranking: Ranking) -> list[Any]:
-        listed = []
+    def show(found: Searched) -> list[Any]:
+        ranking, listed = found.ranking, []
         for one in ranking.distinct[:LISTED]:
             mark = "recommended" if one.recommended else "as good" if one.equivalent else ""
             pvalue = "" if one.pvalue is None else "< 0.001" if one.pvalue < SMALL else f"{one.pvalue:.3f}"
             use = button("Use", {"type": "use", "model": one.structure}, "small", title=f"Use {one.structure}")
-            listed.append([one.structure, use, f"{one.difference:.2f}", pvalue, mark])
+            listed.append([ranking.label(one), use, f"{one.difference:.2f}", pvalue, mark])
         return [
             table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking"),
             graph(
@@ -277,4 +285,4 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
             ),
         ]  # fmt: skip
 
-    return of_job(workspace.ranking(session, axis), show)
+    return of_job(workspace.search(session, axis), show)

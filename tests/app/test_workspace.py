@@ -1,0 +1,89 @@
+"""The tab "Model" fits what `gmwm calibrate` fits, and work that is cancelled ends."""
+
+import time
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.app.folders import Folders
+from gmwm.app.jobs import Jobs
+from gmwm.app.session import Session
+from gmwm.app.workspace import Workspace
+
+RATE, SAMPLES = 20.0, 60_000
+ENDS = 1.0
+"""Longest time (s) from Cancel to the end of the work on a busy machine; without the checks, the fits below need
+minutes."""
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A recording with a warm-up that gyro_x follows."""
+    folder = tmp_path_factory.mktemp("recordings")
+    truth = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-12)", "accel_x": "WN(sigma2=2e-5) + RW(gamma2=1e-9)"}
+    imu = gmwm.simulate(truth, rate=RATE, samples=SAMPLES, rng=4)
+    heat = 25.0 + 15.0 * -np.expm1(-np.arange(SAMPLES) / (600 * RATE))
+    path = folder / "warm.csv"
+    time_s = np.arange(SAMPLES) / RATE
+    gyro = imu["gyro_x"].values + 1e-3 * (heat - 25)
+    columns = np.column_stack([time_s, gyro, imu["accel_x"].values, np.round(heat, 2)])
+    np.savetxt(path, columns, delimiter=",", header="time,gyro_x,accel_x,temperature", comments="", fmt="%.9g")
+    return Workspace(Folders(folder.resolve(), folder)), Session(
+        file=str(path), reading={"units": {"gyro": "rad/s", "accel": "m/s^2"}}
+    )
+
+
+def value(job):
+    assert job.join(60)
+    assert job.error is None
+    return job.value
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("models", [{}, {"gyro_x": "GM + WN + RW", "accel_x": "WN + FN + RW"}])
+def test_the_model_tab_fits_what_calibrate_fits(workspace, models):
+    space, session = workspace
+    session = session.with_(models=models)
+    calibration = value(space.calibration(session))
+    assert calibration.axes["gyro_x"].regression.applied
+    for axis, fit in calibration.items():
+        shown = value(space.fit(session, axis))
+        assert shown.model.structure == fit.model.structure
+        assert np.array_equal(shown.wavelet_variance.variance, fit.wavelet_variance.variance)
+        assert shown.wavelet_variance.model_error == pytest.approx(fit.wavelet_variance.model_error, rel=1e-6)
+        assert dict(shown.parameters) == pytest.approx(dict(fit.parameters), rel=1e-6)
+
+
+LONG = {
+    "MAT + 2*GM + FN": "WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-8) + RW(gamma2=1e-14)",
+    "ARMA(2,1) + 2*GM + RW": "WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-8) + RW(gamma2=1e-14)",
+    "2*SIN + 2*GM + WN + RW": "WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-8) + RW(gamma2=1e-14)",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", LONG)
+def test_a_long_fit_ends_when_it_is_cancelled(model):
+    truth, samples = gmwm.Model.parse(LONG[model]), 2**20
+    scatter = np.exp(0.02 * np.random.default_rng(1).standard_normal(18))
+    levels = np.arange(1, 19)
+    wv = gmwm.WaveletVariance.from_values(truth.wavelet_variance(levels, 100.0) * scatter, samples, 100.0)
+    ended = []
+
+    def work(job):
+        try:
+            return gmwm.fit(model, wv, weighting="optimal")
+        finally:
+            ended.append(time.monotonic())
+
+    job = Jobs().ask("fit", model, "Fitting", work)
+    assert not job.join(2.0), "the fit is too short for this test"
+    asked = time.monotonic()
+    job.cancel()
+    assert job.state == "cancelled"
+    for _ in range(1000):
+        if ended:
+            break
+        time.sleep(0.01)
+    assert ended[0] - asked < ENDS
