@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gmwm._text import duration_text
 from gmwm.datasheets.effective import Use, noise_in_use
 from gmwm.datasheets.entry import significant
 from gmwm.exporters.reduction import AxisNoise, Number, SensorNoise, counted_as
+from gmwm.exporters.two_states import apart, two_states
 from gmwm.units import SI_UNIT, datasheet_units, noise_unit
 
 if TYPE_CHECKING:
@@ -15,6 +17,9 @@ if TYPE_CHECKING:
 
 HORIZONS = (0.1, 1.0, 10.0, 100.0)
 """Horizons (s) of the sweep."""
+FAR, NEARER = 0.2, 2.0
+"""Error of N and K in the Allan deviation, and its ratio to that of two states, from which both are stated: a
+convention (tests/exporters/test_two_states.py)."""
 ALIKE = 5e-3
 """Relative difference above which the number of a file and the number of the datasheet are shown side by side."""
 _POWERS = {"N": 0.5, "K": -0.5}
@@ -70,11 +75,26 @@ def sweep(noise: Noise) -> list[str]:
         for one in (sensor.worst,) if noise.options.axes == "worst" else sensor.axes:
             found = {horizon: _measured(one, horizon) for horizon in HORIZONS}
             if len(set(found.values())) == 1:
-                lines.append(f"Horizon sweep of {one.axis}: N and K are the same at horizons of 0.1 s to 100 s.")
+                lines.append(
+                    f"Horizon sweep of {one.axis}: N and K are the same at horizons of 0.1 s to 100 s."
+                    f"{_two_states(one)}"
+                )
                 continue
             each = [f"{horizon:g} s: N {white}, K {walk}" for horizon, (white, walk) in found.items()]
-            lines.append(f"Horizon sweep of {one.axis} (N {si[0]}, K {si[1]}): {'; '.join(each)}.")
+            lines.append(f"Horizon sweep of {one.axis} (N {si[0]}, K {si[1]}): {'; '.join(each)}.{_two_states(one)}")
     return lines
+
+
+def _two_states(one: AxisNoise) -> str:
+    """State the error of N and K, and that of two states, if these are much nearer to the model; otherwise ""."""
+    found = two_states(one.fit, one.use.horizon)
+    if found is None or found.error_of_walk < max(FAR, NEARER * found.error):
+        return ""
+    return (
+        f" At {duration_text(found.low, 3)} to {duration_text(found.high, 3)}, the Allan deviation of N and K is "
+        f"{apart(found.error_of_walk)} that of the model, and of two Gauss-Markov states {apart(found.error)} it: for "
+        "a filter with two states, use the format state-space."
+    )
 
 
 def _measured(one: AxisNoise, horizon: float) -> tuple[str, str]:

@@ -29,7 +29,7 @@ class JsonNumbers(Exporter):
     name = "json"
     title = "other programs (JSON)"
     extension = ".json"
-    takes = frozenset({"horizon"})
+    takes = frozenset({"horizon", "duration"})
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return a JSON document."""
@@ -40,7 +40,9 @@ class JsonNumbers(Exporter):
             "source": calibration.source,
             "about": "SI units. Continuous time, except the parameters (per sample, beta in 1/s) and the matrices F, "
             "Q, H, R, P0 (steps of one sample). Each axis by itself, without inflation. filter: N and K for the "
-            "horizon; if upper_limit is true, the number is an upper limit.",
+            "horizon; if upper_limit is true, the number is an upper limit. matrices.two_states: white noise and the "
+            "two Gauss-Markov states that are nearest to the Allan deviation from the horizon to the duration; error "
+            "is the largest relative difference, error_of_one that of one state, error_of_walk that of N and K.",
             "horizon": options.horizon,
             "confidence": calibration.settings.confidence,
             "axes": {axis: _axis(axis, calibration, options) for axis in calibration},
@@ -66,7 +68,9 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
         "datasheet": [entry.to_dict() for entry in found.datasheet.entries],
         "bias": None if found.rest is None else found.rest.to_dict(),
         "filter": _filter(axis, calibration, options),
-        "matrices": axis_matrices(axis, calibration) if has_matrices(fit.model, fit.wavelet_variance.rate) else None,
+        "matrices": axis_matrices(axis, calibration, options)
+        if has_matrices(fit.model, fit.wavelet_variance.rate)
+        else None,
     }
 
 

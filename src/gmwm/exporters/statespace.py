@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
+from gmwm.datasheets.effective import WALK, Use, counted
 from gmwm.errors import MissingTheoryError
+from gmwm.estimation.result import Fit
 from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
 from gmwm.exporters.findings import of_ramps
 from gmwm.exporters.matrices import rows
 from gmwm.exporters.text import cautions, commented, paragraphs, plain, recording
+from gmwm.exporters.two_states import STATES, TwoStates, two_states
 from gmwm.processes.ladder import approximated
+from gmwm.processes.model import Model
 from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
@@ -29,20 +35,25 @@ _MEANING = (
     "slope: u per sample); A 1/s, Qc u²/s, Rc u²/Hz. y is the noise of the sensor, to be added to the true signal.",
     "Axes: each by itself. Inflation: none. Horizon: none, the model is complete. The values are the estimates; terms "
     "with an estimate of zero have the value zero.",
+    "two_states: for filters that can hold two states for each axis. White noise and the two Gauss-Markov states that "
+    "are nearest to the Allan deviation of the model, without its sinusoids and ramps, from the horizon to the "
+    "duration, by least squares of the logarithm. An axis with at most two states of slow noise "
+    "has no two_states.",
 )
 _CODE = '''
 
-def matrices(axis):
-    """The matrices of one axis as arrays."""
+def matrices(axis, two_states=False):
+    """The matrices of one axis as arrays, of the model or of the two states that are nearest to it."""
     one = AXES[axis]
+    one = (two_states and one["two_states"]) or one
     p = len(one["states"])
     shapes = {"F": (p, p), "Q": (p, p), "H": (1, p), "R": (1, 1), "m0": (p,), "P0": (p, p)}
     return {name: np.array(one[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
 
 
-def unit(axes=None):
+def unit(axes=None, two_states=False):
     """The matrices of several axes as one block-diagonal system, all axes by default."""
-    chosen = [matrices(axis) for axis in (AXES if axes is None else axes)]
+    chosen = [matrices(axis, two_states) for axis in (AXES if axes is None else axes)]
     joined = {name: _joined([one[name] for one in chosen]) for name in ("F", "Q", "H", "R", "P0")}
     return {**joined, "m0": np.concatenate([one["m0"] for one in chosen])}
 
@@ -84,7 +95,7 @@ if __name__ == "__main__":
 class StateSpaces(Exporter):
     """Base of the files with F, Q, H, R, m0, P0 and A, Qc, H_c, Rc of each axis."""
 
-    takes = frozenset({"rate"})
+    takes = frozenset({"rate", "horizon", "duration"})
 
     def head(self, calibration: Calibration, options: ExportOptions) -> list[str]:
         """Return the paragraphs of the head."""
@@ -94,7 +105,8 @@ class StateSpaces(Exporter):
             if options.rate is None
             else f"Steps: of 1/{options.rate:g} s, from the matrices in continuous time. Terms in left_out are missing."
         )
-        return [title_line(self), recording(calibration), *first, *_MEANING, step, *last]
+        reduced = [_reduced_text(axis, fit, options) for axis, fit in calibration.items()]
+        return [title_line(self), recording(calibration), *first, *_MEANING, step, *filter(None, reduced), *last]
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return warnings of the calibration, and remarks on its rate ramps."""
@@ -116,7 +128,7 @@ class StateSpaceFile(StateSpaces):
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the text of a Python file."""
-        axes = {plain(axis): axis_matrices(axis, calibration, options.rate) for axis in calibration}
+        axes = {plain(axis): axis_matrices(axis, calibration, options) for axis in calibration}
         table = pformat(axes, indent=1, width=110, sort_dicts=False)
         head = commented(self.head(calibration, options), "#")
         return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
@@ -132,7 +144,7 @@ class StateSpaceJson(StateSpaces):
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return a JSON document; the head is the list "gmwm"."""
-        axes = {plain(axis): axis_matrices(axis, calibration, options.rate) for axis in calibration}
+        axes = {plain(axis): axis_matrices(axis, calibration, options) for axis in calibration}
         head = [line[2:].strip() for line in commented(self.head(calibration, options), "#")]
         return json.dumps({"axes": axes, "gmwm": head}, indent=1, allow_nan=False) + "\n"
 
@@ -149,11 +161,12 @@ class StateSpaceMatlab(StateSpaces):
         """Return assignments to noise.AXIS.MATRIX."""
         lines = [*commented(self.head(calibration, options), "%"), "", "noise = struct();"]
         for axis in calibration:
-            one = axis_matrices(axis, calibration, options.rate)
-            name = f"noise.{_identifier(axis)}"
-            lines += ["", f"{name}.model = '{one['model']}';", f"{name}.rate = {one['rate']!r};"]
-            lines += [f"{name}.{key} = {_matlab(one[key])};" for key in MATRICES]
-            lines.append(f"{name}.diffuse = {_matlab([one['diffuse']])} == 1;")
+            one = axis_matrices(axis, calibration, options)
+            lines.append("")
+            for name, system in _systems(f"noise.{_identifier(axis)}", ".", one):
+                lines += [f"{name}.model = '{system['model']}';", f"{name}.rate = {system['rate']!r};"]
+                lines += [f"{name}.{key} = {_matlab(system[key])};" for key in MATRICES]
+                lines.append(f"{name}.diffuse = {_matlab([system['diffuse']])} == 1;")
         return "\n".join(lines) + "\n"
 
 
@@ -174,16 +187,16 @@ class StateSpaceCpp(StateSpaces):
             "  Eigen::MatrixXd A, Qc, H_c, Rc;  // continuous", "};",
         ]  # fmt: skip
         for axis in calibration:
-            one = axis_matrices(axis, calibration, options.rate)
-            lines += ["", f"// {one['model']}", f"inline StateSpace {_identifier(axis)}() {{", "  StateSpace s;"]
-            lines.append(f"  s.rate = {float(one['rate'])!r};")
-            for key in MATRICES:
-                matrix = _matrix(one[key])
-                width = len(matrix[0]) if matrix else 0
-                lines.append(f"  s.{key}.resize({len(matrix)}, {width});")
-                if width:
-                    lines.append(f"  s.{key} << {', '.join(repr(float(x)) for row in matrix for x in row)};")
-            lines += ["  return s;", "}"]
+            for name, one in _systems(_identifier(axis), "_", axis_matrices(axis, calibration, options)):
+                lines += ["", f"// {one['model']}", f"inline StateSpace {name}() {{", "  StateSpace s;"]
+                lines.append(f"  s.rate = {float(one['rate'])!r};")
+                for key in MATRICES:
+                    matrix = _matrix(one[key])
+                    width = len(matrix[0]) if matrix else 0
+                    lines.append(f"  s.{key}.resize({len(matrix)}, {width});")
+                    if width:
+                        lines.append(f"  s.{key} << {', '.join(repr(float(x)) for row in matrix for x in row)};")
+                lines += ["  return s;", "}"]
         return "\n".join([*lines, "", "}  // namespace gmwm_noise"]) + "\n"
 
 
@@ -214,27 +227,67 @@ def _identifier(axis: str) -> str:
     return name if name[:1].isalpha() else f"axis_{name}"
 
 
-def axis_matrices(axis: str, calibration: Calibration, rate: float | None = None) -> dict[str, Any]:
-    """Return the matrices of one axis as lists, with all digits.
+def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
+    """Return the matrices of one axis as lists, with all digits, and those of the two states that are nearest to it.
 
     Parameters
     ----------
     axis : str
     calibration : Calibration
-    rate : float, optional
-        Steps per second (Hz) of F, Q, H and R; by default the samples of the recording.
+    options : ExportOptions
+        The rate is the number of steps per second (Hz) of F, Q, H and R; by default that of the recording.
     """
     fit = calibration[axis]
-    own = fit.wavelet_variance.rate
     try:
-        space, smooth = fit.model.state_space(own), fit.model.continuous(own)
+        whole = _matrices(fit.model, fit, options.rate)
     except MissingTheoryError as error:
         raise error.at(axis) from error
-    states = list(fit.model.state_terms(own))
+    reduced = _reduced(fit, options)
+    if reduced is None:
+        return {**whole, "two_states": None}
+    matrices = _matrices(reduced.model(fit.wavelet_variance.rate), fit, options.rate)
+    facts = asdict(reduced)
+    return {**whole, "two_states": {**facts, **matrices}}
+
+
+def _reduced(fit: Fit, options: ExportOptions) -> TwoStates | None:
+    """Return the two states that are nearest to a model with more slow states; None if it has at most two."""
+    rate, use = fit.wavelet_variance.rate, Use(options.horizon)
+    slow = {
+        term
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        if process.scale > 0 and WALK in counted(process, use, rate)
+    }
+    if sum(term in slow for term in fit.model.state_terms(rate)) <= STATES:
+        return None
+    return two_states(fit, options.horizon, options.duration)
+
+
+def _reduced_text(axis: str, fit: Fit, options: ExportOptions) -> str:
+    """Describe the two states of an axis; "" if it has none."""
+    try:
+        reduced = _reduced(fit, options)
+    except MissingTheoryError as error:
+        raise error.at(axis) from error
+    return "" if reduced is None else f"two_states of {axis}: {reduced.text(fit.wavelet_variance.unit)}."
+
+
+def _systems(name: str, mark: str, axis: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield the name and the matrices of the model of an axis, and of its two states if it has them."""
+    yield name, axis
+    if axis["two_states"] is not None:
+        yield f"{name}{mark}two_states", axis["two_states"]
+
+
+def _matrices(model: Model, fit: Fit, rate: float | None) -> dict[str, Any]:
+    """Return the matrices of a model of the noise of an axis."""
+    own = fit.wavelet_variance.rate
+    space, smooth = model.state_space(own), model.continuous(own)
+    states = list(model.state_terms(own))
     if rate is not None and rate != own:
         space, states = smooth.discrete(rate), list(smooth.terms)
     return {
-        "model": plain(str(fit.model)),
+        "model": plain(str(model)),
         "unit": plain(fit.wavelet_variance.unit),
         "rate": own if rate is None else rate,
         "states": states,
