@@ -118,7 +118,7 @@ def fit(
         bool,
         typer.Option(
             *LIKELIHOOD,
-            help="Also fit by maximum likelihood, starting from the wavelet fit. Outliers affect this fit.",
+            help="Refine the wavelet fit by maximum likelihood, and print both. Outliers affect the likelihood.",
             rich_help_panel="Estimation",
         ),
     ] = False,

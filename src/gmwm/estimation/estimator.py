@@ -123,8 +123,8 @@ def fit(
         - an array: your own diagonal or matrix, positive definite.
 
         With "diagonal" and "optimal", the estimate and its weights are iterated until they agree. If the model is
-        wrong, neither of them is safer. For MA and ARMA models with free coefficients, `fit_ml` with this fit as its
-        start has smaller standard errors (docs/likelihood.md).
+        wrong, neither of them is safer. For MA and ARMA models with free coefficients, refine the fit by `fit_ml` with
+        this fit as its start, which has smaller standard errors (docs/likelihood.md).
     robust : bool
         Fit the robust wavelet variance of a signal, which outliers do not affect. If `data` is a WaveletVariance, it
         must be robust itself.
