@@ -1,9 +1,11 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <cstdint>
 #include <tuple>
 #include <utility>
+#include <vector>
 
 #include "arrays.hpp"
 #include "gmwm/differences.hpp"
@@ -108,6 +110,27 @@ Result piecewise_exponential(const Vector& fine, const Vector& coarse, const Vec
   });
 }
 
+std::tuple<Result, Result> sums(const std::vector<Vector>& shapes, Vector scales, Vector weight, Indices starts) {
+  if (shapes.size() != scales.size()) throw nb::value_error("there must be a scale for each shape");
+  std::vector<const double*> pointers;
+  for (const Vector& shape : shapes) {
+    if (shape.size() != weight.size()) throw nb::value_error("shapes must be as long as weight");
+    pointers.push_back(shape.data());
+  }
+  std::int64_t last = 0;
+  for (const std::int64_t start : view(starts)) {
+    if (start < last || start > static_cast<std::int64_t>(weight.size()))
+      throw nb::value_error("starts must ascend within weight");
+    last = start;
+  }
+  std::vector<double> first(starts.size()), second(starts.size());
+  {
+    nb::gil_scoped_release release;
+    gmwm::node_sums(pointers, view(scales), view(weight), view(starts), {first, second});
+  }
+  return {to_numpy(std::move(first)), to_numpy(std::move(second))};
+}
+
 }  // namespace
 
 void bind_lags(nb::module_& m) {
@@ -117,6 +140,9 @@ void bind_lags(nb::module_& m) {
   m.def("covariance_nodes", &nodes, nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("slowest"),
         nb::arg("fastest"), nb::arg("alternating"), nb::arg("diagonal"), nb::arg("memory"),
         "As `covariance_lags`, with the pieces of the nodes: first nodes, patterns, and begins and offsets of these.");
+  m.def("node_sums", &sums, nb::arg("shapes"), nb::arg("scales").noconvert(), nb::arg("weight").noconvert(),
+        nb::arg("starts").noconvert(),
+        "Sums over the nodes of each pair of levels: Σ weight c and Σ weight c² of c = Σ scale shape.");
   m.def("piecewise_exponential_differences", &piecewise_exponential, nb::arg("fine").noconvert(),
         nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), nb::arg("pieces"), nb::arg("decay"),
         "As `exponential_differences`, with the exponentials of a piece in common.");

@@ -28,10 +28,11 @@ GMWM_INLINE double expm1_below(double z) {
   const double shifted = z * 0x1.71547652b82fep0 + shift;
   const double k = shifted - shift;
   const double r = (z - k * high) - k * low;
+  // Not a loop over coefficients, which would keep loops over this function from being vectorised.
   double p = 1.0 / 6227020800.0;
-  for (const double c : {1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800, 1.0 / 362880, 1.0 / 40320, 1.0 / 5040,
-                         1.0 / 720, 1.0 / 120, 1.0 / 24, 1.0 / 6, 0.5, 1.0})
-    p = p * r + c;
+  p = p * r + 1.0 / 479001600, p = p * r + 1.0 / 39916800, p = p * r + 1.0 / 3628800, p = p * r + 1.0 / 362880;
+  p = p * r + 1.0 / 40320, p = p * r + 1.0 / 5040, p = p * r + 1.0 / 720, p = p * r + 1.0 / 120;
+  p = p * r + 1.0 / 24, p = p * r + 1.0 / 6, p = p * r + 0.5, p = p * r + 1.0;
   const double power = std::bit_cast<double>((std::bit_cast<std::int64_t>(shifted) + 1023) << 52);
   return power * (p * r) + (power - 1);
 }
@@ -310,6 +311,36 @@ GMWM_INLINE void of_piece(const Decay& at, const Pattern& pattern, const Place& 
   }
 }
 
+// The sums of `node_sums` over the nodes of one pair of levels.
+GMWM_CLONES void add_nodes(const double* const* shapes, const double* scales, std::size_t count, const double* weight,
+                           std::size_t begin, std::size_t end, double& first, double& second) {
+  double lanes[2][block] = {};
+  double total[block];
+  for (std::size_t i = begin; i < end; i += block) {
+    const std::size_t width = std::min(block, end - i);
+    for (std::size_t l = 0; l < block; ++l) total[l] = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const double* shape = shapes[k] + i;
+      if (width == block)
+        for (std::size_t l = 0; l < block; ++l) total[l] += scales[k] * shape[l];
+      else
+        for (std::size_t l = 0; l < width; ++l) total[l] += scales[k] * shape[l];
+    }
+    if (width == block)
+      for (std::size_t l = 0; l < block; ++l) {
+        const double product = weight[i + l] * total[l];
+        lanes[0][l] += product, lanes[1][l] += product * total[l];
+      }
+    else
+      for (std::size_t l = 0; l < width; ++l) {
+        const double product = weight[i + l] * total[l];
+        lanes[0][l] += product, lanes[1][l] += product * total[l];
+      }
+  }
+  first = second = 0;
+  for (std::size_t l = 0; l < block; ++l) first += lanes[0][l], second += lanes[1][l];
+}
+
 // Pieces of one pair of levels.
 GMWM_CLONES void of_pieces(const Decay& at, const Pattern* patterns, const double* lag, const std::int64_t* first,
                            const std::int64_t* kind, std::size_t count, double* out) {
@@ -386,6 +417,15 @@ void exponential_differences(const Nodes& nodes, double decay, std::span<double>
     for (std::size_t l = 0; l < block; ++l) u[l] = nodes.lag[std::min(i + l, end - 1)];
     exponential_block(at, u, value);
     std::copy(value, value + (end - i), &out[i]);
+  }
+}
+
+void node_sums(std::span<const double* const> shapes, std::span<const double> scales, std::span<const double> weight,
+               std::span<const std::int64_t> starts, const NodeSums& out) {
+  for (std::size_t pair = 0; pair < starts.size(); ++pair) {
+    const auto begin = static_cast<std::size_t>(starts[pair]);
+    const auto end = pair + 1 < starts.size() ? static_cast<std::size_t>(starts[pair + 1]) : weight.size();
+    add_nodes(shapes.data(), scales.data(), shapes.size(), weight.data(), begin, end, out.first[pair], out.second[pair]);
   }
 }
 

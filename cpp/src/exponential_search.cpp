@@ -7,6 +7,7 @@
 
 #include "gmwm/clones.hpp"
 #include "gmwm/exponential.hpp"
+#include "gmwm/pack.hpp"
 
 namespace gmwm {
 
@@ -16,14 +17,25 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double curvature_step = 1e-3;  // an error of the second derivative only slows the convergence
 constexpr double sharp = 1e-12;          // change of u at which Newton's method ends: near its rounding error
 
-// The rows times an upper triangular matrix, of which the columns are given.
+constexpr std::size_t lanes = 2 * Pack::size;
+
+constexpr std::size_t padded(std::size_t dim) { return (dim + lanes - 1) / lanes * lanes; }
+
+// The rows times an upper triangular matrix, of which the columns are given, padded with zeros.
 GMWM_CLONES void multiply(const double* rows, std::size_t count, const double* columns, std::size_t dim, double* out) {
-  for (std::size_t i = 0; i < count; ++i, rows += dim, out += dim) {
-    for (std::size_t j = 0; j < dim; ++j) out[j] = 0;
-    const double* column = columns;
-    for (std::size_t m = 0; m < dim; ++m, column += dim)
-      for (std::size_t j = 0; j <= m; ++j) out[j] += rows[m] * column[j];
-  }
+  const std::size_t stride = padded(dim);
+  double values[lanes];
+  for (std::size_t i = 0; i < count; ++i, rows += dim, out += dim)
+    for (std::size_t j = 0; j < dim; j += lanes) {
+      Pack low = Pack::of(0), high = low;
+      for (std::size_t m = j; m < dim; ++m) {
+        const Pack x = Pack::of(rows[m]);
+        low = low + x * Pack::load(columns + m * stride + j);
+        high = high + x * Pack::load(columns + m * stride + j + Pack::size);
+      }
+      low.store(values), high.store(values + Pack::size);
+      std::copy_n(values, std::min(lanes, dim - j), out + j);
+    }
 }
 
 GMWM_CLONES void multiply_diagonal(const double* rows, std::size_t count, const double* diagonal, std::size_t dim,
@@ -108,12 +120,12 @@ ExponentialSearch::ExponentialSearch(ExponentialCurve curve, SearchLimits limits
       dim_(target.size()),
       target_(target.begin(), target.end()),
       fixed_(fixed.begin(), fixed.end()),
-      columns_(root.size()),
+      columns_(target.size() * padded(target.size()), 0.0),
       rounding_(rounding) {
   bool diagonal = true;
   for (std::size_t i = 0; i < dim_; ++i)
     for (std::size_t j = 0; j < dim_; ++j) {
-      columns_[j * dim_ + i] = root[i * dim_ + j];
+      columns_[j * padded(dim_) + i] = root[i * dim_ + j];
       diagonal = diagonal && (i == j || root[i * dim_ + j] == 0);
     }
   for (std::size_t i = 0; diagonal && i < dim_; ++i) diagonal_.push_back(root[i * dim_ + i]);

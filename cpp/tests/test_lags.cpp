@@ -105,9 +105,34 @@ void short_memory_is_nine_terms() {
   for (std::size_t i = 0; i < 3; ++i) CHECK_CLOSE(out[i], density * white[i], 1e-13);
 }
 
+// Sums over the nodes of pairs of any length, against loops.
+void test_node_sums() {
+  const std::size_t size = 70;
+  std::vector<double> a(size), b(size), weight(size);
+  for (std::size_t i = 0; i < size; ++i) {
+    const double x = static_cast<double>(i);
+    a[i] = std::sin(x), b[i] = 1 / (1 + x), weight[i] = 1 + 0.1 * x;
+  }
+  const std::vector<std::int64_t> starts{0, 3, 35, 51};
+  const std::vector<const double*> shapes{a.data(), b.data()};
+  const std::vector<double> scales{2.0, -0.5};
+  std::vector<double> first(4), second(4);
+  gmwm::node_sums(shapes, scales, weight, starts, {first, second});
+  for (std::size_t p = 0; p < 4; ++p) {
+    double one = 0, two = 0;
+    for (std::size_t i = static_cast<std::size_t>(starts[p]); i < (p < 3 ? static_cast<std::size_t>(starts[p + 1]) : size); ++i) {
+      const double c = 2 * a[i] - 0.5 * b[i];
+      one += weight[i] * c, two += weight[i] * c * c;
+    }
+    CHECK(std::abs(first[p] - one) < 1e-12 * (1 + std::abs(one)));
+    CHECK_CLOSE(second[p], two, 1e-12);
+  }
+}
+
 }  // namespace
 
 int main() {
+  test_node_sums();
   for (const std::int64_t points : {17, 100, 4001}) {
     std::array<double, 8> nodes{}, weights{};
     gmwm::integer_rule(points, nodes, weights);

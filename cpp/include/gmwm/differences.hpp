@@ -41,6 +41,15 @@ inline constexpr std::size_t piece_nodes = 16;
 // one piece.
 void exponential_differences(const Nodes& nodes, const Pieces& pieces, double decay, std::span<double> out);
 
+// Sums over the nodes of each pair of levels: Σ weight c and Σ weight c² of c = Σ scale shape. `starts`: the first node of
+// each pair.
+struct NodeSums {
+  std::span<double> first, second;
+};
+
+void node_sums(std::span<const double* const> shapes, std::span<const double> scales, std::span<const double> weight,
+               std::span<const std::int64_t> starts, const NodeSums& out);
+
 // Of a process with the autocovariances r(0), r(1), …, r(L) and none beyond. Lags that are not integers must lie at
 // least L away from the kinks.
 void short_memory_differences(const Nodes& nodes, std::span<const double> autocovariance, std::span<double> out);

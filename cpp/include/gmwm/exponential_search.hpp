@@ -111,7 +111,7 @@ class ExponentialSearch {
   SearchLimits limits_;
   std::size_t dim_;
   std::vector<double> target_, fixed_;
-  std::vector<double> columns_;   // columns of the root, one after the other
+  std::vector<double> columns_;   // columns of the root, each padded with zeros
   std::vector<double> diagonal_;  // the root if it is diagonal, otherwise empty
   double rounding_;
 };

@@ -140,13 +140,13 @@ def _over_lags(
     """Compute V_jk of pairs of levels from the covariances at the lags between coefficients, one every `stride`
     samples."""
     present = [process for process in model.processes if process.scale > 0]
-    covariance = _coefficient_covariance(present, at, design.rate)
-    first = np.add.reduceat(weight * covariance, starts) if _slope(model) else None
-    second = _power_sum(covariance, weight, starts)
+    shapes, scales = _shapes(present, at, design.rate)
+    first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
     if design.efficiency is not None:
+        covariance = _combined(shapes, scales, at)
         robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
         second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
-    return _of_sums(model, design, pairs, first=first, second=second, stride=stride)
+    return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second, stride=stride)
 
 
 def _slope(model: Model) -> float:
@@ -186,9 +186,9 @@ def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs
     if others:
         second += 2 * short.scale * sums.mixed(others, design.rate)[:count]
         at, weight, starts = _lags(others, design, diagonal=diagonal)
-        covariance = _coefficient_covariance(others, at, design.rate)
-        second += _power_sum(covariance, weight, starts)
-        first += np.add.reduceat(weight * covariance, starts)
+        shapes, scales = _shapes(others, at, design.rate)
+        sums_of_others = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
+        first, second = first + sums_of_others[0], second + sums_of_others[1]
     return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second)
 
 
@@ -233,13 +233,32 @@ def _alternates(present: list[Process], rate: float) -> bool:
 
 def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:
     """Compute 2^(j+k) Cov(W_j, W_k) at the nodes."""
+    return _combined(*_shapes(present, at, rate), at)
+
+
+def _combined(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
+    """Compute the sum of shapes times scales."""
     total = np.zeros_like(at.lag)
+    for shape, scale in zip(shapes, scales, strict=True):
+        total += scale * shape
+    return total
+
+
+def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vector], list[float]]:
+    """Return shapes of the covariances of processes at the nodes, and their factors; with many nodes, their sum."""
+    if at.lag.size > SHARED:
+        total = np.zeros_like(at.lag)
+        for process in present:
+            total += process.coefficient_covariance(at, rate)
+        return [total], [1.0]
+    shapes, scales = [], []
     for process in present:
         # The shape is the same for every scale. Models that are compared share the fixed ones; those of an upper limit,
         # and the weights and the covariance of a fit, share the others.
         fixed = has_fixed_shape(process)
-        if at.lag.size > (SHARED if fixed else RECENT // 2):
-            total += process.coefficient_covariance(at, rate)
+        if not fixed and at.lag.size > RECENT // 2:
+            shapes.append(process.coefficient_covariance(at, rate))
+            scales.append(1.0)
             continue
         kept = at.known if fixed else at.recent
         key = (type(process), tuple(process.nonlinear.tolist()), rate)
@@ -249,15 +268,9 @@ def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) ->
         kept[key] = shape
         for old in [] if fixed else list(kept)[: -max(RECENT // at.lag.size, 1)]:
             kept.pop(old, None)
-        total += process.scale * shape
-    return total
-
-
-def _power_sum(covariance: Vector, weight: Vector, starts: NDArray[np.int64]) -> Vector:
-    """Compute Σ_u n(u) Cov² of each pair."""
-    terms = covariance * covariance
-    terms *= weight
-    return np.asarray(np.add.reduceat(terms, starts))
+        shapes.append(shape)
+        scales.append(process.scale)
+    return shapes, scales
 
 
 def _robust_sum(
