@@ -77,7 +77,7 @@ class ExponentialSearch(Search):
             grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes, grid.middle_values, self.positive,
             len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
         )  # fmt: skip
-        return Found(self.found(*found), bound, relaxed, table, nodes)
+        return Found(self.found(*found), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
     def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum next to the optimum of a problem with other weights."""

@@ -22,7 +22,7 @@ from gmwm.regression.api import regress, without
 from gmwm.regression.blocks import Clock
 from gmwm.regression.columns import HOUR
 from gmwm.regression.covariates import Covariates
-from gmwm.regression.levelwise import haar
+from gmwm.regression.least_squares import haar
 from gmwm.signals import Signal
 from gmwm.time_base import begins_of, times_of
 from gmwm.variance.api import signal_wavelet_variance

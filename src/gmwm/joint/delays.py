@@ -8,7 +8,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.joint.pairs import Pairs, pairs_of
-from gmwm.regression.levelwise import haar
+from gmwm.regression.least_squares import haar
 from gmwm.signals import Signal
 
 LARGEST = 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from gmwm.errors import DataError, OptionError
 from gmwm.regression.against import WARM_UP, Asked
 from gmwm.regression.columns import HOUR
 from gmwm.regression.covariates import Covariates
-from gmwm.regression.levelwise import COLLINEAR, Levelwise, Weighted
+from gmwm.regression.least_squares import COLLINEAR, RegressionDesign, Weighted
 from gmwm.regression.noise import Noise
 from gmwm.regression.result import Points, Regression
 from gmwm.signals import Signal
@@ -25,8 +26,12 @@ FOLLOWS = 0.05
 FURTHER = 0.01
 """Level of the t test at which the automatic choice adds a column."""
 DIFFERS = 4.0
-"""Difference of the coefficients from long and from all scales, in standard errors, from which it has a remark
+"""Difference of the coefficients from long and from all scales, in standard errors of the former, from which it has a
+remark
 (tests/regression/test_reading_noise.py)."""
+OPTIMISM = 2.0
+"""The weights come from the same data as the variance, which is too small by about this number over its degrees of
+freedom (docs/validation/regression.md)."""
 _ROUNDS = 4
 """Number of rounds of noise, weights and coefficients: the third changes a standard error by less than 1 %
 (tests/regression)."""
@@ -47,9 +52,9 @@ def regress_axis(
 ) -> Regression:
     """Regress an axis on covariates.
 
-    Each wavelet level is weighted by the inverse of the noise variance, which is estimated from the residuals together
-    with the coefficients. Standard errors account for this noise, so that independent random walks are not mistaken for
-    related ones.
+    Each frequency is weighted by the inverse of the power spectral density of the noise, which is estimated from the
+    residuals together with the coefficients. Standard errors account for this noise, so that independent random walks
+    are not mistaken for related ones.
 
     Parameters
     ----------
@@ -92,7 +97,8 @@ def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[f
         return None
     (name, *_) = found
     own, long = found[name], other[name]
-    differ = abs(long.value - own.value) > DIFFERS * float(np.hypot(own.error, long.error))
+    # The coefficient from all scales is efficient: the difference has a smaller variance than the other one.
+    differ = abs(long.value - own.value) > DIFFERS * long.error
     if not differ or abs(long.value) < abs(own.value):
         return None
     return long.value, long.error, clock.length * 2**first / clock.rate
@@ -124,8 +130,10 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     beta, lags = weighted.estimate(means), noise.covariances(len(means))
     parts = [weighted.covariances(own) for own in lags]
     covariance = noise.average(parts)
-    inverse = np.linalg.pinv(covariance, hermitian=True)
     freedoms = [noise.freedom_of([own[:, k, k] for own in parts]) for k in range(beta.size)]
+    factors = np.sqrt(1 + OPTIMISM / np.array(freedoms))
+    covariance = covariance * np.outer(factors, factors)
+    inverse = np.linalg.pinv(covariance, hermitian=True)
     freedom = noise.freedom_of([np.einsum("ab,kba->k", inverse, own) for own in parts])
     statistic = float(beta @ inverse @ beta) / beta.size
     residuals = means - covariates.removed(solved.tau) @ beta
@@ -164,8 +172,10 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
-    design = Levelwise(covariates.matrix(tau), present, whole)
-    known = np.arange(design.levels) >= covariates.unknown_levels
+    design = RegressionDesign(covariates.matrix(tau), present, whole)
+    # The pass band of level j is centred at 2^-(j + 1/2).
+    unknown = covariates.unknown_levels
+    highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
     scales = 2.0 ** np.arange(1, design.levels + 1)
     freedom = np.maximum(design.counts / scales, 1.0)
     kept, variances = np.ones(design.levels), design.variances(means)
@@ -173,10 +183,10 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
         if not np.all(variances > 0):
             raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
         noise = Noise.of(variances / kept, freedom * kept, len(means))
-        weights = np.where(known, 1 / (scales * noise.curve), 0.0)
+        weights = design.weights(noise.psd, highest)
         if warm:
             tau = _time_constant(means, covariates, design, weights)
-            design = Levelwise(covariates.matrix(tau), present, whole)
+            design = RegressionDesign(covariates.matrix(tau), present, whole)
         weighted = design.under(weights)
         if weighted.condition > COLLINEAR:
             names = ", ".join(column.name for column in covariates.basis.columns)
@@ -193,7 +203,7 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
     return _Solved(weighted, noise, kept, tau)
 
 
-def _time_constant(means: Vector, covariates: Covariates, design: Levelwise, weights: Vector) -> float:
+def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesign, weights: Sequence[Vector]) -> float:
     """Return the time constant (s) of the warm-up with the smallest weighted sum of squares, from a grid and a finer
     grid around it."""
     times = covariates.clock.times[design.present]
@@ -203,7 +213,7 @@ def _time_constant(means: Vector, covariates: Covariates, design: Levelwise, wei
 
     def gain(tau: float) -> float:
         columns: Matrix = np.delete(covariates.matrix(tau), first, axis=1)
-        under = Levelwise(columns, design.present, design.whole).under(weights)
+        under = RegressionDesign(columns, design.present, design.whole).under(weights)
         beta = under.estimate(means)
         return float(beta @ under.information @ beta)
 

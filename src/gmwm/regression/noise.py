@@ -20,7 +20,7 @@ from gmwm.processes.base import Process
 
 LONGEST = (0.01, 0.03, 0.12, 0.5)
 """Longest correlation times of the mixtures, relative to the record; each mixture also has a random walk."""
-SLOWER = 2.0
+SLOWER = 4.0
 """Penalty on −2 log L of the mixtures with longer correlation times than the first. An additional parameter gains one
 to two by chance. Without the penalty, standard errors under a random walk are too small by a quarter
 (docs/validation/regression.md)."""
@@ -84,6 +84,13 @@ class Noise:
         """Return, for each mixture, the generalised covariances of its processes (K, n) at the lags 0 … n − 1."""
         at = np.arange(lags)
         return [np.array([p.generalised_covariance(at, 1.0) for p in one.processes]) for one in self.mixtures]
+
+    def psd(self, frequencies: Vector) -> Vector:
+        """Return the power spectral density of the average at frequencies in cycles per value."""
+        found = np.zeros(frequencies.shape)
+        for one in self.mixtures:
+            found += one.weight * sum(p.psd(frequencies, 1.0) for p in one.processes)
+        return found
 
     def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
         """Average over the mixtures; each array has one entry for each process, and the entries are summed."""

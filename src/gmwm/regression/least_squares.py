@@ -1,17 +1,22 @@
-"""Least squares with one weight for each wavelet level: estimate, exact covariance, and the part of the noise that it
-removes.
+"""Generalised least squares with a weight for each frequency: estimate, exact covariance, and the part of the noise
+that it removes.
 
-For y = X β + ε, with W_j the Haar coefficients of level j, D_j = W_j X and w_j = 1/(2^j ν_j²),
+For y = X β + ε with noise of power spectral density S(f), C the orthonormal cosine transform (DCT-II) of a run of n
+values without its mean, at the frequencies f_k = k/2n, and w_k = 1/S(f_k),
 
-    P = Σ_j w_j D_jᵀ D_j,   β̂ = P⁻¹ Σ_j w_j D_jᵀ W_j y = B y,   B = P⁻¹ Uᵀ,   U = Σ_j w_j W_jᵀ D_j,
-    Cov β̂ = B Σ Bᵀ,   E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂).
+    U = Cᵀ diag(w) C X,   P = Xᵀ U,   β̂ = P⁻¹ Uᵀ y = B y,   Cov β̂ = B Σ Bᵀ,
+    E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂),
 
-The columns of U sum to zero in every run of values, so that Σ may be the generalised covariance of a random walk.
-docs/validation/regression.md compares the error with that of generalised least squares with the true covariance matrix.
+with W_j the Haar coefficients of level j and D_j = W_j X. The transform diagonalises the covariance of white noise and
+of a random walk without its mean, so that the estimate is the best linear one for their sum; other covariances nearly.
+The columns of U sum to zero in every run, so that each run may have its own offset and Σ may be the generalised
+covariance of a random walk. docs/validation/regression.md compares the error with that of generalised least squares
+with the true covariance matrix.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,10 +27,12 @@ from gmwm._arrays import Matrix, Vector
 COLLINEAR = 1e6
 """Condition number of P, scaled to unit diagonal, above which columns are collinear: the standard error of a
 coefficient is then 1000 times its standard error without the other columns."""
+GRID = 4096
+"""Most frequencies at which the power spectral density is evaluated; a weight between them is interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
-class Levelwise:
+class RegressionDesign:
     """A regression on p columns at n equally spaced times; some values may be missing.
 
     Attributes
@@ -45,8 +52,8 @@ class Levelwise:
     @cached_property
     def levels(self) -> int:
         """Number J of levels with a coefficient."""
-        longest = _longest_run(self.present)
-        return max(int(longest).bit_length() - 1, 0)
+        longest = max((last - first for first, last in self.runs), default=1)
+        return longest.bit_length() - 1
 
     @cached_property
     def used(self) -> list[np.ndarray]:
@@ -68,32 +75,63 @@ class Levelwise:
         """Coefficients D_j of the columns at each level, zero where a value is missing."""
         return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.used, 1)]
 
-    @cached_property
-    def grams(self) -> Matrix:
-        """D_jᵀ D_j (J, p, p)."""
-        return np.array([d.T @ d for d in self.coefficients])
-
     def variances(self, values: Vector) -> Vector:
         """Compute the mean squares of the Haar coefficients of values (n,) at each level (J,)."""
         squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.used, 1)]
         return np.asarray(np.array(squares) / self.counts)
 
-    def under(self, weights: Vector) -> Weighted:
-        """Return the regression with weights w_j (J,)."""
+    @cached_property
+    def runs(self) -> list[tuple[int, int]]:
+        """Runs of at least two values without a missing one, as half-open ranges."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.present.astype(np.int8), [0]])))
+        return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+
+    def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
+        """Compute, for each run, the weights 1/S(f) at the frequencies of its cosine transform.
+
+        Parameters
+        ----------
+        density : callable
+            S at frequencies in cycles per value.
+        highest : float
+            Frequency above which weights are zero, because the columns are not known there.
+        """
+        found: dict[int, Vector] = {}
+        for size in {last - first for first, last in self.runs}:
+            at = np.arange(1, size) / (2 * size)
+            grid = at if size <= GRID else np.geomspace(at[0], at[-1], GRID)
+            inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
+            found[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
+        return [found[last - first] for first, last in self.runs]
+
+    def under(self, weights: Sequence[Vector]) -> Weighted:
+        """Return the regression with the weights of `weights`."""
         return Weighted(self, weights)
 
 
 @dataclass(frozen=True, eq=False)
 class Weighted:
-    """A level-wise regression with weights w_j (J,)."""
+    """A regression with weights for each run (n_r,)."""
 
-    design: Levelwise
-    weights: Vector
+    design: RegressionDesign
+    weights: Sequence[Vector]
+
+    @cached_property
+    def whitened(self) -> Matrix:
+        """U (n, p): the columns of each run, weighted in the domain of its cosine transform."""
+        from scipy import fft
+
+        total = np.zeros_like(self.design.columns)
+        for (first, last), weights in zip(self.design.runs, self.weights, strict=True):
+            own = fft.dct(self.design.columns[first:last], axis=0, norm="ortho")
+            total[first:last] = fft.idct(weights[:, None] * own, axis=0, norm="ortho")
+        return total
 
     @cached_property
     def information(self) -> Matrix:
-        """Information matrix P (p, p): the sum of the Gram matrices of all levels, weighted with w_j."""
-        return np.asarray(np.einsum("j,jab->ab", self.weights, self.design.grams))
+        """Information matrix P (p, p)."""
+        product = self.design.columns.T @ self.whitened
+        return np.asarray((product + product.T) / 2)
 
     @property
     def condition(self) -> float:
@@ -112,11 +150,7 @@ class Weighted:
     @cached_property
     def rows(self) -> Matrix:
         """Bᵀ = U P⁻¹ (n, p)."""
-        n = len(self.design.columns)
-        total = np.zeros_like(self.design.columns)
-        for j, (weight, d) in enumerate(zip(self.weights, self.design.coefficients, strict=True), 1):
-            total += weight * haar_adjoint(d, n, j)
-        return np.asarray(total @ self.inverse)
+        return np.asarray(self.whitened @ self.inverse)
 
     def estimate(self, values: Vector) -> Vector:
         """Estimate β̂ (p,) from values (n,); values at missing times must be finite."""
@@ -174,23 +208,7 @@ def haar(values: Matrix, level: int) -> Matrix:
     return np.asarray((sums[2 * half :] - 2 * sums[half:-half] + sums[: -2 * half]) / (2 * half))
 
 
-def haar_adjoint(coefficients: Matrix, n: int, level: int) -> Matrix:
-    """Compute W_jᵀ d (n, p) of coefficients d (n − 2^j + 1, p)."""
-    half = 1 << (level - 1)
-    padded = np.zeros((n + 2 * half, *coefficients.shape[1:]))
-    padded[2 * half - 1 : 2 * half - 1 + len(coefficients)] = coefficients
-    sums = np.concatenate([np.zeros((1, *coefficients.shape[1:])), np.cumsum(padded, axis=0)])
-    first, middle, last = sums[:n], sums[half : half + n], sums[2 * half : 2 * half + n]
-    return np.asarray((2 * middle - first - last) / (2 * half))
-
-
 def _complete(present: np.ndarray, width: int) -> np.ndarray:
     """Return which windows of `width` values have all of them."""
     sums = np.concatenate([[0], np.cumsum(present)])
     return np.asarray(sums[width:] - sums[:-width] == width)
-
-
-def _longest_run(present: np.ndarray) -> int:
-    """Return the length of the longest run of values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], present.astype(np.int8), [0]])))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
