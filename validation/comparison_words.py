@@ -108,12 +108,12 @@ def _overall(result: Result) -> str:
         ]
         errors = [row["over_likelihood"] for row, _ in pairs]
         times = [row["time"] / slow["time"] for row, slow in pairs]
-        span = f"{_share(min(times)).removesuffix(' of')} to {_share(max(times))}"
+        span = f"{_share(min(times))} to {_share(max(times))}"
         words.append(
-            f"{method} has {_figure(min(errors))} to {_figure(max(errors))} × the errors (median "
-            f"{_figure(float(np.median(errors)))}) in {span} the time"
+            f"- {method}: {_figure(min(errors))} to {_figure(max(errors))} times the errors of ML (median "
+            f"{_figure(float(np.median(errors)))}), and {span} times its time"
         )
-    return f"Against ML, over all models and lengths: {'; '.join(words)}."
+    return "\n".join(["Over all models and lengths, the methods have these errors and times:", "", *words])
 
 
 def _glance(result: Result) -> list[str]:
@@ -187,18 +187,18 @@ def verdict(result: Result, model: str) -> str:
     last = _of(result, model=model, samples=_lengths(result)[-1])
     slow = next(row["time"] for row in last if row["method"] == YARDSTICK)
     rest = [
-        f"{row['method']} has {_figure(row['over_likelihood'])} × the errors"
-        + (f" (of {', '.join(row['parameters'])})" if not row["complete"] else "")
-        + f" in {_share(row['time'] / slow)} the time"
+        f"{_figure(row['over_likelihood'])} and {_share(row['time'] / slow)} for {row['method']}"
+        + (f" ({', '.join(row['parameters'])} only)" if not row["complete"] else "")
         for row in last
         if row["method"] != YARDSTICK
     ]
-    words.append(f"At {_power(_lengths(result)[-1])}, against ML: {'; '.join(rest)}.")
+    longest = _power(_lengths(result)[-1])
+    words.append(f"At {longest} samples, the ratios to the errors and to the time of ML are {', '.join(rest)}.")
     return " ".join(words)
 
 
 def _share(ratio: float) -> str:
-    return f"1/{_plain(1 / ratio)} of" if ratio < 1 else f"{_plain(ratio)} ×"
+    return f"1/{_plain(1 / ratio)}" if ratio < 1 else _plain(ratio)
 
 
 def _listed(words: Sequence[str]) -> str:

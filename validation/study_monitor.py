@@ -241,8 +241,8 @@ def table(result: dict[str, Any]) -> str:
         ),
         "",
         (
-            "The next table has delays (s), as median and 90 % quantile, if the noise charts "
-            "are the fastest for another ratio R of variances. Charts for small increases are "
+            "The next table has the median and the 90 % quantile of the delays (s) for noise charts "
+            "that are optimal for other ratios R of the variances. Charts for small increases are "
             "slower for larger increases. gmwm uses R = 1.5, because an increase of the noise "
             "by 10 % hardly matters. Slow noise is detected only at long scales, whose blocks "
             "last for 20 s to 330 s, so R makes no difference."

@@ -50,12 +50,12 @@ def agree(
     Recording r gives a number as x_r with the standard error s_r, from the width of its confidence interval. The test
     that all recordings have the same value uses
 
-        Σ (x_r − x̄)²/s_r² ~ χ² with one degree of freedom less than recordings, x̄ the mean weighted by 1/s_r²,
+        Σ (x_r − x̄)²/s_r² ~ χ² with R − 1 degrees of freedom for R recordings, x̄ the mean weighted by 1/s_r²,
 
     where x is the logarithm of the number, or the number itself for the ramp R. If a recording gives only an upper
-    limit, the limit is compared with the interval of each other recording, and the smallest p-value counts: they agree
-    if the limit reaches the interval when both have the width that the test needs. All p-values are adjusted by Holm's
-    method, so `size` is the probability of any false alarm among all numbers.
+    limit, the limit is compared with the interval of each other recording, and the smallest p-value is used: two
+    recordings agree if the limit reaches the interval when both have the width that the test needs. All p-values are
+    adjusted by Holm's method, so `size` is the probability of any false alarm among all numbers.
 
     Q, N and B are compared for all models, K and R only if all models have the same slow terms, and other numbers only
     if all recordings have the same model. B of a flicker term is not compared with B at the minimum of the Allan

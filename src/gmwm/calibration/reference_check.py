@@ -155,9 +155,10 @@ class ReferenceCheck(Summarised):
         state = "file" if self.format != "datasheet" else "datasheet"
         agreeing = len(self.of("agrees", "close"))
         worst = next((name for name, count in counts.items() if count), "all")
+        named = f"the {self.name}" if self.name in ("datasheet", "reference") else self.name
         verdict = Remark.of(
             "reference-verdict", count=len(self.rows), agreeing=agreeing, smaller=counts["smaller"],
-            larger=counts["larger"], state=f"{state}-{worst}", reference=self.name,
+            larger=counts["larger"], state=f"{state}-{worst}", reference=named,
         )  # fmt: skip
         return (verdict, *self._factors())
 

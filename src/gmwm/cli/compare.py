@@ -51,7 +51,7 @@ def compare(
     """Compare classical and robust wavelet variances, and several recordings.
 
     A classical curve above the robust one shows outliers such as knocks, spikes and transmission errors. The robust
-    curve tolerates up to 26 % of bad coefficients; at level j, one bad sample affects 2^j coefficients. If more than
+    curve tolerates up to 26 % bad coefficients; at level j, one bad sample affects 2^j coefficients. If more than
     half of the coefficients are zero, as for a coarsely quantized sensor, the robust curve may be zero; a warning says
     so.
     """

@@ -25,7 +25,7 @@ class Replaced:
     largest : float
         Largest deviation of these, in local standard deviations.
     knocks : tuple of (start, stop)
-        Times (s) of the samples that were replaced because of knocks, as `skip` of `read` counts them.
+        Times (s) of the samples that were replaced because of knocks, measured as for `skip` of `read`.
     in_knocks : int
         Number of these samples.
     """

@@ -481,7 +481,7 @@ class Process(ABC):
         Parameters
         ----------
         term : str
-            Name of the process in its model, as "GM[1]".
+            Name of the process in its model, such as "GM[1]".
         samples : int
         rate : float
             Samples per second (Hz).

@@ -1,7 +1,7 @@
 """Sources of bytes: a file, a compressed file, or a member of a zip archive.
 
 Unpacked bytes are counted. A file that unpacks to more than any recording (a decompression bomb) raises an error before
-it fills the disk or the memory. A file that was cut off raises an error too, because compressed formats mark their end.
+it fills the disk or the memory. A truncated file raises an error too, because compressed formats mark their end.
 """
 
 from __future__ import annotations

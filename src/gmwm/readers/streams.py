@@ -44,7 +44,8 @@ T = TypeVar("T")
 
 
 def is_large(path: Path) -> bool:
-    """Return whether commands and fleets stream a file, or several by their pattern, instead of reading it."""
+    """Return whether commands and fleets stream a file, or the files of a pattern, instead of reading it into
+    memory."""
     files = [Path(file) for file in files_of(path)]
     return sum(file.stat().st_size for file in files if file.is_file()) >= LARGE
 

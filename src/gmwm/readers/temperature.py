@@ -19,8 +19,8 @@ from gmwm.readers.base import Rows
 from gmwm.readers.lost_samples import is_missing
 
 LONGEST = 1 << 20
-"""Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most so many rows wait for the
-next reading, which bounds the memory. It is a choice."""
+"""Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most this number of rows wait
+for the next reading, which bounds the memory. It is a choice."""
 
 
 @dataclass(frozen=True)

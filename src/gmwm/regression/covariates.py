@@ -230,7 +230,7 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
     level = known_level(values, signal, step)
     if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
         raise DataError(
-            f"{name} changes by no more than its reading error at the scales of this recording",
+            f"the covariate {name} changes by no more than its reading error at the scales of this recording",
             argument="against",
             advice="Use {--against=none}, or record over a larger range. If its values are exact, such as set points, "
             "write `{name}:exact`.",

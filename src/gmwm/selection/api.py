@@ -70,8 +70,8 @@ def select(
 
     All models are fitted with one weighting matrix Ω, the weighting matrix of the general model at its estimate, and
     compared by the wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂, ν(θ̂)) Ω]. The criterion is uncertain
-    and tends to keep unnecessary terms. A model is therefore equivalent to the best one if more than 5 % of the records
-    that it generates show a difference as large between its criterion and the smallest criterion of all sums. Models
+    and tends to keep unnecessary terms. A model is therefore equivalent to the best one if, in more than 5 % of the
+    records simulated from it, its criterion exceeds the smallest criterion by at least as much as in the data. Models
     that contain a smaller equivalent model are left out, and the simplest of the remaining ones is recommended.
 
     Parameters
@@ -82,8 +82,8 @@ def select(
         levels, the candidates have at most as many parameters as levels.
     data : WaveletVariance, Signal or (N,) array; or a list of these
         The recording. Several recordings must be of one unit. The candidates are then fitted to the mean of their
-        curves, and ranked by leaving out one recording after the other: by the mean loss, on the recording that is left
-        out, of a fit to the others. A model that describes a disturbance of one recording loses.
+        curves, and ranked by cross-validation: each recording is left out in turn, and its distance from a fit to the
+        other recordings is the loss. A model that describes a disturbance of one recording has a large loss.
     rate : float, optional
         Sampling rate (Hz); only for plain arrays.
     weighting : "optimal" or "diagonal"

@@ -30,8 +30,8 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
 
     A line is a peak whose density is significantly above the medians of 16 bins on both of its sides and that is a few
     bins wide. Wider peaks are found in the same way on grids of constant relative resolution, from 1/3072 to 1/6
-    octave. A peak whose frequency is at least 60 times its width is a line that wanders, any other a bump. Frequencies
-    at which the power of the noise differs much between the blocks are not searched.
+    octave. A peak whose frequency is at least 60 times its width is a line that wanders, and any other peak is a bump.
+    Frequencies at which the power of the noise differs much between the blocks are not searched.
     """
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()

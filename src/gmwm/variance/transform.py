@@ -198,8 +198,8 @@ def dwt(
     """Compute the discrete wavelet transform of a signal of any length.
 
     With V_0 = X, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l}, and V_{j,n} is the same with g; indices are modulo the number of
-    V_{j−1}. If this number is odd, the last one is stored separately. Energy is preserved. With reflection the signal
-    is extended by its mirror image to 2N samples.
+    coefficients V_{j−1}. If this number is odd, the last coefficient is stored separately. Energy is preserved. With
+    reflection the signal is extended by its mirror image to 2N samples.
 
     Parameters
     ----------
