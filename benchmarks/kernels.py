@@ -64,7 +64,8 @@ time assumes the speed of a plain copy of as many samples (a copy reads 8 bytes 
 - **Possible improvement**: with all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
   {real:.1f}. This would need coarse levels from every τ/64-th coefficient, as in a stream. In memory gmwm uses every
   coefficient, as the definition does.
-- **Robust, likelihood, fit**: limited by arithmetic and by dependent operations, at a small share of the bandwidth.
+- **Robust curves, the likelihood and fits** are limited by arithmetic and by dependent operations. They use a small
+  share of the bandwidth.
   Threads over axes help; a faster memory would not."""
 
 

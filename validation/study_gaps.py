@@ -188,8 +188,8 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             "The table compares the wavelet variance with the wavelet variance of the same "
-            f"recording without losses, in {result['compared']} recordings: the mean "
-            "difference, and in brackets the root mean square difference."
+            f"recording without losses, in {result['compared']} recordings. It has "
+            "the mean difference and, in parentheses, the root mean square difference."
         ),
         *legend(
             {

@@ -300,7 +300,7 @@ def table(result: dict[str, Any]) -> str:
                 ),
                 "covered": (
                     "share of 95 % intervals that contain the true value, among intervals that are "
-                    "not only a limit (their number is in brackets). If the remark `walk-or-markov` "
+                    "not only a limit (their number is in parentheses). If the remark `walk-or-markov` "
                     "says that K may describe a slow Gauss-Markov process, the true K includes its "
                     "q_c"
                 ),

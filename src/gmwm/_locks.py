@@ -12,7 +12,8 @@ R = TypeVar("R")
 
 
 class OneAtATime:
-    """Base of a class with methods marked by `one_at_a_time`. Each object has its own lock, which is not pickled."""
+    """Base class for classes with methods marked by `one_at_a_time`. Each object has its own lock, which is not
+    pickled."""
 
     _lock: threading.RLock
 

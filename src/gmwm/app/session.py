@@ -45,7 +45,7 @@ class Session:
     robust : "auto", True or False
         As for `gmwm.calibrate`.
     models : mapping of axis to str
-        The models that the user decided, with held values; gmwm chooses the others.
+        The models that the user chose, with held values; gmwm chooses the others.
     confidence : float
         Confidence level of the intervals.
     curve, view, units

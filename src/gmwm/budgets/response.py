@@ -101,8 +101,8 @@ def mean_squares(process: Process, rate: float, motion: Response, steps: Sequenc
     """Return E n² of the errors (T, q) that a process causes after each number of samples.
 
     Stationary processes start in their stationary distribution. A random walk starts at zero, and so does flicker noise
-    without a rest. After a rest, whose mean is removed, flicker noise is as old as the sensor; only the tilt by
-    levelling contains its level, and counts the flicker noise since the beginning of the rest.
+    without a rest. After a rest, whose mean is removed, the start of flicker noise does not matter. Only the tilt from
+    levelling contains the level of the flicker noise, which is then assumed to start at the beginning of the rest.
 
     Parameters
     ----------

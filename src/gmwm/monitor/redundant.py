@@ -57,14 +57,14 @@ def redundant(
     """Monitor at least three units of one type at rest against each other, and name the one that has changed.
 
     The signal of each unit less the mean of the others, r_i = x_i − Σ_{j≠i} x_j/(n − 1), is monitored with the model
-    times 1 + 1/(n − 1). What all units share, such as temperature and the motion of the table, is largely removed. A
-    fault of one unit changes the differences of the others too, but less, so the first and largest event of an axis
-    names the unit.
+    whose variances are multiplied by 1 + 1/(n − 1). What all units share, such as temperature and the motion of the
+    table, is largely removed. A fault of one unit changes the differences of the others too, but less, so the first and
+    largest event of an axis names the unit.
 
     Parameters
     ----------
     calibration : Calibration, or mapping of axis to Fit or Model
-        The models of one unit, which hold for all of them.
+        The models of one unit, which are used for all units.
     recordings : mapping of name to Imu or Stream
         Recordings of the same time, without gaps. The first tenth of them is the reference.
     every : str or float

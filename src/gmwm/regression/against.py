@@ -133,7 +133,7 @@ class Asked:
         Raises
         ------
         OptionError, DataError
-            If it is none of what `Against` allows.
+            If `Against` does not allow the option.
         """
         if isinstance(against, Asked):
             return against
