@@ -138,10 +138,13 @@ def _seen(rows: Sequence[dict[str, Any]], found: Sequence[dict[str, Any]]) -> It
     )
     for units in dict.fromkeys(r["units"] for r in found):
         least = [r["off"] for r in found if r["units"] == units and r["one_found"] >= 0.9 and r["errors"] == "equal"]
-        enough = (
-            f"from a distance of {min(least)} τ" if least else f"at no distance up to {max(r['off'] for r in found)} τ"
+        reached = "is found in at least 90 % of the fleets from a distance of {} τ"
+        found_at = (
+            reached.format(min(least))
+            if least
+            else f"is found in fewer than 90 % of the fleets at all distances up to {max(r['off'] for r in found)} τ"
         )
-        yield f"{units} devices: an outlying device is found in at least 90 % of the fleets {enough} (equal errors)."
+        yield f"{units} devices: an outlying device {found_at} (equal errors)."
     wrong = max(max(r["one_wrong"], r.get("several_wrong", 0.0)) for r in found)
     yield f"In fleets with outlying devices, a healthy device is classified as outlier in at most {wrong:.2%} of them."
 

@@ -164,7 +164,7 @@ def _words(result: Result) -> Iterator[str]:
             f"without the gap and the first and last {SETTLED / rate:g} s",
             "stated error": "root mean square of the standard deviations that gmwm states",
             "over true": "RMS error divided by the RMS error with the true parameters",
-            "gap": "the same within the gap",
+            "gap": "the same quantities within the gap",
         }
     )
     yield from ["", "The results:"]

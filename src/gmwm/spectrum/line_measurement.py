@@ -33,8 +33,8 @@ def measured_line(
     """Measure the line in the bins `first` to `last`.
 
     The sum of the excess over the level is the power A²/2. Its mean is the frequency, and its second moment the width.
-    All three are linear in the density, so their standard errors follow from its covariance. For a narrow line it is
-    the covariance of a sinusoid in noise, else of narrow-band noise.
+    All three are linear in the density, so their standard errors follow from its covariance. For a narrow line, this
+    is the covariance for a sinusoid in noise; otherwise it is the covariance for narrow-band noise.
     """
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level
