@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -23,6 +24,10 @@ GMWM_CLONES void levels_clone(const double* p, std::size_t n, std::size_t levels
   tile::levels_of_tile(p, n, levels, sums);
 }
 
+GMWM_CLONES void far_clone(const double* p, std::size_t n, std::size_t h, std::size_t levels, double* sums) {
+  tile::levels_of_tile(p, n, levels, sums, h);
+}
+
 // Factor from (P_t - …)² to W²: a power of two, so it is exact.
 void scale_by_level(std::span<double> sums) {
   for (std::size_t k = 0; k < sums.size(); ++k) sums[k] = std::ldexp(sums[k], -2 * static_cast<int>(k + 1));
@@ -33,6 +38,39 @@ void add_squares(const double* sum, std::size_t first, std::size_t last, std::sp
   for (std::size_t i = first, next; i < last; i = next) {
     next = std::min(tile::end(i), last);
     levels_clone(sum + i, next - i, tile::active(i, squares.size()), squares.data());
+  }
+}
+
+// Levels from `near` + 1 on have half-scales that are multiples of a row of 2^near values. A tile of the running sum
+// would read each of them from a place of its own, beyond the caches if the recording is long. Here, a few columns of all
+// rows are copied next to each other, and serve all these levels.
+constexpr std::size_t near = 14;
+constexpr std::size_t row = std::size_t{1} << near;
+constexpr std::size_t long_record = std::size_t{1} << 22;  // shorter ones are in the caches
+constexpr std::size_t strip_size = std::size_t{1} << 16;   // values in the columns: half a second-level cache
+
+// Sums of squares of levels near + 1, … over all indices of the running sum of n + 1 values, not yet scaled.
+void add_far_squares(const double* sum, std::size_t n, std::span<double> squares) {
+  const std::size_t rows = n / row + 1;
+  const std::size_t width = std::clamp(std::bit_floor(strip_size / rows), 2 * Pack::size, row);
+  const AlignedArray strip = aligned_array(rows * width);
+  for (std::size_t column = 0; column < row; column += width) {
+    std::size_t count = 0;
+    for (std::size_t r = 0; r < rows; ++r) {
+      const std::size_t from = r * row + column;
+      if (from > n) break;
+      const std::size_t some = std::min(width, n + 1 - from);
+      std::copy_n(sum + from, some, strip.get() + count);
+      count += some;
+    }
+    // The first index of a level with half-scale h is 2 h, where the next level of the strip begins.
+    for (std::size_t first = 2 * width; first < count; first *= 2) {
+      const std::size_t last = std::min(2 * first, count);
+      const auto reach = static_cast<std::size_t>(std::bit_width(first / width)) - 1;
+      const std::size_t levels = std::min(reach, squares.size());
+      for (std::size_t i = first; i < last; i += tile::size)
+        far_clone(strip.get() + i, std::min(tile::size, last - i), width, levels, squares.data());
+    }
   }
 }
 
@@ -87,12 +125,15 @@ void haar_variance(std::span<const double> x, std::span<double> variance) {
   const AlignedArray sum = aligned_array(x.size() + 1);
   sum[0] = 0.0;
   std::fill(variance.begin(), variance.end(), 0.0);
+  const bool far = x.size() >= long_record && variance.size() > near;
+  const std::span<double> at_once = far ? variance.first(near) : variance;
   // Tile by tile, so that all levels read the newest part of the running sum from the cache.
   for (std::size_t i = 1, next; i <= x.size(); i = next) {
     next = std::min((i / tile::size + 1) * tile::size, x.size() + 1);
     running_sum_clone(x.data() + i - 1, next - i, centre.value, sum[i - 1], sum.get() + i);
-    add_squares(sum.get(), i, next, variance);
+    add_squares(sum.get(), i, next, at_once);
   }
+  if (far) add_far_squares(sum.get(), x.size(), variance.subspan(near));
   scale_by_level(variance);
   for (std::size_t k = 0; k < variance.size(); ++k)
     variance[k] /= static_cast<double>(x.size() - (std::size_t{1} << (k + 1)) + 1);

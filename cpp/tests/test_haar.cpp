@@ -184,6 +184,25 @@ void clones_agree() {
 void clones_agree() { CHECK(std::strcmp(gmwm::running_clone(), "portable") == 0); }
 #endif
 
+// Far levels of a long record have code of their own. Its ends lie within a row, at its end, and at its beginning.
+void far_levels_are_sums_over_the_whole_running_sum() {
+  for (const std::size_t n : {(std::size_t{1} << 22) + 12345, (std::size_t{1} << 22) + 16383, std::size_t{1} << 22}) {
+    std::vector<double> x(n);
+    std::uint64_t state = 1;
+    for (double& v : x) {
+      state = state * 6364136223846793005u + 1442695040888963407u;
+      v = static_cast<double>(state >> 11) * 0x1p-53 - 0.5;
+    }
+    const std::size_t levels = 22;
+    std::vector<double> variance(levels), sums(levels, 0.0), total(n + 1, 0.0);
+    gmwm::haar_variance(x, variance);
+    gmwm::running_sum(x, gmwm::mean(x).value, total);
+    gmwm::haar_sums_of_squares(total, 0, n, sums);
+    for (std::size_t k = 0; k < levels; ++k)
+      CHECK_CLOSE(variance[k], sums[k] / static_cast<double>(n - (std::size_t{1} << (k + 1)) + 1), 1e-12);
+  }
+}
+
 }  // namespace
 
 int main() {
@@ -196,5 +215,6 @@ int main() {
   mean_knows_what_is_finite();
   buffers_are_aligned();
   clones_agree();
+  far_levels_are_sums_over_the_whole_running_sum();
   return check::result("haar");
 }

@@ -70,15 +70,16 @@ GMWM_INLINE void second_differences(const double* p, std::size_t n, std::size_t 
   }
 }
 
-// Processes levels 1 … levels of one tile; p[-2^levels] must be readable. The differences are not yet divided by 2^j.
-GMWM_INLINE void levels_of_tile(const double* p, std::size_t n, std::size_t levels, double* sums) {
+// Processes levels with half-scales h, 2 h, … of one tile; p[-h 2^levels] must be readable. The differences are not yet
+// divided by 2^j.
+GMWM_INLINE void levels_of_tile(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h = 1) {
   std::size_t k = 0;
-  for (; k + fused <= levels; k += fused) second_differences<fused>(p, n, std::size_t{1} << k, sums + k);
+  for (; k + fused <= levels; k += fused) second_differences<fused>(p, n, h << k, sums + k);
   switch (levels - k) {
-    case 4: second_differences<4>(p, n, std::size_t{1} << k, sums + k); break;
-    case 3: second_differences<3>(p, n, std::size_t{1} << k, sums + k); break;
-    case 2: second_differences<2>(p, n, std::size_t{1} << k, sums + k); break;
-    case 1: second_differences<1>(p, n, std::size_t{1} << k, sums + k); break;
+    case 4: second_differences<4>(p, n, h << k, sums + k); break;
+    case 3: second_differences<3>(p, n, h << k, sums + k); break;
+    case 2: second_differences<2>(p, n, h << k, sums + k); break;
+    case 1: second_differences<1>(p, n, h << k, sums + k); break;
     default: break;
   }
 }
