@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
+from gmwm._template import joined
 from gmwm.joint import CrossCovariance, JointFit, cross, fit_joint, same
 from gmwm.plots.cross import cross_figure
 from gmwm.plots.joint import joint_figure
@@ -101,8 +102,9 @@ def table(result: dict[str, Any]) -> str:
         "is not known whether they come from one unit.",
         "",
         "**What is correlated.** `gmwm.cross` finds shared noise in "
-        + ", ".join(f"{row['shared']} of {row['tests']}" for row in rows)
-        + " tests (pairs and scales, 5 % level for all together). At the finest scales the correlations of gyroscopes "
+        + joined([f"{row['shared']} of {row['tests']}" for row in rows])
+        + " tests (one for each pair of axes and scale, with a joint level of 5 %). At the "
+        "finest scales the correlations of gyroscopes "
         "are small and the same in all recordings. At scales above about 10 s, all axes have a slow common part.",
         "",
         "![Correlation of the six axes by scale, first recording](axes.svg)",

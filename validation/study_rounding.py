@@ -56,9 +56,9 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each step and place of the mean."""
     lines = [
         (
-            f"{result['samples']} samples of white noise with the standard deviation σ, and of "
-            f"a slow change of the mean with an amplitude of {result['wander']:g} σ, are "
-            "rounded to multiples of the LSB."
+            f"The study rounds {result['samples']} samples to multiples of the LSB. The samples are "
+            "white noise with the standard deviation σ, and a slow change of the mean with an "
+            f"amplitude of {result['wander']:g} σ."
         ),
         *legend(
             {

@@ -98,7 +98,7 @@ def test_a_limit_among_measured_values_names_its_axis(mixed, format):
     # gyro_z has the largest white noise, so that all numbers of the file are those of gyro_z.
     assert only(found, "upper-limit").subject == "K of gyro_z"
     assert words(text).count("UPPER LIMIT, not a measured value: K") == 1
-    assert "all numbers are of gyro_z" in words(text)
+    assert "all numbers are from gyro_z" in words(text)
     white, walk = CONSUMERS[format](text)["gyro"]
     assert white == pytest.approx(math.sqrt(5e-2 / 200.0), rel=1e-4)
     if format not in MARKOV:

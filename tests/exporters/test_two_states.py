@@ -119,8 +119,8 @@ def test_the_sweep_names_the_error_of_n_and_k():
     unit = gmwm.calibrate({axis: exact_curve(axis, truth) for axis, truth in truths.items()}, models=models)
     text = words(unit.export())
     ((walk, reduced),) = re.findall(
-        r"the Allan deviation of N and K is up to (\S+) times that of the model, and of two Gauss-Markov states within "
-        r"(\S+) % of it: for a filter with two states, use the format state-space", text,
+        r"the Allan deviation of N and K is up to (\S+) times the Allan deviation of the model. With two Gauss-Markov "
+        r"states, it is within (\S+) % of the Allan deviation of the model: for a filter with two states, use", text,
     )  # fmt: skip
     found = two_states(unit["gyro_x"], 1.0)
     assert float(walk) == pytest.approx(1 + found.error_of_walk, rel=0.06)

@@ -76,7 +76,7 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
 
     Confidence intervals are symmetric on the scale of the logarithm, by the delta method with the joint covariance of
     the estimates; R, which has a sign, has R ± z SE. A number is an upper limit if its term cannot be distinguished
-    from zero (as in `Fit.confidence_intervals`), and B is one if the curve has no certain minimum.
+    from zero (as in `Fit.confidence_intervals`), and B is an upper limit if the curve has no certain minimum.
 
     Parameters
     ----------

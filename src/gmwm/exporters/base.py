@@ -231,8 +231,8 @@ class TwoNumbers(Exporter):
             if len(sensor.axes) == 1:
                 rule = axes
             elif options.axes == "worst":
-                worst = f"all numbers are of {sensor.worst.axis}"
-                rule = f"{worst}: of {axes}, it has the largest Allan deviation at the horizon"
+                worst = f"all numbers are from {sensor.worst.axis}"
+                rule = f"{worst}, which has the largest Allan deviation at the horizon (of {axes})"
             head.append(f"{NAMES[sensor.quantity].capitalize()}: {rule}.")
         measured = not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""

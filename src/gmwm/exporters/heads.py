@@ -91,9 +91,10 @@ def _two_states(one: AxisNoise) -> str:
     if found is None or found.error_of_walk < max(FAR, NEARER * found.error):
         return ""
     return (
-        f" At {duration_text(found.low, 3)} to {duration_text(found.high, 3)}, the Allan deviation of N and K is "
-        f"{apart(found.error_of_walk)} that of the model, and of two Gauss-Markov states {apart(found.error)} it: for "
-        "a filter with two states, use the format state-space."
+        f" From {duration_text(found.low, 3)} to {duration_text(found.high, 3)}, the Allan deviation of N and K is "
+        f"{apart(found.error_of_walk)} the Allan deviation of the model. With two Gauss-Markov states, it is "
+        f"{apart(found.error)} the Allan deviation of the model: for a filter with two states, use the format "
+        "state-space."
     )
 
 

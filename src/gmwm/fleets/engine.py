@@ -71,7 +71,7 @@ def fleet(
     recordings : folder, sequence of paths, or mapping of unit to path
         For a folder, all files below it that a reader recognizes by name or content, without hidden files. The name of
         a unit is its path in the folder. Each inertial recording of a file is a unit, named "log.bin/IMU_1"; if a
-        file has recordings of all six axes, only these.
+        file has recordings of all six axes, only these are used.
     output : path
         Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
     within, robust, weighting, criterion, confidence, efficiency, draws, rng, against, axes

@@ -32,7 +32,7 @@ def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
     Raises
     ------
     ValueError
-        If there are others.
+        If any value is not a whole number, or their number differs.
     """
     if len(values) != len(like):
         raise ValueError(f"expected {len(like)} whole numbers; got {len(values)}")
@@ -58,6 +58,6 @@ def numbers(values: Any) -> Vector:
     Raises
     ------
     ValueError
-        If there are others.
+        If any value is not a finite number.
     """
     return np.array([number(value) for value in values], dtype=np.float64)

@@ -62,8 +62,8 @@ class ThinnedValues:
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
         """Return the accumulator for the second pass: the mean rise of the whole record. Values are clipped at limits
-        from the median and the spread of the kept values. `start` is the index of the first sample, `lengths` the
-        lengths of the segments."""
+        from the median and the spread of the kept values. `start` is the index of the first sample, and
+        `lengths` are the lengths of the segments."""
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
         sizes = np.array(lengths, dtype=np.float64)
