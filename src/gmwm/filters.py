@@ -16,6 +16,7 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,6 +69,12 @@ class WaveletFilter:
 
     def __post_init__(self) -> None:
         freeze(self.scaling)
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        """Pickle a filter of the table by its name, because code that is only right for Haar tests `filter is HAAR`."""
+        if self.name in _TABLES and find_filter(self.name) is self:
+            return find_filter, (self.name,)
+        return super().__reduce_ex__(protocol)
 
     @property
     def length(self) -> int:
