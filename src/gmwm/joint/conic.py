@@ -12,6 +12,7 @@ The last Newton steps end near it, so 2 ν μ is stated.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ STEPS = 300
 """Newton steps, at most; 30 to 60 are usual (tests/joint/test_conic.py)."""
 SHRINK = 0.02
 """Factor of μ from one round to the next."""
-WARM = 1e-5
+WARM = 1e-7
 """μ of the point from which a similar problem starts."""
 NEAR = (1.0, 0.1)
 """Newton decrement, in units of μ, at which a round and the last round end."""
@@ -44,13 +45,13 @@ class Cone:
     d: int
     full: NDArray[np.bool_]
 
-    @property
+    @cached_property
     def free(self) -> NDArray[np.bool_]:
         """Which of the P d(d + 1)/2 entries are unknown, term by term."""
         rows, columns = entries(self.d)
         return np.concatenate([np.ones(rows.size, bool) if whole else rows == columns for whole in self.full])
 
-    @property
+    @cached_property
     def terms(self) -> NDArray[np.int64]:
         """The term of each unknown."""
         count = entries(self.d)[0].size

@@ -14,7 +14,7 @@ from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.joint.matrices import WaveletMatrices, wavelet_matrices
 from gmwm.joint.moments import lag_products, moment_covariance, stacked, symmetric
 from gmwm.joint.problem import JointProblem
-from gmwm.joint.search import Found, resume, search
+from gmwm.joint.search import EXACT, ROUGH, Found, first, resume, search
 from gmwm.joint.synchronous import chosen_names, synchronous_signals
 from gmwm.joint.terms import JointTerm
 from gmwm.signals import Imu, Signal
@@ -32,8 +32,11 @@ ROUNDS = 12
 DEGENERATE = 1e-5
 """Least share of the standard deviation of a moment that the moments before it must leave: V of a model without noise
 in some combination of signals has 3e-7, the root of the ridge of 1e-13."""
-SETTLED = 1e-6
+SETTLED = 1e-5
 """Relative change of the fitted variances at which they end."""
+MEMORY = (-3.0, 0.9)
+"""Least and largest share of the last round but one in the weights of the next. Without it, some fits of six signals
+change by 0.4 % in round 12; with it, by 0.004 % to 0.06 % (simulated RW + GM + WN + QN, 10⁵ samples)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,25 +82,81 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
     problem = JointProblem(
         terms, moments, root=_first_root(gamma * np.outer(unit, unit), design), design=design, d=unit.size
     )
-    found = search(problem)
-    implied = _implied(problem, found)
+    found = first(problem)
+    weights = _Mixed.of(problem, found.u, found.sigmas)
+    accuracy = ROUGH
     for k in range(ROUNDS):
-        products = lag_products(problem.processes(found.u), design)
-        wavelet = measured.design.loss_factor * moment_covariance(found.sigmas, products)
-        problem = replace(problem, root=_root(wavelet * _scale(problem, implied)))
+        products = lag_products(problem.processes(weights.u), design)
+        wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
+        problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
         # The first weights are crude, so the search is repeated once with good ones.
-        found = search(problem) if k == 1 else resume(problem, found)
-        before, implied = implied, _implied(problem, found)
-        if k > 1 and float(np.max(np.abs(implied / before - 1))) < SETTLED:
+        accuracy = EXACT if k == 1 else _accuracy(weights.change)
+        found = search(problem) if k == 1 else resume(problem, found, accuracy=accuracy)
+        weights = weights.after(problem, found, restart=k <= 1)
+        if k > 1 and weights.change < SETTLED:
             break
+    if accuracy > EXACT:
+        found = resume(problem, found)
     return Settled(
         problem, found, unit=unit, products=lag_products(problem.processes(found.u), design), measured=measured
     )
 
 
-def _implied(problem: JointProblem, found: Found) -> Matrix:
+def _accuracy(change: float) -> float:
+    """Accuracy of the objective of a round: its fitted variances then err by a tenth of the last change."""
+    return float(np.clip(0.01 * change**2, EXACT, ROUGH))
+
+
+@dataclass(frozen=True, eq=False)
+class _Mixed:
+    """The estimate from which the weights of the next round follow: that of the last round, extrapolated from two
+    rounds by the secant of their changes (Anderson 1965, Iterative procedures for nonlinear integral equations,
+    J. ACM 12, 547-560, with one step of memory).
+
+    Attributes
+    ----------
+    u : (K,) array
+    sigmas : (P, d, d) array
+    implied : (J, d) array
+        Fitted wavelet variances.
+    change : float
+        Largest relative change of the fitted variances from the weights of a round to its estimate.
+    last : tuple of (K,) array, (P, d, d) array and (J, d) array, optional
+        Estimate of the last round, and its difference on the logarithm from the weights.
+    """
+
+    u: Vector
+    sigmas: Matrix
+    implied: Matrix
+    change: float = np.inf
+    last: tuple[Vector, Matrix, Matrix] | None = None
+
+    @classmethod
+    def of(cls, problem: JointProblem, u: Vector, sigmas: Matrix) -> _Mixed:
+        return cls(u, sigmas, _implied(problem, u, sigmas))
+
+    def after(self, problem: JointProblem, found: Found, *, restart: bool) -> _Mixed:
+        """The weights for the round after an estimate."""
+        miss = np.log(_implied(problem, found.u, found.sigmas) / self.implied)
+        u, sigmas = found.u, found.sigmas
+        if self.last is not None and not restart:
+            before, matrices, missed = self.last
+            turn = miss - missed
+            size = max(float(np.sum(turn**2)), 1e-300)
+            share = float(np.clip(np.sum(miss * turn) / size, *MEMORY))
+            u = np.clip(u - share * (u - before), *problem.limits)
+            values, vectors = np.linalg.eigh(sigmas - share * (sigmas - matrices))
+            sigmas = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        return replace(
+            _Mixed.of(problem, u, sigmas),
+            change=float(np.max(np.abs(np.expm1(miss)))),
+            last=(found.u, found.sigmas, miss),
+        )
+
+
+def _implied(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
     """Fitted wavelet variances (J, d)."""
-    return np.asarray(np.einsum("pj,paa->ja", problem.shapes(found.u), found.sigmas))
+    return np.asarray(np.einsum("pj,paa->ja", problem.shapes(u), sigmas))
 
 
 def _first_root(gamma: Matrix, design: Design) -> Matrix:
@@ -133,6 +192,8 @@ def _root(wavelet: Matrix) -> Matrix:
     ModelError
         If the model has no noise in some combination of signals and scales.
     """
+    from scipy.linalg.lapack import dtrtri
+
     size = np.sqrt(np.diag(wavelet))
     if np.all(size > 0):
         try:
@@ -141,7 +202,7 @@ def _root(wavelet: Matrix) -> Matrix:
             pass
         else:
             if float(np.diag(factor).min()) > DEGENERATE:
-                return np.asarray(np.linalg.inv(factor) / size)
+                return np.asarray(dtrtri(factor, lower=1)[0] / size)
     raise ModelError(
         "the model as estimated has no noise in some combination of the signals, so its weights do not exist",
         argument="model", advice="Add own noise of all signals to the model, for example WN.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -28,6 +29,8 @@ class JointProblem:
         L with LᵀL = Ω.
     design : Design
     d : int
+    held : (P, J) array
+        Shapes κ of the terms whose shape is not searched; the other rows are not used.
     """
 
     terms: tuple[JointTerm, ...]
@@ -37,6 +40,7 @@ class JointProblem:
     d: int
     target: Vector = field(init=False)
     branches: tuple[Branch | None, ...] = field(init=False)
+    held: Matrix = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "target", self.root @ self.moments)
@@ -45,6 +49,12 @@ class JointProblem:
             None if term.branch is None else type(term.process).search(samples, rate)[0] for term in self.terms
         )
         object.__setattr__(self, "branches", branches)
+        held = np.empty((len(branches), self.design.levels.size))
+        for k, (term, branch) in enumerate(zip(self.terms, branches, strict=True)):
+            if branch is None:
+                process = type(term.process).standard(term.process.nonlinear)
+                held[k] = process.wavelet_variance(self.design.levels, rate)
+        object.__setattr__(self, "held", held)
 
     @property
     def searched(self) -> list[int]:
@@ -57,7 +67,7 @@ class JointProblem:
         found = [branch for branch in self.branches if branch is not None]
         return np.array([branch.low for branch in found]), np.array([branch.high for branch in found])
 
-    @property
+    @cached_property
     def cone(self) -> Cone:
         """The unknown entries; a common term has a whole matrix, of which it is one face."""
         return Cone(self.d, np.array([term.kind != "own" for term in self.terms]))
@@ -72,8 +82,13 @@ class JointProblem:
 
     def shapes(self, u: Vector) -> Matrix:
         """κ (P, J)."""
-        levels, rate = self.design.levels, self.design.rate
-        return np.array([process.wavelet_variance(levels, rate) for process in self.processes(u)])
+        shapes = self.held.copy()
+        for place, coordinate in zip(self.searched, u, strict=True):
+            branch = self.branches[place]
+            assert branch is not None
+            kind = type(self.terms[place].process)
+            shapes[place] = kind.shape(branch.values(np.array([coordinate])), self.design.levels, self.design.rate)[0]
+        return shapes
 
     def slopes(self, u: Vector) -> Matrix:
         """∂κ/∂u (K, J) of the searched terms."""

@@ -22,6 +22,8 @@ MOST_STARTS = 60
 ROUGH = 1e-4
 """Relative accuracy of the objective with which the starts are compared. This constant and the next two halve the time,
 and change no fit of docs/validation/joint.md."""
+EXACT = 1e-9
+"""The same for results."""
 SAME = 0.02
 """Distance of coordinates below which two starts have led to the same optimum."""
 WORSE = 0.1
@@ -55,9 +57,14 @@ def search(problem: JointProblem) -> Found:
     return min((resume(problem, found) for found in followed), key=lambda found: found.objective)
 
 
-def resume(problem: JointProblem, found: Found) -> Found:
+def first(problem: JointProblem) -> Found:
+    """A rough local optimum, from the best of the starts."""
+    return descend(problem, _starts(problem)[0], accuracy=ROUGH)
+
+
+def resume(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
     """The local optimum near an estimate."""
-    return polish(problem, descend(problem, found.u, warm=found.warm))
+    return polish(problem, descend(problem, found.u, warm=found.warm, accuracy=accuracy))
 
 
 def places(problem: JointProblem, place: int, count: int) -> Vector:
@@ -123,7 +130,7 @@ def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
     return np.sort(grid[np.argsort(-share)[:wanted]])
 
 
-def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = 1e-9) -> Found:
+def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> Found:
     """Newton's method over the coordinates, with the covariance matrices eliminated, to a relative accuracy of the
     objective."""
     low, high = problem.limits
