@@ -117,6 +117,27 @@ def test_the_state_space_has_the_fitted_covariances(fitted):
     whole = fitted.continuous()
     assert np.allclose(whole.H @ whole.Qc @ whole.H.T, fitted.covariances["RW"] * RATE)
     assert np.allclose(whole.Rc, fitted.covariances["WN"] / RATE)
+    discrete = whole.discrete(RATE)
+    for name in ("F", "Q", "H", "R", "P0"):
+        assert np.allclose(getattr(discrete, name), getattr(space, name), rtol=1e-12)
+    assert (discrete.axes, discrete.terms) == (space.axes, space.terms)
+    weights = rng.normal(size=3)
+    expected = np.einsum("a,jab,b->j", weights, fitted.implied, weights)
+    assert np.allclose(whole.along(weights).discrete(RATE).haar_variance(fitted.levels), expected, rtol=1e-9)
+    assert whole.to_dict().keys() == {"A", "Qc", "H", "Rc", "P0", "diffuse", "axes", "terms", "left_out"}
+
+
+@pytest.mark.slow
+def test_the_continuous_form_of_slow_noise_has_its_covariances():
+    """A Gauss-Markov term sampled at another rate has the covariance matrix and the correlation time of the fit."""
+    found = fit_joint("WN + shared(GM) + QN", signals(4, markov=2.0), RATE)
+    whole = found.continuous()
+    assert whole.left_out == ("QN",)
+    start = whole.H @ whole.P0 @ whole.H.T
+    assert np.allclose(start, found.covariances["GM"], rtol=1e-9, atol=1e-12)
+    assert np.allclose(np.diag(whole.A), -found.parameters["GM.beta"], rtol=1e-9)
+    slower = whole.discrete(10.0)
+    assert np.allclose(np.diag(slower.F), np.exp(-found.parameters["GM.beta"] / 10), rtol=1e-9)
 
 
 def test_a_singular_matrix_has_limits_on_one_side():

@@ -64,8 +64,9 @@ def joint(
     """Fit the noise of several axes at once, with the noise that they share.
 
     The result has the covariance matrix of each term, its correlations with intervals, the test of the model, and the
-    test whether each shared term is shared. With --json, the matrices of the state space of all axes are included; they
-    describe what the axes share. The files of gmwm export describe each axis separately.
+    test whether each shared term is shared. With --json, the matrices of the state space of all axes are included, in
+    discrete and in continuous time; they describe what the axes share. The files of gmwm export describe each axis
+    separately.
     """
     from gmwm.joint import fit_joint
 

@@ -371,10 +371,12 @@ class JointFit(Summarised):
 
     def to_dict(self) -> dict[str, Any]:
         """Return estimates, errors, tests and the state space as plain numbers, lists and strings."""
+        states: dict[str, Any] | None
+        smooth: dict[str, Any] | None
         try:
-            states = self.state_space().to_dict()
+            states, smooth = self.state_space().to_dict(), self.continuous().to_dict()
         except MissingTheoryError:
-            states = None
+            states = smooth = None
         return {
             "axes": list(self.axes),
             "units": dict(self.units),
@@ -399,6 +401,7 @@ class JointFit(Summarised):
             "goodness_of_fit": self.goodness_of_fit().to_dict(),
             "shared": {term: asdict(self.shared(term)) for term in self._testable},
             "state_space": states,
+            "continuous_state_space": smooth,
         }
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, freeze
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.processes.base import Process
 from gmwm.statespace import StateSpace
 
@@ -100,6 +101,32 @@ class JointContinuousStateSpace:
     def __post_init__(self) -> None:
         for name in ("A", "Qc", "H", "Rc", "P0", "diffuse"):
             freeze(getattr(self, name))
+
+    def along(self, weights: ArrayLike) -> ContinuousStateSpace:
+        """The continuous-time model of a weighted sum of the signals.
+
+        Parameters
+        ----------
+        weights : (d,) array
+        """
+        w = np.asarray(weights, dtype=np.float64)
+        return ContinuousStateSpace(
+            A=self.A, Qc=self.Qc, H=w @ self.H, Rc=w @ self.Rc @ w, P0=self.P0, diffuse=self.diffuse, terms=self.terms,
+            left_out=self.left_out,
+        )  # fmt: skip
+
+    def discrete(self, rate: float) -> JointStateSpace:
+        """Discretise the model at a rate (Hz), as `ContinuousStateSpace.discrete` does; without `left_out` terms."""
+        space = self.along(np.zeros(len(self.axes))).discrete(rate)
+        return JointStateSpace(
+            F=space.F, Q=space.Q, H=self.H, R=self.Rc * rate, P0=self.P0, diffuse=self.diffuse, axes=self.axes,
+            terms=self.terms,
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the matrices as lists."""
+        matrices = {name: getattr(self, name).tolist() for name in ("A", "Qc", "H", "Rc", "P0", "diffuse")}
+        return {**matrices, "axes": list(self.axes), "terms": list(self.terms), "left_out": list(self.left_out)}
 
 
 def factor(sigma: Matrix) -> Matrix:
