@@ -206,7 +206,7 @@ class Replicates(Summarised):
         if pvalue > SIZE:
             return Remark.of(
                 "recordings-agree", self.axis, count=len(self.recordings), numbers=self._within(), p=p_text(pvalue),
-                size=SIZE,
+                few=few, size=SIZE,
             )  # fmt: skip
         return Remark.of(
             "recordings-differ", self.axis, count=len(self.recordings), numbers=self._spreads(), p=p_text(pvalue),
@@ -280,8 +280,9 @@ class Replicates(Summarised):
         return f"Replicates({', '.join(self.recordings)}: {found}, p = {self.pvalue:.2g})"
 
 
-FEW = 3
-"""Recordings below which the spread is hardly known: the t distribution with one degree of freedom has no mean."""
+FEW = 4
+"""Recordings below which an interval is hardly narrower than that of one recording alone, because the spread is hardly
+known (docs/validation/recordings.md)."""
 
 
 def p_text(pvalue: float) -> str:
