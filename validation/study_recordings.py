@@ -95,7 +95,7 @@ def _tests(
 def _intervals(share: float) -> list[dict[str, Any]]:
     """Coverage of the interval of the mean of normal recordings with known errors, by numbers alone."""
     rows = []
-    repeats = int(4000 * share)
+    repeats = max(int(4000 * share), 200)
     for count in (2, 3, 5, 10):
         for spread in SPREADS:
             rng = np.random.default_rng([SEED, 200, count, int(10 * spread)])
