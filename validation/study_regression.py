@@ -23,8 +23,8 @@ from validation.legend import legend
 NAME = "regression"
 SEED = 20261123
 SAMPLES = 1 << 15
-REPEATS = 500
-MORE = 200
+REPEATS = 300
+MORE = 100
 """Series of each row of the later parts, which take less time."""
 BLOCK = 32
 """Block whose means give the covariance matrix of generalised least squares."""

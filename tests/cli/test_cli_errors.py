@@ -12,6 +12,11 @@ CASES = {
     "no option of this name": (["wv", "{file}", "--bad"], ["--bad", "gmwm wv --help"]),
     "missing file": (["fit", "--model", "WN"], ["'FILE…'", "gmwm fit --help"]),
     "missing model": (["fit", "{file}"], ["'--model'", "gmwm fit --help"]),
+    "two units in two options": (
+        ["wv", "{unlabelled}", "--units", "gyro=deg/s", "--units", "accel=g"],
+        ["--units is given 2 times", "--units gyro=deg/s,accel=g", "gmwm wv --help"],
+    ),
+    "two rates": (["wv", "{file}", "--rate", "50", "--rate", "100"], ["--rate is given 2 times", "gmwm wv --help"]),
     "rate is no number": (["wv", "{file}", "--rate", "fast"], ["--rate must be ", "; got 'fast'", "gmwm wv --help"]),
     "seed is no number": (["demo", "--seed", "1.5"], ["--seed must be ", "; got '1.5'", "gmwm demo --help"]),
     "rate is negative": (["wv", "{file}", "--rate=-1"], ["--rate must be ", "; got -1"]),

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from gmwm._template import Dialect
 from gmwm.cli.output import one_line
@@ -78,6 +78,21 @@ class OneLineErrors(TyperGroup):
             print("interrupted" if code == INTERRUPTED else "terminated", file=sys.stderr)
             _leave_threads_behind(code)
         sys.exit(code if isinstance(code, int) else OK)
+
+
+class OnceCommand(TyperCommand):
+    """A command that refuses an option with one value that is given twice. Otherwise the first value would be lost."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments of the command."""
+        order = self.make_parser(ctx).parse_args(args=list(args))[2]
+        for one in order:
+            several = one.nargs != 1 or getattr(one, "multiple", False) or getattr(one, "is_flag", False)
+            if order.count(one) > 1 and not several:
+                name = max(one.opts, key=len)
+                advice = f": {name} {one.metavar}" if "," in (one.metavar or "") else ""
+                raise _UsageError(f"{name} is given {order.count(one)} times; give it once{advice}", ctx)
+        return list(super().parse_args(ctx, args))
 
 
 def _leave_threads_behind(code: int) -> None:

@@ -39,7 +39,7 @@ from gmwm.cli import (
     wv,
 )
 from gmwm.cli import app as application
-from gmwm.cli.errors import OneLineErrors, Terminated
+from gmwm.cli.errors import OnceCommand, OneLineErrors, Terminated
 from gmwm.cli.output import one_line
 
 app = typer.Typer(
@@ -85,7 +85,8 @@ for _command, _examples in (
     (simulate.simulate, simulate.EXAMPLES),
     (demo.demo, demo.EXAMPLES),
 ):
-    app.command(help=_help(_command.__doc__), epilog="\n\n".join(("Examples:", *_examples)))(_command)
+    _epilog = "\n\n".join(("Examples:", *_examples))
+    app.command(cls=OnceCommand, help=_help(_command.__doc__), epilog=_epilog)(_command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -30,8 +30,11 @@ DIFFERS = 4.0
 remark
 (tests/regression/test_reading_noise.py)."""
 OPTIMISM = 2.0
-"""The weights come from the same data as the variance, which is too small by about this number over its degrees of
-freedom (docs/validation/regression.md)."""
+"""The weights come from the same data as the variance, which is too small by about this number over 3 plus its degrees
+of freedom (docs/validation/regression.md)."""
+FEWEST = 2.0
+"""Fewest degrees of freedom. The formula gives one where a slow process is possible but not seen; intervals with two
+contain the truth as often (docs/validation/regression.md)."""
 _ROUNDS = 4
 """Number of rounds of noise, weights and coefficients: the third changes a standard error by less than 1 %
 (tests/regression)."""
@@ -130,11 +133,11 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     beta, lags = weighted.estimate(means), noise.covariances(len(means))
     parts = [weighted.covariances(own) for own in lags]
     covariance = noise.average(parts)
-    freedoms = [noise.freedom_of([own[:, k, k] for own in parts]) for k in range(beta.size)]
-    factors = np.sqrt(1 + OPTIMISM / np.array(freedoms))
+    freedoms = [max(noise.freedom_of([own[:, k, k] for own in parts]), FEWEST) for k in range(beta.size)]
+    factors = np.sqrt(1 + OPTIMISM / (3 + np.array(freedoms)))
     covariance = covariance * np.outer(factors, factors)
     inverse = np.linalg.pinv(covariance, hermitian=True)
-    freedom = noise.freedom_of([np.einsum("ab,kba->k", inverse, own) for own in parts])
+    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, own) for own in parts]), FEWEST)
     statistic = float(beta @ inverse @ beta) / beta.size
     residuals = means - covariates.removed(solved.tau) @ beta
     raw, left = design.variances(means), design.variances(residuals)
