@@ -187,7 +187,7 @@ def as_whole_number(value: int, name: str, least: int) -> int:
     Raises
     ------
     OptionError
-        If it is anything else.
+        If the value is not such a number.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)

@@ -106,7 +106,7 @@ def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
     Raises
     ------
     OptionError
-        If a sum cannot be read, or two name different conditions.
+        If a sum cannot be read, or two sums name different conditions.
     """
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
