@@ -33,7 +33,7 @@ def parse_length(text: str, argument: str = "duration") -> float:
     Raises
     ------
     OptionError
-        If it is anything else.
+        If the value is anything else.
 
     Examples
     --------

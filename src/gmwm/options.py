@@ -141,7 +141,7 @@ def as_size(value: object) -> float:
     Raises
     ------
     OptionError
-        If it is anything else.
+        If the value is anything else.
 
     >>> as_size(0.05)
     0.05
@@ -159,7 +159,7 @@ def as_confidence(value: object, name: str = "confidence") -> float:
     Raises
     ------
     OptionError
-        If it is anything else.
+        If the value is anything else.
 
     Examples
     --------

@@ -80,7 +80,7 @@ def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSour
     Raises
     ------
     OptionError
-        If it is none of them.
+        If the source is none of them.
     ReadError
         If the file has no fits, and no numbers of another program.
     """

@@ -329,7 +329,7 @@ def checked_length(length: int | None) -> int | None:
     Raises
     ------
     OptionError
-        If it is anything else.
+        If the value is anything else.
     """
     if length is None:
         return None
