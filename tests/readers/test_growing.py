@@ -89,6 +89,21 @@ def test_breathing_ends_it():
     assert sum(len(chunk) for chunk in chunks) == 3000
 
 
+def test_data_that_wait_while_the_last_lines_are_processed_are_read(monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr(growing_files.time, "monotonic", lambda: clock[0])
+    lines = Lines(iter([b"a\n", b"b\n", b"", b"", b"never\n"]).__next__, lambda: True, idle=3.0)
+    assert lines.look() == b"a\n"
+    clock[0] = 100.0
+    assert lines.look() == b"b\n"
+    clock[0] = 200.0
+    assert lines.look() == b""
+    assert not lines.ended
+    clock[0] = 203.0
+    assert lines.look() == b""
+    assert lines.ended
+
+
 def test_what_it_is_not_is_an_error():
     with raises(ReadError, code="empty"):
         followed(b"time,gyro", [])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json as json_module
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -164,17 +163,7 @@ def _opened(
         yield stream_file(file, reading), tuple
         return
     with growing_source(file) as (take, name), interruptible() as stopped:
-        came = time.monotonic()
-
-        def noted() -> bytes | None:
-            nonlocal came
-            data = take()
-            if data:
-                came = time.monotonic()
-            return data
-
-        lines = Lines(noted, lambda: not stopped() and (idle is None or time.monotonic() - came < idle))
-
+        lines = Lines(take, lambda: not stopped(), idle)
         yield growing_stream(lines, name, reading), lambda: remarks_on_end(take, name, lines)
 
 

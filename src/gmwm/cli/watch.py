@@ -88,10 +88,8 @@ def watch(
         raise OptionError(argument="every", expected="longer than 0 s", got=every)
     reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parsed()
     with growing_source(file) as (take, name), interruptible() as stopped:
-        view = _View(
-            every=seconds, idle=patience, stopped=stopped, model=parsed, accuracy=wanted, datasheet=datasheet, json=json
-        )
-        lines = Lines(view.noting(take), view.breathe)
+        view = _View(every=seconds, stopped=stopped, model=parsed, accuracy=wanted, datasheet=datasheet, json=json)
+        lines = Lines(take, view.breathe, patience)
         source = growing_stream(lines, name, reading, patience=min(seconds, 5.0))
         measured = accumulators(source, chosen_names(source.axes, axis))
         failure = _fed(source, measured, view)
@@ -134,27 +132,21 @@ class _View:
     """The view of a running watch: when to update it, and where to show it."""
 
     def __init__(
-        self, every: float, idle: float | None, stopped: Callable[[], bool], model: Model | None, accuracy: float,
-        datasheet: bool, json: bool,
-    ) -> None:  # fmt: skip
-        self._every, self._idle, self._stopped = every, idle, stopped
+        self,
+        every: float,
+        stopped: Callable[[], bool],
+        model: Model | None,
+        accuracy: float,
+        datasheet: bool,
+        json: bool,
+    ) -> None:
+        self._every, self._stopped = every, stopped
         self._model, self._accuracy, self._datasheet = model, accuracy, datasheet
         self._out = sys.stderr if json else sys.stdout
         self._measured: Mapping[str, WaveletAccumulator] = {}
         self._update: Callable[[str], None] = lambda text: None
-        self._came = self._shown = time.monotonic()
+        self._shown = time.monotonic()
         self._samples = 0
-
-    def noting(self, take: Callable[[], bytes | None]) -> Callable[[], bytes | None]:
-        """Wrap a source to record the time at which data arrive."""
-
-        def noted() -> bytes | None:
-            data = take()
-            if data:
-                self._came = time.monotonic()
-            return data
-
-        return noted
 
     def breathe(self) -> bool:
         """Update the view if it is due. Returns False if the watch must end."""
@@ -162,7 +154,7 @@ class _View:
         if self._measured and now - self._shown >= self._every:
             self._show()
             self._shown = time.monotonic()
-        return not self._stopped() and (self._idle is None or now - self._came < self._idle)
+        return not self._stopped()
 
     @contextmanager
     def shown(self, measured: Mapping[str, WaveletAccumulator]) -> Iterator[None]:

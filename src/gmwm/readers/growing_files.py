@@ -125,17 +125,21 @@ class Lines:
         Returns the bytes since its last call.
     breathe : callable
         Called before each check for new data; if it returns False, the lines end.
+    idle : float, optional
+        Time (s) without new data after which the lines end. It counts from the first check that finds no data, because
+        data can wait while the caller processes the last lines.
     """
 
-    def __init__(self, take: Take, breathe: Callable[[], bool]) -> None:
-        self._take, self._breathe, self.rest = take, breathe, b""
+    def __init__(self, take: Take, breathe: Callable[[], bool], idle: float | None = None) -> None:
+        self._take, self._breathe, self._idle, self.rest = take, breathe, idle, b""
+        self._quiet_since: float | None = None
         self.ended = False
 
     def look(self) -> bytes:
         """Return the complete lines since the last call, possibly none."""
         goes_on = self._breathe()
         data = self._take() if goes_on else None
-        if data is None:
+        if data is None or self._is_idle(data):
             self.ended = True
             return b""
         # Search only the new bytes, because an incomplete line may be long.
@@ -145,6 +149,12 @@ class Lines:
             return b""
         out, self.rest = self.rest + data[:cut], data[cut:]
         return out
+
+    def _is_idle(self, data: bytes) -> bool:
+        """Whether there were no data for too long."""
+        now = time.monotonic()
+        self._quiet_since = None if data else now if self._quiet_since is None else self._quiet_since
+        return self._idle is not None and self._quiet_since is not None and now - self._quiet_since >= self._idle
 
     def wait(self) -> bytes:
         """Wait for the next complete lines; return empty bytes at the end."""
