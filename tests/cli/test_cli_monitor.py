@@ -153,7 +153,9 @@ def test_pictures_and_a_page_are_written(folder, tmp_path):
     html = page.read_text(encoding="utf-8")
     assert "level jumped by 0.13 deg/s" in html
     assert "Content-Security-Policy" in html
-    assert html.count("<tr>") == 3
+    assert html.count("<tr>") == 3 + 3  # two events and two models, each with a heading
+    assert "bad.csv" in html
+    assert "<td>gyro_x</td><td>WN + RW</td>" in html
 
 
 @pytest.mark.parametrize(

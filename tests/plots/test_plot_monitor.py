@@ -31,7 +31,7 @@ def test_the_picture_shows_signal_event_and_charts() -> None:
     ((signal, charts),) = figure.rows
     assert signal is not None
     assert charts is not None
-    assert signal.x.label == "Time since the first sample (min)"
+    assert signal.x.label == "Time since the first sample, at 1700000000 s (min)"
     band = signal["Signal less its median"]
     assert np.nanmax(band.upper) > 0.005  # type: ignore[union-attr]
     assert np.nanmin(signal["Event"].x) == pytest.approx((event.time - EPOCH) / 60.0)

@@ -124,6 +124,7 @@ def monitor(
             every=seconds,
             axes=axis,
             pictures=plot is not None or output is not None,
+            source="standard input" if file == "-" else file,
         )
         _shown(_watched(stream, trace), json)
     remarks = ended()
@@ -169,7 +170,7 @@ def _opened(
 
 def _trace(
     origin: Origin, stream: Stream, *, reference: Path | None, reading: ReadOptions, every: float,
-    axes: list[str] | None, pictures: bool,
+    axes: list[str] | None, pictures: bool, source: str,
 ) -> Trace:  # fmt: skip
     """Return the monitor of a stream. What a user needs to know about it becomes warnings."""
     from gmwm.monitor import Monitor, Trace, baselines
@@ -193,7 +194,7 @@ def _trace(
     made = Monitor(models, every, rate=rate, baseline="auto" if known is None else known, axes=names)
     for remark in made.remarks:
         tell(remark)
-    return Trace(made, pictures=pictures)
+    return Trace(made, pictures=pictures, source=source)
 
 
 def _require_alone(**options: object) -> None:

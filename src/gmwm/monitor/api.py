@@ -80,6 +80,15 @@ class Monitor(OneAtATime):
         Time of the first sample (s).
 
     Raises
+    Attributes
+    ----------
+    models : dict of str to Model
+        The model of each axis.
+    baselines : dict of str to Baseline
+        The baseline of each axis that has one.
+    remarks : tuple of Remark
+        What to know about the charts, such as an axis without a baseline.
+
     ------
     OptionError
         If an argument is invalid.
@@ -117,7 +126,7 @@ class Monitor(OneAtATime):
         self.rate = common_rate(calibration, rate)
         self.every = as_every(every)
         self.baselines = baselines_of(calibration, baseline, list(models))
-        self._models = models
+        self.models = models
         gains = {axis: Gain.of(Finite.of(model, self.rate)) for axis, model in models.items()}
         self.remarks = tuple(remarks_of(gains, self.baselines, wanted=baseline is not None))
         known = self.baselines
@@ -384,7 +393,7 @@ class Monitor(OneAtATime):
             "version": 1,
             "every": self.every,
             "rate": self.rate,
-            "models": {axis: str(model) for axis, model in self._models.items()},
+            "models": {axis: str(model) for axis, model in self.models.items()},
             "baselines": {axis: one.to_dict() for axis, one in self.baselines.items()},
             "state": {
                 "axes": {axis: as_lists(one.save()) for axis, one in self._axes.items()},

@@ -41,14 +41,17 @@ class Trace:
         It gets the samples.
     pictures : bool
         Whether signals and heights are kept, in up to 2048 intervals each.
+    source : str
+        What is monitored, for the report: a file, or the name of a unit.
 
     Attributes
     ----------
     events : list of Event
     """
 
-    def __init__(self, monitor: Monitor, *, pictures: bool = True) -> None:
+    def __init__(self, monitor: Monitor, *, pictures: bool = True, source: str = "") -> None:
         self.monitor = monitor
+        self.source = source
         self.events: list[Event] = []
         self._pictures = pictures
         self._signals = {axis: _Course(SHORTEST) for axis in monitor.axes}

@@ -46,12 +46,11 @@ def trace_figure(trace: Trace) -> Figure:
     first, last = float(times[0][0]), float(times[0][-1])
     unit, size = time_unit(max(last - first, 1.0 / trace.monitor.rate))
     rows = []
+    # The time of the first sample may be seconds since 1970, or after the start of the recording.
+    label = f"Time since the first sample{f', at {first:.10g} s' if first else ''} ({unit})"
     for axis in axes:
         below = axis == axes[-1]
-        # The time of the first sample may be seconds since 1970.
-        x = even_axis(
-            0.0, max(last - first, 1e-9) / size, f"Time since the first sample ({unit})", margin=0.01, at_most=6
-        )
+        x = even_axis(0.0, max(last - first, 1e-9) / size, label, margin=0.01, at_most=6)
         x = x if below else quiet(x)
         own = [event for event in trace.events if event.axis in (axis, "")]
         scale = (first, size)

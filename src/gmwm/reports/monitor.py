@@ -25,6 +25,7 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
         for event in trace.events
     ]
     facts = [
+        *([("Source", trace.source)] if trace.source else []),
         ("Axes", ", ".join(one.axes)),
         ("Duration", duration_text(one.samples / one.rate)),
         ("Samples", str(one.samples)),
@@ -32,6 +33,7 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
         ("Time between false alarms", duration_text(one.every)),
         ("Baseline", ", ".join(one.baselines) or "none: the models alone"),
     ]
+    models = [["Axis", "Model"], *([axis, model.structure] for axis, model in one.models.items())]
     return {
         "title": "Monitor of a sensor at rest",
         "gmwm": metadata.version("gmwm"),
@@ -39,6 +41,7 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
         "headline": trace.summary(),
         "facts": facts,
         "rows": rows,
+        "models": models,
     }
 
 
