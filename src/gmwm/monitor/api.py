@@ -44,8 +44,9 @@ REMEMBERED = 3600.0
 """Time (s) for which a fault that comes back is not reported again, unless it is larger. A jump is always reported."""
 MOVED_AXES = 3
 """Number of axes that change within `NAMING` if the unit was moved."""
-TOGETHER = 0.8
-"""Number of events for each alarm of a chart: neighbouring levels give alarms together (docs/validation/monitor.md)."""
+TOGETHER = 0.75
+"""Number of events for each alarm of a chart: charts of neighbouring levels alarm together
+(docs/validation/monitor.md)."""
 PIECE = 1 << 16
 """Number of samples that are processed at once; the result does not depend on it."""
 FORMAT = "gmwm-monitor"
@@ -79,7 +80,6 @@ class Monitor(OneAtATime):
     start : float
         Time of the first sample (s).
 
-    Raises
     Attributes
     ----------
     models : dict of str to Model
@@ -89,6 +89,7 @@ class Monitor(OneAtATime):
     remarks : tuple of Remark
         What to know about the charts, such as an axis without a baseline.
 
+    Raises
     ------
     OptionError
         If an argument is invalid.

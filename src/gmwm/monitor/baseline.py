@@ -17,12 +17,12 @@ from gmwm.monitor.thresholds import spike_limit
 from gmwm.monitor.whitening import Gain, Whitener
 from gmwm.processes.model import Model
 
-LEAST_BLOCKS = 20
-"""Number of blocks of a level that its expected mean square needs: its standard error is then below 5 %, half of the
-dead band (k ≥ 10)."""
+LEAST_BLOCKS = 80
+"""Number of blocks of a level that its expected mean square needs: its standard error is then below 7 %, less than the
+dead band (k ≥ 2.6)."""
 LEAST_MEANS = 30
 """Number of block means that their scatter needs: its standard error is then 13 %."""
-LONGEST_BURST = 64
+LONGEST_BURST = 256
 """Largest number of blocks that are taken together for the scatter of mean squares: charts alarm within so many."""
 REACH = 5
 """Number of further levels whose scatter a chart of block means is prepared for."""

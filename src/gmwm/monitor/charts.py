@@ -17,18 +17,25 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.monitor.stored import numbers, whole, wholes
-from gmwm.monitor.thresholds import SHIFT, level_threshold, noise_threshold, spike_limit
+from gmwm.monitor.thresholds import SHIFT, level_threshold, noise_threshold, shape_factor, spike_limit
 
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]
 """What a chart looks at: mean squares, means, single innovations, or runs of equal samples."""
 Integers = NDArray[np.int64]
 
-RATIO = 1.5
-"""Ratio of variances for which the noise charts are the fastest (`theory_conditions`, section C)."""
-BLOCKS = 16
-"""Length of a block of level j, in units of 2^j samples."""
+NOISE: tuple[tuple[Family, int, float], ...] = (
+    ("noise up", 1, 2.0),
+    ("noise up", 1, 1.25),
+    ("noise down", -1, 1.0 / 1.5),
+)
+"""Family, direction and ratio R of variances of the noise charts of each level. A chart is the fastest for its R: the
+first one sees large changes and slow noise early, and the second one an increase of the noise by 10 %
+(docs/validation/monitor.md)."""
+BLOCKS = 4
+"""Length of a block of level j, in units of 2^j samples. Blocks of 16 see slow noise up to 40 s later
+(docs/validation/monitor.md)."""
 WINDOW = 8
-"""Largest number of block sums in a coefficient: at level j it is computed at each 2^j/8-th sample, which keeps 94 % of
+"""Largest number of block sums in a coefficient: at level j it is computed at each 2^j/8-th sample, which keeps 93 % of
 the degrees of freedom of all coefficients (tests/monitor/test_charts.py)."""
 LONGEST_SCALE = 164.0
 """Longest scale (s) of the charts without a baseline."""
@@ -76,13 +83,12 @@ def window(level: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def white_shape(level: int) -> float:
-    """k = 1/Var y of the mean squares of a block, for white normal innovations."""
+    """k = 1/Var y of the mean squares of a block, for white normal innovations; in the mean over many blocks, because
+    neighbouring blocks are correlated."""
     _, m = window(level)
-    count = BLOCKS * m
     half = np.repeat([1.0, -1.0], m // 2)
-    rho = np.correlate(half, half, "full")[m - 1 :] / m
-    weights = np.concatenate([[1.0], 2.0 * (1.0 - np.arange(1, m) / count)])
-    return float(count / (2.0 * np.sum(weights * rho**2)))
+    rho = np.correlate(half, half, "full") / m
+    return float(BLOCKS * m / (2.0 * np.sum(rho**2)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +129,7 @@ class ChartSettings:
     @property
     def charts(self) -> int:
         """Number of charts that share the false alarms."""
-        return 2 * self.ratios.size + 2 * self.scatter.size + 1
+        return len(NOISE) * self.ratios.size + 2 * self.scatter.size + 1
 
 
 class Charts:
@@ -147,24 +153,32 @@ class Charts:
         self.depth = max(settings.ratios.size, settings.scatter.size - 1)
         self.names: list[tuple[Family, int, int]] = []
         limits: list[float] = []
+        self.noise: dict[tuple[int, float], int] = {}  # places of the charts of a level and a ratio
+        self.means: dict[tuple[int, int], int] = {}  # places of the charts of a level and a direction
         for level in range(1, settings.ratios.size + 1):
-            blocks, k = run_length / (BLOCKS << level), float(settings.shapes[level - 1])
-            for family, sign, ratio in (("noise up", 1, RATIO), ("noise down", -1, 1.0 / RATIO)):
-                self.names.append((family, level, sign))  # type: ignore[arg-type]
+            blocks = run_length / (BLOCKS << level)
+            for family, sign, ratio in NOISE:
+                k = self._shape(level, ratio)
+                self.noise[level, ratio] = len(self.names)
+                self.names.append((family, level, sign))
                 limits.append(noise_threshold(blocks, k, ratio))
         for level in range(settings.scatter.size):
             for sign in (1, -1):
+                self.means[level, sign] = len(self.names)
                 self.names.append(("level", level, sign))
                 limits.append(level_threshold(run_length / (1 << level)))
         self.names.append(("spike", 0, 1))
         limits.append(0.0)
         self.spike = spike_limit(run_length) * settings.tail
-        self.places = {name: k for k, name in enumerate(self.names)}
         self.limits = np.rint(np.array(limits) * UNIT).astype(np.int64).tolist()
         self.count = 0
         self.recent = np.zeros(0)  # block sums of level 6 of the last update
         self.peaks = [0] * len(self.names)  # largest heights since the last `forget_peaks`, for pictures
         self.reset()
+
+    def _shape(self, level: int, ratio: float) -> float:
+        """Shape of the mean squares of a level in the chart of a ratio."""
+        return float(self.settings.shapes[level - 1]) * shape_factor(window(level)[1], ratio)
 
     def reset(self) -> None:
         """Begin all charts at 0."""
@@ -238,7 +252,7 @@ class Charts:
         scaled = np.rint(np.clip(z, -FARTHEST, FARTHEST) * UNIT).astype(np.int64)
         half = int(UNIT * SHIFT / 2.0)
         for sign in (1, -1):
-            place = self.places["level", level, sign]
+            place = self.means[level, sign]
             yield from self._chart(place, sign * scaled - half, first, states)
 
     def _variances(
@@ -270,12 +284,11 @@ class Charts:
         # The block sum with which the last block of mean squares ended.
         last = done + sums.size - 1 - squares[at].size
         first = self.base + (last - (blocks - 1) * length + 1) * (1 << base) - 1
-        for family, sign in (("noise up", 1), ("noise down", -1)):
-            ratio = RATIO**sign
-            k = self.settings.shapes[at]
+        for _, sign, ratio in NOISE:
+            k = self._shape(level, ratio)
             l = k * (y / self.settings.band**sign * (1.0 - 1.0 / ratio) - np.log(ratio))  # noqa: E741
             scaled = np.rint(np.clip(l, -1e6, 1e6) * UNIT).astype(np.int64)
-            place = self.places[family, level, sign]  # type: ignore[index]
+            place = self.noise[level, ratio]
             yield from self._chart(place, scaled, first, states, width=BLOCKS << level)
 
     def _chart(

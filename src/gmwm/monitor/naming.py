@@ -22,7 +22,7 @@ MOVED_RATIO = 2.0
 """Ratio of standard deviations above which more noise counts as motion, not as a fault of the noise."""
 LINE_CHANCE = 1e-4
 """Probability under noise of a peak as high as that of a hum, over all frequencies."""
-LINE_SHARE = 0.5
+LINE_SHARE = 1.0 / 3.0
 """Least share of the excess power that a hum explains (validation/study_monitor.py)."""
 SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
 """Level from which a jump must explain the innovations better than slow noise by this logarithm of the likelihood ratio

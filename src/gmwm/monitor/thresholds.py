@@ -11,11 +11,11 @@ from gmwm._arrays import Vector
 
 SHIFT = 1.0
 """Shift of a block mean, in its standard deviations, for which the level charts are the fastest."""
-SOLVED_AT = 1000.0
-"""Run length (blocks) at which the integral equation is solved; beyond it, the threshold grows with its logarithm. The
-difference is below 6 % of the run length from 10³ to 10⁷ blocks (tests/monitor/test_charts.py)."""
+SOLVED_AT = 1e5
+"""Run length (blocks) at which the integral equation is solved; otherwise the threshold changes with its logarithm. The
+difference is below 4 % of the run length from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
 _CELLS = 120
-"""Cells of the integral equation. 300 change the run length by less than 1 % (the same test)."""
+"""Cells of the integral equation. 300 change the run length by less than 3 % (the same test)."""
 
 
 def level_threshold(run_length: float) -> float:
@@ -46,7 +46,7 @@ def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
     """Threshold of the chart S ← max(0, S + l), l = k[y(1 − 1/R) − ln R], of independent y ~ Gamma(k) with mean 1.
 
     The run length is at least e^h (Lorden). By renewal theory it is C e^h, and the integral equation of Page gives C at
-    a run length of 1000 blocks.
+    a run length of 10⁵ blocks.
 
     Parameters
     ----------
@@ -73,6 +73,38 @@ def _advantage(shape: float, ratio: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if noise_run_length(middle, shape, ratio) < SOLVED_AT else (low, middle)
     return math.log(SOLVED_AT) - high
+
+
+@lru_cache(maxsize=64)
+def shape_factor(sums: int, ratio: float) -> float:
+    """Factor on the shape k with which E e^l = 1 in a long run of blocks, for coefficients of white normal innovations.
+
+    Mean squares of overlapping coefficients have a longer tail than Gamma(k), so a chart with the shape k = 1/Var y
+    alarms too often: at R = 2 up to 1.4 times in 500 blocks, and more often in longer runs. Neighbouring coefficients
+    that consist of m block sums have the spectral density g(ω) = |Σ ± e^{ikω}|²/m. By Szegő's theorem, the shape q for
+    each coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R. A Gamma distribution has the factor 1.
+
+    Parameters
+    ----------
+    sums : int
+        m, the number of block sums of which a coefficient consists: 2, 4 or 8.
+    ratio : float
+        R, the ratio of variances for which the chart is the fastest.
+    """
+    from scipy.optimize import brentq
+
+    omega = (np.arange(4096) + 0.5) * np.pi / 4096
+    signs = np.repeat([-1.0, 1.0], sums // 2)
+    density = np.square(np.abs(np.exp(1j * np.outer(omega, np.arange(sums))) @ signs)) / sums
+    usual = 0.5 / float(np.mean(density**2))
+    slope = 1.0 - 1.0 / ratio
+
+    def excess(factor: float) -> float:
+        q = factor * usual
+        return float(-0.5 * np.mean(np.log1p(-2.0 * q * slope * density))) - q * math.log(ratio)
+
+    largest = 0.5 / (usual * slope * float(density.max())) if slope > 0 else 10.0
+    return float(brentq(excess, 1e-3, min(largest * (1.0 - 1e-9), 10.0)))
 
 
 def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = _CELLS) -> float:
