@@ -137,6 +137,10 @@ def test_a_user_calibrates_the_shared_recording_and_repeats_it_in_a_shell(opened
     skip_span(page, "100s", "2min")
     tab(page, "curves")
     tab(page, "model")
+    # The recommended model has values from the spectrum, whose fields decide nothing when they appear.
+    page.locator("#fit input").first.wait_for()
+    page.locator("#status.idle").wait_for(state="attached")
+    assert "that gmwm recommends" in page.locator("#fit h2").text_content()
     page.fill("#model", "2*GM + WN + RW")
     page.press("#model", "Enter")
     page.locator("#fit h2", has_text="your model").wait_for()

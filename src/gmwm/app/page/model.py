@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, html, no_update
@@ -18,7 +19,7 @@ from gmwm.axis_names import sensor_of
 from gmwm.errors import GmwmError
 from gmwm.estimation.result import Fit
 from gmwm.inference.model_error import relative_misfit
-from gmwm.inference.summary import IntervalMethod, intervals_if_known, rows, test_in_words
+from gmwm.inference.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
 from gmwm.inspection.findings import covariates_text, effect_text
 from gmwm.plots.labels import axis_title
 from gmwm.processes import registry
@@ -131,6 +132,9 @@ def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, ty
     if kind == "hold":
         return session.with_model(axis, holding(fit, hit["parameter"]))
     if kind == "held":
+        held = fit.parameters.get(hit["parameter"])
+        if held is None or str(value) == estimate_text(held):
+            return session  # the field was only made, perhaps for a model that is not shown any more
         return session.with_model(axis, held_at(fit, hit["parameter"], str(value)))
     return _dragged(session, axis, fit, value)
 
@@ -233,6 +237,15 @@ def _measured(fit: Fit, session: Session, workspace: Workspace) -> str:
     return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
+def _rounded(model: str) -> str:
+    """Return the text of a model with four digits of its held values.
+
+    >>> _rounded("DR + MA(1, theta1=fixed(0.16732089037064277))")
+    'DR + MA(1, theta1=fixed(0.1673))'
+    """
+    return re.sub(r"(?<=fixed\()[^)]+", lambda found: f"{float(found[0]):.4g}", model)
+
+
 def _parameters(fit: Fit, session: Session) -> Any:
     how = IntervalMethod(session.confidence)
     intervals, _ = intervals_if_known(fit, how)
@@ -276,7 +289,7 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
             mark = "recommended" if one.recommended else "as good" if one.equivalent else ""
             pvalue = "" if one.pvalue is None else "< 0.001" if one.pvalue < SMALL else f"{one.pvalue:.3f}"
             use = button("Use", {"type": "use", "model": one.structure}, "small", title=f"Use {one.structure}")
-            listed.append([ranking.label(one), use, f"{one.difference:.2f}", pvalue, mark])
+            listed.append([_rounded(ranking.label(one)), use, f"{one.difference:.2f}", pvalue, mark])
         return [
             table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking"),
             graph(
