@@ -71,9 +71,9 @@ class TwoStates:
         """Describe the states and their error."""
         each = [f"sigma {sigma:.3g} {unit}, T {time:.4g} s" for sigma, time in zip(self.sigma, self.time, strict=True)]
         return (
-            f"{'; '.join(each)}. At {duration_text(self.low, 3)} to {duration_text(self.high, 3)}, their Allan "
-            f"deviation is {apart(self.error)} that of the model, that of one such state {apart(self.error_of_one)}, "
-            f"and that of N and K {apart(self.error_of_walk)}"
+            f"{'; '.join(each)}. From {duration_text(self.low, 3)} to {duration_text(self.high, 3)}, their Allan "
+            f"deviation is {apart(self.error)} the Allan deviation of the model, with one such state "
+            f"{apart(self.error_of_one)} it, and with N and K {apart(self.error_of_walk)} it"
         )
 
 
