@@ -21,7 +21,7 @@ SEED = 20261124
 RATE = 100.0
 WANTED = 1e6
 """Samples between false alarms in the first table."""
-SAMPLES = 240_000_000
+SAMPLES = 400_000_000
 RARE = 1e7
 """Samples between false alarms in the other tables: 28 h."""
 REPEATS = 100

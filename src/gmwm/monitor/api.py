@@ -44,7 +44,7 @@ REMEMBERED = 3600.0
 """Time (s) for which a fault that comes back is not reported again, unless it is larger. A jump is always reported."""
 MOVED_AXES = 3
 """Number of axes that change within `NAMING` if the unit was moved."""
-TOGETHER = 0.75
+TOGETHER = 0.7
 """Number of events for each alarm of a chart: charts of neighbouring levels alarm together
 (docs/validation/monitor.md)."""
 PIECE = 1 << 16
