@@ -43,8 +43,8 @@ def _introduction(result: Result) -> str:
     counts = zip(result["lengths"], zip(*result["counts"], strict=True), strict=True)
     lengths = ", ".join(f"{_range(numbers)} of {_power(samples)} samples" for samples, numbers in counts)
     return (
-        f"# Comparison of estimation methods\n\nAll methods use the same simulated recordings at {result['rate']:g} "
-        f"Hz: {lengths}.\n\n- Slopes: `gmwm.avlr`, which reads white noise, random walk and quantization noise from "
+        f"# Comparison of estimation methods\n\nFor each model, all methods use the same simulated recordings at "
+        f"{result['rate']:g} Hz. Their number depends on the model: {lengths}.\n\n- Slopes: `gmwm.avlr`, which reads white noise, random walk and quantization noise from "
         "the Allan deviation (AVLR). Slopes (oracle): the same, but it uses only averaging times at which the true "
         "term has nearly all of the variance. A user does not know these times.\n- Vaccaro-Zaki: the best linear "
         "unbiased estimate of WN + RW from "
@@ -181,7 +181,7 @@ def verdict(result: Result, model: str) -> str:
         here = [row for row in _of(result, model=model, samples=samples) if row["complete"]]
         best = next(row for row in here if row["method"] == row["best"])["method"]
         level = [r["method"] for r in here if r["method"] != best and r["over_best"] - 1 < 2 * r["best_uncertain"]]
-        others = f", not significantly smaller than {_listed(level)}" if level else ""
+        others = f", but they are not significantly smaller than those of {_listed(level)}" if level else ""
         winners.setdefault(f"{best} has the smallest errors{others}", []).append(_power(samples))
     words = [f"At {_listed(lengths)} samples {what}." for what, lengths in winners.items()]
     last = _of(result, model=model, samples=_lengths(result)[-1])
@@ -193,7 +193,7 @@ def verdict(result: Result, model: str) -> str:
         if row["method"] != YARDSTICK
     ]
     longest = _power(_lengths(result)[-1])
-    words.append(f"At {longest} samples, the ratios to the errors and to the time of ML are {', '.join(rest)}.")
+    words.append(f"At {longest} samples, the ratios to the errors and to the time of ML are {_listed(rest)}.")
     return " ".join(words)
 
 

@@ -146,8 +146,8 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             "The true value is the constant part of the signal. With a random walk, it is the "
-            "level at the end of the recording. With flicker noise, it is the mean of the "
-            "next recording, with half the variance of the difference. With the weak random "
+            "level at the end of the recording. Flicker noise has no constant part: its error is "
+            "the difference from the mean of the next recording, divided by √2. With the weak random "
             "walk, the error of the mean is larger than the error from the white noise alone, "
             "but the walk is rarely visible in one recording. The interval for the known "
             "model allows for this. If `calibrate` chooses a model without a random walk, the "

@@ -237,7 +237,7 @@ class OptionError(GmwmError, ValueError):
 
 
 class MissingTheoryError(ModelError):
-    """A process does not define the theory that was asked for. For example, a drift has no spectral density."""
+    """A process does not define a theoretical quantity that is needed. For example, a drift has no spectral density."""
 
 
 class MissingDependencyError(GmwmError, ImportError):

@@ -24,7 +24,7 @@ class Desk:
     first : Session
         The session of a new page.
     places : list of str
-        The places of a page that are drawn.
+        The elements of the page whose content the server draws again when the state changes.
     """
 
     def __init__(self, folders: Folders, first: Session) -> None:

@@ -114,13 +114,13 @@ class Budget(Summarised, Mapping[str, Growth]):
         return next(iter(self.values())).times
 
     def summary(self) -> str:
-        """Describe the budget as text: the errors after the duration with their largest terms, and their growth."""
+        """Describe the budget as text: the errors at the end of the duration with their largest terms, and their growth."""
         from gmwm.budgets.summary_text import summary
 
         return summary(self)
 
     def compare(self, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
-        """Describe this budget and another one side by side: the errors after the duration, and their ratio.
+        """Describe this budget and another one side by side: the errors at the end of the duration, and their ratio.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""An error budget as text: the errors after the duration, their growth, the alignment, and a comparison."""
+"""An error budget as text: the errors at the end of the duration, their growth, the alignment, and a comparison."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class ReferenceNumber:
 
     @property
     def power(self) -> float:
-        """Power of the number that the file contains: 2 for variances."""
+        """Exponent of the standard deviation or density in the file: 2 if the file contains variances, otherwise 1."""
         return 2.0 if self.key.endswith("_cov") else 1.0
 
     def to_dict(self) -> dict[str, Any]:

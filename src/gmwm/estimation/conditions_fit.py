@@ -159,7 +159,7 @@ class ConditionsFit(Summarised):
         Parameters
         ----------
         view : "wavelet" or "allan"
-            ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+            ν² against the scale τ (s), or the Allan deviation √(2ν²) against the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
         path : path, optional

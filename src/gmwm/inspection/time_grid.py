@@ -45,8 +45,8 @@ class Extent:
     def of(
         cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, *, gaps_known: bool = True
     ) -> Extent:
-        """Make the extent of segments whose start times are known on any clock; the first sample is at the time `left`
-        (s)."""
+        """Return the extent of segments whose start times `clock` (s) are counted from any zero; the first sample is
+        at the time `left` (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
 

@@ -269,7 +269,7 @@ class LikelihoodFit(KalmanMethods):
         Parameters
         ----------
         view : "wavelet" or "allan"
-            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
         decomposition : bool, optional

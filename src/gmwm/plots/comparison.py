@@ -37,7 +37,7 @@ def compare(
         Names for the legend. By default they state what differs: axis, classical or robust with its efficiency,
         filter, length and rate, or fitted model.
     view : "wavelet" or "allan"
-        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        ν² against the scale τ (s), or the Allan deviation √(2ν²) against the averaging time τ/2 (s).
     units : "si" or "datasheet"
         rad/s and m/s², or deg/h and mg.
     title : str

@@ -74,7 +74,7 @@ def plot_imu(
         If True, one panel for each axis and one row for each sensor. If False, one panel for each sensor, with x, y and
         z in vermillion, green and blue and with different symbols and dashes.
     view : "wavelet" or "allan"
-        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        ν² against the scale τ (s), or the Allan deviation √(2ν²) against the averaging time τ/2 (s).
     units : "si" or "datasheet"
         rad/s and m/s², or deg/h and mg.
     path : path, optional

@@ -338,7 +338,7 @@ class Ranking:
         limit : int
             Number of the best distinct candidates to draw; the recommended one is always drawn.
         view : "wavelet" or "allan"
-            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
         path : path, optional
@@ -414,7 +414,7 @@ class Comparison(Summarised):
         Parameters
         ----------
         view : "wavelet" or "allan"
-            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
         path : path, optional

@@ -87,7 +87,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
             One panel for each axis, with a row for each sensor; otherwise one panel for each sensor, with x, y and z in
             vermillion, green and blue.
         view : "wavelet" or "allan"
-            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
         path : path, optional

@@ -302,7 +302,7 @@ def _undecimated(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vecto
 
 
 def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
-    """Return V_{2n+1−l} for n = 0, 1, …, indices modulo the number of V."""
+    """Return V_{2n+1−l} for n = 0, 1, …, with indices modulo the length of V."""
     first = (1 - l) % 2
     return np.roll(values[first::2], (l - 1 + first) // 2)
 
