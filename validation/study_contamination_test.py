@@ -156,7 +156,7 @@ def table(result: dict[str, Any]) -> str:
         (
             f"Recordings of {result['samples']} samples are simulated from {result['model']}. "
             "In each, 1 % of the samples are outliers of the given size in standard "
-            "deviations of the white noise. Each recording is tested as one of the six axes "
+            "deviations of the white noise. Each recording stands for one of the six axes "
             "of a unit."
         ),
         *legend(

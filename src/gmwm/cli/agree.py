@@ -42,7 +42,7 @@ def agree(
         typer.Option(
             help="Value from a datasheet, for a sensor or an axis: gyro.N=2.0deg/√h, accel_z.B=0.2mg. Repeat the "
             "option for more values. √ can be written sqrt. Or a file of another program, as for gmwm export --from.",
-            metavar="NUMBER=VALUE|FILE",
+            metavar="SYMBOL=VALUE|FILE",
             show_default=False,
         ),
     ] = None,

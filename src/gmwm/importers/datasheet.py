@@ -29,7 +29,7 @@ def read_datasheet(text: str) -> dict[str, Values | Model]:
     Parameters
     ----------
     text : str
-        Parts "SENSOR: NUMBER=VALUE UNIT, …" with ";" between them. The sensor is gyro, accel or an axis. A number is N,
+        Parts "SENSOR: SYMBOL=VALUE UNIT, …" with ";" between them. The sensor is gyro, accel or an axis. A symbol is N,
         K, B, sigma, Q, R or T_c. "over 100s" after B or sigma is the correlation time of a Gauss-Markov process. A part
         can also be a model with values.
 
@@ -38,7 +38,7 @@ def read_datasheet(text: str) -> dict[str, Values | Model]:
     OptionError
         If the text is anything else.
     UnitError
-        If a unit does not belong to a number.
+        If a unit does not fit its symbol.
 
     Examples
     --------

@@ -48,8 +48,8 @@ def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, effici
     """Read a recording, and measure its axes and the sums of pairs of axes.
 
     The axes are scaled to the same size before they are added. Classical estimates do not depend on the scale, and need
-    one pass. Robust ones do: their scale follows from the curves of the axes, and the differences are measured too.
-    This takes up to four passes.
+    one pass. Robust estimates depend on it: the axes are measured first, to find their scales, and then the sums and
+    the differences of the scaled axes. This takes up to four passes.
     """
     pairs, signs = pairs_of(list(axes)), (1.0, -1.0) if robust else (1.0,)
     sums = {f"{a} {sign:+g} {b}": (a, b, sign) for a, b in pairs for sign in signs}

@@ -163,7 +163,7 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
 
 
 def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: float) -> float:
-    """Return the variance of all processes with g > `top`, for which b = β √g."""
+    """Return the summed variance of the processes of the ladder with g > `top`; for such large g, b is β √g."""
     return 0.5 * unit * sine * step * math.pow(top, 0.5 - p) / math.expm1(step * (p - 0.5))
 
 

@@ -238,7 +238,7 @@ def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> L
 def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> list[Layout]:
     """Add the temperature of a topic with a similar name to the layouts of inertial sensors.
 
-    A temperature belongs to the inertial topic with which its name has the most letters in common.
+    A temperature belongs to the inertial topic whose name shares the longest beginning with its name.
     """
     out = list(layouts)
     inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _Stream)]
