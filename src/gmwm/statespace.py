@@ -313,7 +313,7 @@ def _block_diagonal(blocks: list[Matrix]) -> Matrix:
 
 
 def _root(covariance: Matrix) -> Matrix:
-    """L with L Lᵀ = covariance, which may be singular (a Cholesky factor would not exist)."""
+    """Return L with L Lᵀ = covariance. The covariance may be singular; the Cholesky algorithm would then fail."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)
 

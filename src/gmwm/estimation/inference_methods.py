@@ -33,7 +33,7 @@ class InferenceMethods:
 
     @property
     def _fit(self) -> Fit:
-        """The fit itself, with its type."""
+        """This object, typed as the fit that has these methods."""
         return cast("Fit", self)
 
     @cached_property

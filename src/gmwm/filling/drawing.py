@@ -263,7 +263,8 @@ def _neighbours(known: int) -> int:
 
 
 class _Draw(NamedTuple):
-    """Gaps of the same length that are drawn together, and as many other places whose residuals are used."""
+    """Gaps of the same length that are filled together. Each has a place without lost samples, whose residuals are the
+    random part of its values."""
 
     first: Places
     donor: Places

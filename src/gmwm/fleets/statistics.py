@@ -189,7 +189,7 @@ def _rows(
 
 
 def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
-    """Return a row for each number of each sensor that several axes have, within the same model."""
+    """Return, for each sensor, a row for each number that several axes with the same noise model have."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, sample in enumerate(samples):
         if sensor := sensor_of(sample.axis):

@@ -99,7 +99,7 @@ class Covariates:
 
     @classmethod
     def slow(cls, term: Term, values: Vector, signal: Signal) -> Covariates:
-        """Prepare one covariate that changes slowly. Even if it is exact, only its block means are used.
+        """Prepare one covariate that changes slowly. Only its block means are used, even if it is known without error.
 
         Raises
         ------
