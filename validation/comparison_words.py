@@ -44,7 +44,8 @@ def _introduction(result: Result) -> str:
     lengths = ", ".join(f"{_range(numbers)} of {_power(samples)} samples" for samples, numbers in counts)
     return (
         f"# Comparison of estimation methods\n\nFor each model, all methods use the same simulated recordings at "
-        f"{result['rate']:g} Hz. Their number depends on the model: {lengths}.\n\n- Slopes: `gmwm.avlr`, which reads white noise, random walk and quantization noise from "
+        f"{result['rate']:g} Hz. Their number depends on the model: "
+        f"{lengths}.\n\n- Slopes: `gmwm.avlr`, which reads white noise, random walk and quantization noise from "
         "the Allan deviation (AVLR). Slopes (oracle): the same, but it uses only averaging times at which the true "
         "term has nearly all of the variance. A user does not know these times.\n- Vaccaro-Zaki: the best linear "
         "unbiased estimate of WN + RW from "

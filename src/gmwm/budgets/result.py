@@ -114,7 +114,7 @@ class Budget(Summarised, Mapping[str, Growth]):
         return next(iter(self.values())).times
 
     def summary(self) -> str:
-        """Describe the budget as text: the errors at the end of the duration with their largest terms, and their growth."""
+        """Describe the budget as text: the final errors with their largest terms, and their growth."""
         from gmwm.budgets.summary_text import summary
 
         return summary(self)

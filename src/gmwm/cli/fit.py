@@ -179,10 +179,10 @@ def fit(
 ) -> Outcome:
     """Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.
 
-    Parameters are in SI units, and their unit of time is one sample, except for GM.beta, the inverse correlation time
-    in 1/s. No starting values are needed: the fit is the global optimum. A certificate bounds by how many per cent
-    other parameter values could lower the objective. Models with several shape parameters per process, such as AR(2), have no certificate; they
-    start from a scan of all shapes.
+    Parameters are in SI units, and their unit of time is one sample, except for GM.beta, the inverse correlation
+    time in 1/s. No starting values are needed: the fit is the global optimum. A certificate bounds by how many per
+    cent other parameter values could lower the objective. Models with several shape parameters per process, such as
+    AR(2), have no certificate; they start from a scan of all shapes.
 
     Several files are recordings of one unit. One model is fitted to the mean of their curves, and a test shows whether
     the recordings are equal. Intervals include the spread between them.

@@ -1,4 +1,4 @@
-"""The bias at rest in a file: the values of three axes, what the header says about them, and axes whose bias is unknown."""
+"""The bias at rest in a file: the values of three axes, what the header says, and axes whose bias is unknown."""
 
 from __future__ import annotations
 
