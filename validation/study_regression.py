@@ -356,7 +356,7 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             f"These series have the noise WN + RW, a warm-up and a slope of {SLOPE:g} per °C. "
-            "In the row *wrong samples*, ten samples are 30 standard deviations away."
+            "In the row *wrong samples*, ten samples are wrong by 30 standard deviations of the white noise."
         ),
         *legend(
             {

@@ -130,7 +130,7 @@ def table(result: dict[str, Any]) -> str:
             {
                 "ratio": "root mean square error of the mean, divided by its standard error",
                 "as white noise": "the interval ±1.96 s/√n, which ignores correlation",
-                "chosen": "`calibrate` within GM + WN + FN + RW, with the intervals that include the choice",
+                "chosen": "`calibrate` within GM + WN + FN + RW, with intervals that account for the choice",
             }
         ),
         "",

@@ -89,7 +89,7 @@ class FleetNumber:
 
     @property
     def signed(self) -> bool:
-        """Whether the number has a sign and is compared directly."""
+        """Whether the number can be negative, so that its value is compared and not its logarithm."""
         return self.symbol == SIGNED
 
 

@@ -34,7 +34,7 @@ LONGEST_MOTION = 60.0
 
 
 class UnitEvent(NamedTuple):
-    """An event of one of several units; the name is "" for all of them."""
+    """An event of one of several units; the name is "" if it concerns all of them."""
 
     name: str
     event: Event
