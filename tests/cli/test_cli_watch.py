@@ -119,7 +119,7 @@ def test_a_bad_line_ends_it_with_what_came_before(tmp_path, gmwm):
         with path.open("a") as file:
             file.write("40.00,a,b\n")
 
-    threading.Timer(0.8, spoil).start()
+    threading.Timer(4.0, spoil).start()
     found = gmwm("watch", path, "--idle", "20s")
     assert found.code == 2
     assert all(fact in found.err for fact in ("line 4002", "gyro_x [rad/s]", "'a'"))

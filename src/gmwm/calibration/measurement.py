@@ -19,7 +19,7 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import DataError, GmwmError
 from gmwm.inspection import Inspection
 from gmwm.inspection.api import FirstPass
-from gmwm.joint.block_test import shared_noise
+from gmwm.joint.block_means import shared_noise
 from gmwm.joint.result import SharedNoise
 from gmwm.outliers import (
     MATERIAL,
