@@ -235,7 +235,7 @@ def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -
     axis : str
     calibration : Calibration
     options : ExportOptions
-        The rate is the number of steps per second (Hz) of F, Q, H and R; by default that of the recording.
+        The rate is the number of steps per second (Hz) of F, Q, H and R. By default, it is the rate of the recording.
     """
     fit = calibration[axis]
     try:

@@ -48,7 +48,8 @@ class TwoStates:
     low, high : float
         Shortest and longest averaging time (s): the horizon, and the duration.
     error : float
-        Largest relative difference of the Allan deviation from that of the model, without its sinusoids and ramps.
+        Largest relative difference between the Allan deviations of the states and of the model without its sinusoids
+        and ramps.
     error_of_one, error_of_walk : float
         The same with one state, and with a random walk K in the place of the states.
     """
@@ -91,7 +92,7 @@ def apart(error: float) -> str:
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
     """Fit two Gauss-Markov states to a model by least squares of the logarithm of the Allan variance.
 
-    The white noise is that of the horizon, and the averaging times go from the horizon to the duration.
+    The white noise has the density N for this horizon. The averaging times go from the horizon to the duration.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Draw lost samples from their conditional distribution given the others, without a model of the noise.
 
 A lost sample is the sum of three parts: a level, the mean of w samples on each side; a linear prediction of its
-deviation from the level, from the deviations of 32 neighbours on each side; and a residual. The width w is the one that
-predicts best. The prediction follows from the autocovariance about the level. The residual is a residual of the same
-prediction at a random place where the samples are known, with a random sign. In a gap of more than 64 samples the level
-is a straight line between both sides, and only the ends are predicted from neighbours.
+deviation from the level, from the deviations of 32 neighbours on each side; and a residual. gmwm uses the width w with
+the smallest prediction error. The prediction follows from the autocovariance about the level. The residual is a
+residual of the same prediction at a random place where the samples are known, with a random sign. In a gap of more than
+64 samples the level is a straight line between both sides, and only the ends are predicted from neighbours.
 
 If the prediction is the best linear one, the signal with the drawn samples has the second moments of the signal without
 losses. Its wavelet variance is then unbiased at every level, and has the covariance of a signal without losses. A mean

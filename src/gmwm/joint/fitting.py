@@ -109,7 +109,7 @@ def _accuracy(change: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Mixed:
-    """The estimate from which the weights of the next round follow: that of the last round, extrapolated from two
+    """The estimate that gives the weights of the next round: the estimate of the last round, extrapolated from two
     rounds by the secant of their changes (Anderson 1965, Iterative procedures for nonlinear integral equations,
     J. ACM 12, 547-560, with one step of memory).
 

@@ -30,11 +30,12 @@ DIFFERS = 4.0
 remark
 (tests/regression/test_reading_noise.py)."""
 OPTIMISM = 2.0
-"""The weights come from the same data as the variance, which is too small by about this number over 3 plus its degrees
-of freedom (docs/validation/regression.md)."""
+"""The weights come from the same data as the variance, which is therefore too small: by about this number over 3 plus
+its degrees of freedom. Chosen in simulations of other seeds; docs/validation/regression.md states how often intervals
+then hold."""
 FEWEST = 2.0
-"""Fewest degrees of freedom. The formula gives one where a slow process is possible but not seen; intervals with two
-contain the truth as often (docs/validation/regression.md)."""
+"""Fewest degrees of freedom. The formula gives one where a slow process is possible but not seen, so that an effect of
+five standard errors would not be significant. Chosen in the same simulations."""
 _ROUNDS = 4
 """Number of rounds of noise, weights and coefficients: the third changes a standard error by less than 1 %
 (tests/regression)."""

@@ -8,10 +8,10 @@ values without its mean, at the frequencies f_k = k/2n, and w_k = 1/S(f_k),
     E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂),
 
 with W_j the Haar coefficients of level j and D_j = W_j X. The transform diagonalises the covariance of white noise and
-of a random walk without its mean, so that the estimate is the best linear one for their sum; other covariances nearly.
-The columns of U sum to zero in every run, so that each run may have its own offset and Σ may be the generalised
-covariance of a random walk. docs/validation/regression.md compares the error with that of generalised least squares
-with the true covariance matrix.
+of a random walk without its mean, so that the estimate is the best linear one for their sum. It diagonalises other
+covariances approximately. The columns of U sum to zero in every run, so that each run may have its own offset and Σ may
+be the generalised covariance of a random walk. docs/validation/regression.md compares the error with that of
+generalised least squares with the true covariance matrix.
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ LONGEST = (0.01, 0.03, 0.12, 0.5)
 """Longest correlation times of the mixtures, relative to the record; each mixture also has a random walk."""
 SLOWER = 4.0
 """Penalty on −2 log L of the mixtures with longer correlation times than the first. An additional parameter gains one
-to two by chance. Without the penalty, standard errors under a random walk are too small by a quarter
-(docs/validation/regression.md)."""
+to two by chance. Without the penalty, standard errors under a random walk were too small by a quarter in simulations;
+docs/validation/regression.md states how often intervals hold with it."""
 
 
 @dataclass(frozen=True, eq=False)
