@@ -180,7 +180,7 @@ def _title(entry: Entry) -> str:
 
 
 def _also(entry: Entry, units: str) -> str:
-    """Format the value, or its upper limit, in another customary unit; "" if there is none, or if the limit is infinite."""
+    """Format the value, or its upper limit, in another customary unit; "" if none exists or the limit is infinite."""
     shown = entry.in_units(units)[3]
     other = next((name for name in entry.units if name != shown), None)
     if other is None or (entry.high is not None and not np.isfinite(entry.high)):
