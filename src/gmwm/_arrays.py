@@ -191,6 +191,16 @@ def row_medians(rows: Matrix) -> Vector:
     return upper.copy() if rows.shape[1] % 2 else (parted[:, :middle].max(axis=1) + upper) / 2
 
 
+def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the half-open index ranges of consecutive true values (k, 2).
+
+    >>> runs_of(np.array([True, False, True, True])).tolist()
+    [[0, 1], [2, 4]]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return np.asarray(edges.reshape(-1, 2), dtype=np.int64)
+
+
 def freeze(array: NDArray[Any]) -> NDArray[Any]:
     """Make an array read-only, and return it."""
     array.flags.writeable = False

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm._arrays import Vector, as_rate, as_vector, freeze, runs_of
 from gmwm._text import counted
 from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError, OptionError
@@ -153,7 +153,7 @@ class Signal:
                 got=vector,
                 advice="Check the column that the signal was read from.",
             )
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], present, [False])).astype(np.int8))).reshape(-1, 2)
+        edges = runs_of(present)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()
         return cls(vector[present], rate, unit, axis, segments=list(pairwise(ends)), starts=starts)

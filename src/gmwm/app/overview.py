@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm._arrays import Vector
+from gmwm._arrays import Vector, runs_of
 from gmwm.chunks import Chunk
 from gmwm.readers.streams import Stream
 from gmwm.signals import Imu, Signal
@@ -54,8 +54,7 @@ class Overview:
     def result(self, source: str) -> Imu:
         """Return a recording of two samples for each part, the smallest and the largest one, with gaps kept."""
         there = np.isfinite(self.least[0])
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(np.int8), [0]]))).tolist()
-        runs = list(zip(edges[::2], edges[1::2], strict=True))
+        runs = runs_of(there).tolist()
         lengths = np.cumsum([0, *(2 * (b - a) for a, b in runs)]).tolist()
         segments = tuple(pairwise(lengths))
         starts = tuple(a * self.width / self.rate for a, _ in runs)

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Matrix, Vector
+from gmwm._arrays import Matrix, Vector, runs_of
 
 Places = NDArray[np.int64]
 Range = tuple[int, int]
@@ -99,7 +99,7 @@ def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Se
 
 def _drawn(known: _Known, prediction: _Prediction, rng: np.random.Generator) -> Vector:
     """Return the samples of a range without cuts, with draws for lost samples."""
-    lost = np.flatnonzero(np.diff(np.concatenate([[True], known.present, [True]]).astype(np.int8))).reshape(-1, 2)
+    lost = runs_of(~known.present)
     gaps = _Gaps(lost[:, 0], lost[:, 1] - lost[:, 0])
     x, prediction = known.values.copy(), prediction.within(known)
     short = gaps.lengths <= 2 * prediction.near

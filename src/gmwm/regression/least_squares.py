@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gmwm._arrays import Matrix, Vector
+from gmwm._arrays import Matrix, Vector, runs_of
 
 COLLINEAR = 1e6
 """Condition number of P, scaled to unit diagonal, above which columns are collinear: the standard error of a
@@ -83,8 +83,7 @@ class RegressionDesign:
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
         """Runs of at least two values without a missing one, as half-open ranges."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.present.astype(np.int8), [0]])))
-        return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+        return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
         """Compute, for each run, the weights 1/S(f) at the frequencies of its cosine transform.

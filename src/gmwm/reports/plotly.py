@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm._arrays import Vector
+from gmwm._arrays import Vector, runs_of
 from gmwm.plots.figure import Axis, Band, Foot, Line, Mark, Panel, Stroke, Symbol, Tick
 from gmwm.plots.style import GRID
 
@@ -194,7 +194,7 @@ def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
     finite = np.isfinite(lower) & np.isfinite(upper)
     xs: list[float | None] = []
     ys: list[float | None] = []
-    for first, last in _runs(finite):
+    for first, last in runs_of(finite).tolist():
         x, low, high = band.x[first:last], lower[first:last], upper[first:last]
         if x.size == 1 and across.type == "log":
             x, low, high = np.array([x[0] / BAR, x[0] * BAR]), np.repeat(low, 2), np.repeat(high, 2)
@@ -214,12 +214,6 @@ def _swatch(band: Band) -> dict[str, Any]:
 def _shade(colour: str, opacity: float) -> str:
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},{opacity:g})"
-
-
-def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
-    """Yield index ranges of consecutive true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 # --- the layout -------------------------------------------------------------------------------------
