@@ -1,4 +1,4 @@
-"""Several signals at once: shared noise, joint models, equal noise of recordings, and virtual sensors of arrays."""
+"""Analyse several signals together: shared noise, joint models, comparison of recordings, and sensor arrays."""
 
 from gmwm.joint.cross import cross
 from gmwm.joint.fusion import fuse

@@ -1,4 +1,4 @@
-"""The test for shared noise at a cost that does not matter beside a calibration: on block means of long recordings."""
+"""A fast test for noise that axes share: it uses block means of long recordings, as a part of each calibration."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from gmwm.joint.synchronous import synchronous_signals
 from gmwm.signals import MINIMUM_SAMPLES, Signal
 
 MOST = 1 << 20
-"""Largest number of block means. The test of 15 pairs then takes less than 5 % of the time of a calibration: 0.32 s of
-16.8 s for 6·10⁶ samples of six axes, 0.22 s of 5.0 s for 10⁶ (measured once, on one core). False alarms:
-tests/calibration/test_shared_noise.py."""
+"""Largest number of block means. The test of the 15 pairs of six axes then takes less than 5 % of the time of a
+calibration: 0.32 s of 16.8 s for 6·10⁶ samples, and 0.22 s of 5.0 s for 10⁶ (measured once, on one core).
+tests/calibration/test_shared_noise.py checks the rate of false alarms."""
 
 
 def shared_noise(signals: Mapping[str, Signal], *, size: float = 0.05) -> tuple[SharedNoise, ...]:
-    """Return the scales at which two axes share noise, by the test of `cross`, from the smallest p-value on.
+    """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value.
 
-    A recording of more than `MOST` samples is replaced by the means of blocks of 2^k samples, the smallest k for which
-    there are no more than `MOST` blocks. The k finest scales are then not tested. Linear trends are removed first,
-    because two axes that drift for reasons of their own are correlated at the largest scales. Axes without noise at
-    some scale are left out.
+    A recording of more than `MOST` samples is replaced by the means of blocks of 2^k samples. k is the smallest number
+    for which there are at most `MOST` blocks. The k finest scales are then not tested. Linear trends are removed first,
+    because two axes with unrelated drifts are correlated at the largest scales. Axes without noise at some scale are
+    left out.
 
     Parameters
     ----------
     signals : mapping of axis to Signal
         Signals of one recording.
     size : float
-        Significance level of the test of all levels and pairs together.
+        Significance level of the tests of all levels and pairs together.
     """
     try:
         filled = synchronous_signals(signals, None)
@@ -51,12 +51,12 @@ def shared_noise(signals: Mapping[str, Signal], *, size: float = 0.05) -> tuple[
             return ()
         found = tested(Curves(own, moments, {}), robust=False, efficiency=0.6, size=size, confidence=0.95)
     except GmwmError:
-        return ()  # such as too few samples without a gap, which the calibration reports
+        return ()  # for example, there are too few samples without a gap; the calibration reports this
     return tuple(replace(one, level=one.level + k) for one in found.shared)
 
 
 def block_means(signal: Signal, k: int) -> Signal:
-    """Return the means of blocks of 2^k samples; what is left at the end of a segment is dropped."""
+    """Return the means of blocks of 2^k samples. The samples after the last whole block of a segment are dropped."""
     if k == 0:
         return signal
     size = 1 << k
@@ -75,7 +75,7 @@ def block_means(signal: Signal, k: int) -> Signal:
 
 
 def _detrended(signal: Signal) -> Signal:
-    """Remove a straight line."""
+    """Subtract the least-squares line from a signal."""
     time = np.arange(len(signal)) - (len(signal) - 1) / 2
     values = signal.values - signal.values.mean()
     values -= time * (float(time @ values) / float(time @ time))

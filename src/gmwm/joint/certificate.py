@@ -1,12 +1,17 @@
-"""Proof that no other parameters of a joint model fit better: branch and bound over the shapes of its terms.
+"""Prove by branch and bound over the shapes of the terms that no other parameters of a joint model fit better.
 
-A node allows each searched term any mixture of shapes in an interval, each with its own covariance matrix. This is a
-convex problem, and its dual gives a bound: let r be the residual of any fit, z a vector whose product with every
-allowed column is positive, and δ the least number for which y = r − δ z has no positive product with an allowed
-column. Then every allowed objective is at least (yᵀb)²/(yᵀy), with b the weighted data. The products of y with the
-columns of a shape κ are vᵀ A v with A = Σ_j κ_j R_j linear in κ, so its largest eigenvalue decides. Between the nodes
-of a table, κ is a cubic: a convex combination of four control points, plus an error that the table bounds, and the
-largest eigenvalue is convex.
+The shape of a term is its wavelet variance at unit scale over the levels; it depends on the correlation time. A node of
+the search tree has an interval of shapes for each term whose correlation time is searched. The relaxed problem of the
+node allows any mixture of the shapes in the interval, each shape with its own covariance matrix. It is convex, and its
+dual gives a lower bound. Let r be the residual of any fit, z a vector whose product with every allowed column of the
+design is positive, and δ the smallest number for which y = r − δ z has no positive product with an allowed column. Then
+the objective of every allowed fit is at least (yᵀb)²/(yᵀy), where b is the weighted data.
+
+The products of y with the columns of a shape κ are vᵀ A v for unit vectors v. The matrix A = Σ_j κ_j R_j is linear in
+κ, with one matrix R_j for each level j that depends on y. The largest product is therefore the largest eigenvalue of A.
+Between two tabulated coordinates, κ is replaced by a cubic, which is a convex combination of four control points; the
+table also bounds the error of the cubic. The largest eigenvalue is a convex function, so its values at the control
+points bound it on the whole cell.
 """
 
 from __future__ import annotations
@@ -31,32 +36,35 @@ from gmwm.processes.parameter import Branch
 GAP = 1e-3
 """Relative gap between the objective and its bound at which the search ends."""
 NODES = 2000
-"""Nodes, at most."""
+"""Largest number of nodes of the search tree."""
 SPACING = 0.05
-"""Distance of the nodes of the table in the search coordinate: 5 % in β. The cubics then err by some 1e-8 of a shape
-(tests/joint/test_certificate.py)."""
+"""Distance of the tabulated points in the search coordinate; it corresponds to 5 % in β. The relative error of the
+cubics is then about 1e-8 (tests/joint/test_certificate.py)."""
 SAFETY = 4.0
-"""Factor on the error of the cubics at the middle of a cell, to bound it everywhere."""
+"""The error of a cubic at the middle of a cell, multiplied by this factor, bounds its error in the whole cell."""
 FIRST = 7
-"""Shapes of an interval with which the relaxation begins."""
+"""Number of shapes in each interval with which the solution of a relaxed problem starts."""
 ADDED = 6
-"""Rounds in which shapes are added to it, at most."""
+"""Largest number of rounds that add shapes to a relaxed problem."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The shapes of a term along its search coordinate.
+    """Table of the shapes of a term as a function of its search coordinate.
 
     Attributes
     ----------
     kind : type of Process
+        Class of the process of the term.
     branch : Branch
+        Map from the search coordinate to the shape parameter.
     nodes : (n,) array
-        Search coordinates.
+        Tabulated search coordinates.
     length : (n,) array
-        Distance along the curve of shapes up to a factor, from 0.
+        Distance of each tabulated shape from the first one, along the curve of the logarithms of the shapes. Factors of
+        a shape do not count.
     controls : (n − 1, 4, J) array
-        Control points of the cubic in each cell.
+        Control points of the cubic in each cell between neighbouring tabulated coordinates.
     margin : (n − 1, J) array
         Bound on the error of the cubic.
     """
@@ -70,7 +78,7 @@ class Curve:
 
     @classmethod
     def of(cls, problem: JointProblem, place: int, weights: Vector) -> Curve:
-        """The curve of a term, of shapes κ whose sum with positive weights (J,) is 1."""
+        """Tabulate the shapes κ of term number `place`, normalised to Σ_j w_j κ_j = 1 with positive weights w (J,)."""
         branch, kind = problem.branches[place], type(problem.terms[place].process)
         assert branch is not None
         levels, rate = problem.design.levels, problem.design.rate
@@ -92,13 +100,14 @@ class Curve:
         return cls(kind, branch, nodes=u[::2], length=length, controls=controls, margin=margin)
 
     def cells(self, low: float, high: float) -> NDArray[np.int64]:
-        """Cells that an interval of lengths touches."""
+        """Return the numbers of the cells that overlap an interval of `length`."""
         first = max(int(np.searchsorted(self.length, low, side="right")) - 1, 0)
         last = min(int(np.searchsorted(self.length, high, side="left")), self.length.size - 1)
         return np.arange(first, max(last, first + 1))
 
     def pieces(self, low: float, high: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Cells of an interval of lengths, and the control points (k, 4, J) of the part of each inside it."""
+        """Return the cells that overlap an interval of `length`, and control points (k, 4, J) of the part of each cell
+        inside it."""
         cells = self.cells(low, high)
         controls = self.controls[cells]
         first, last = (self._inside(cells[k], at) for k, at in ((0, low), (-1, high)))
@@ -109,17 +118,18 @@ class Curve:
         return cells, controls
 
     def _inside(self, cell: int, length: float) -> float:
-        """Position of a length in a cell, from 0 to 1."""
+        """Return the relative position of a length in a cell, from 0 to 1."""
         low, high = self.length[cell], self.length[cell + 1]
         return float(np.clip((length - low) / (high - low), 0.0, 1.0)) if high > low else float(length > low)
 
     def at(self, length: Vector) -> Vector:
-        """Search coordinates at lengths."""
+        """Return the search coordinates that belong to values of `length`."""
         return np.asarray(np.interp(length, self.length, self.nodes))
 
 
 def _part(controls: Matrix, first: float, last: float) -> Matrix:
-    """Control points (4, J) of the part of a cubic between two positions: its blossom at them."""
+    """Return the control points (4, J) of the part of a cubic between two positions, as values of its blossom (polar
+    form)."""
 
     def blossom(*at: float) -> Vector:
         points = controls
@@ -132,16 +142,18 @@ def _part(controls: Matrix, first: float, last: float) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """Bounds on the objective of a model, and the best fit that the search met.
+    """Lower bounds on the objective of a model, and the best fit that the search found.
 
     Attributes
     ----------
     lower_bound : float
         No parameters of the model have a smaller objective.
     relaxed_bound : float
-        The same for any number of terms of each searched process.
+        Lower bound on the objective if the model may have any number of terms of each searched process.
     nodes : int
+        Number of nodes that were bounded.
     best : Found
+        The best fit.
     """
 
     lower_bound: float
@@ -154,7 +166,7 @@ Intervals = tuple[tuple[float, float], ...]
 
 
 class Prover:
-    """Branch and bound for one problem."""
+    """Branch-and-bound search for one weighted least-squares problem."""
 
     def __init__(self, problem: JointProblem) -> None:
         self.problem = problem
@@ -171,14 +183,15 @@ class Prover:
         self.fixed = problem.shapes(np.array([curve.nodes[0] for curve in self.curves]))[self.linear]
 
     def prove(self, found: Found, seconds: float = np.inf) -> Certificate:
-        """Bound the objective of the model from below, and improve the fit if a better one is met.
+        """Compute a lower bound on the objective of the model, and replace the fit if the search finds a better one.
 
         Parameters
         ----------
         found : Found
             The best fit so far.
         seconds : float
-            Time after which the search ends; the bound is then farther from the objective than `GAP`.
+            Time limit (s). If the search stops at this limit, the relative gap between bound and objective is larger
+            than `GAP`.
         """
         end = time.monotonic() + seconds
         whole: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
@@ -207,7 +220,7 @@ class Prover:
         return Certificate(min(max(low, relaxed), best.objective), relaxed, nodes, best)
 
     def _children(self, node: Intervals) -> list[Intervals]:
-        """Two halves of the longest interval; terms that can be exchanged are in order."""
+        """Split a node at the middle of its longest interval. The intervals of interchangeable terms are sorted."""
         longest = int(np.argmax([high - low for low, high in node]))
         low, high = node[longest]
         middle = (low + high) / 2
@@ -224,7 +237,11 @@ class Prover:
         return found
 
     def bound(self, node: Intervals, enough: float) -> tuple[float, Vector]:
-        """A lower bound of a node, and coordinates of its largest parts; it stops once the bound is `enough`."""
+        """Return a lower bound for a node, and the search coordinate of the largest shape of each term in its relaxed
+        solution.
+
+        The iteration stops when the bound reaches `enough`.
+        """
         problem = self.problem
         chosen = [np.linspace(low, high, FIRST) for low, high in node]
         best, parts = 0.0, np.array([float(np.mean(interval)) for interval in node])
@@ -252,7 +269,8 @@ class Prover:
         return best, np.array([float(curve.at(np.array([s]))[0]) for curve, s in zip(self.curves, parts, strict=True)])
 
     def _dual(self, residual: Vector, node: Intervals) -> tuple[float, list[Vector]]:
-        """The bound from a residual, and for each term the lengths where shapes are missing."""
+        """Return the bound that follows from a residual, and for each term the values of `length` at which to add
+        shapes."""
         problem = self.problem
         rows, columns = entries(problem.d)
         pull = (problem.root.T @ residual).reshape(rows.size, -1) / np.where(rows == columns, 1.0, 2.0)[:, None]
@@ -273,7 +291,11 @@ class Prover:
         return (product**2 / float(y @ y) if product > 0 else 0.0), peaks
 
     def _largest(self, shapes: Matrix, levels: Matrix, whole: bool) -> Vector:
-        """The largest product of each shape with a unit column: an eigenvalue, or an entry of the diagonal."""
+        """Return the largest product of the residual with a unit column of each shape.
+
+        This is the largest eigenvalue of A for a whole covariance matrix, or its largest diagonal entry for a diagonal
+        one.
+        """
         gradients = np.tensordot(shapes, levels, axes=1)
         if whole:
             return np.asarray(np.linalg.eigvalsh(gradients)[:, -1])
@@ -286,7 +308,7 @@ class Prover:
 
     @staticmethod
     def _peaks(curve: Curve, cells: NDArray[np.int64], score: Vector, *, low: float, high: float) -> Vector:
-        """Lengths of the highest local maxima of a score."""
+        """Return the values of `length` at the three highest local maxima of a score."""
         padded = np.concatenate([[-np.inf], score, [-np.inf]])
         local = np.flatnonzero((score >= padded[:-2]) & (score >= padded[2:]) & (score > 0))
         highest = local[np.argsort(-score[local])[:3]]

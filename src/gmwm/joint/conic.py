@@ -1,12 +1,14 @@
-"""Least squares over sums of positive semidefinite and diagonal matrices, by the logarithmic barrier.
+"""Least squares with positive semidefinite or diagonal matrices as unknowns, solved by the logarithmic barrier method.
 
-Given the shapes κ_p of all terms, the moments are linear in the covariance matrices Σ_p:
+For given shapes κ_p of all terms, the weighted moments b are linear in the covariance matrices Σ_p. With s the vector
+of their free entries and A the design matrix, the problem is
 
-    min |b − A s|²   with all Σ_p ⪰ 0.
+    min |b − A s|²   subject to Σ_p ⪰ 0 for all p.
 
-Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for falling μ. The minimum for μ is at most ν μ above the
-optimum, with ν the number of rows of all matrices (Boyd and Vandenberghe 2004, Convex Optimization, section 11.2).
-The last Newton steps end near it, so 2 ν μ is stated.
+Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for a decreasing sequence of μ. At the exact minimum for a
+value of μ, the objective is at most ν μ above the optimum, where ν is the number of rows of all matrices together (Boyd
+and Vandenberghe 2004, Convex Optimization, section 11.2). The last Newton step ends only near this minimum, so gmwm
+states the gap 2 ν μ.
 """
 
 from __future__ import annotations
@@ -21,25 +23,26 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.joint.moments import entries, symmetric
 
 STEPS = 300
-"""Newton steps, at most; 30 to 60 are usual (tests/joint/test_conic.py)."""
+"""Largest number of Newton steps; 30 to 60 are usual (tests/joint/test_conic.py)."""
 SHRINK = 0.02
-"""Factor of μ from one round to the next."""
+"""Factor by which μ decreases from one round to the next."""
 WARM = 1e-7
-"""μ of the point from which a similar problem starts."""
+"""Barrier parameter μ of the solution that is kept as the start of a similar problem."""
 NEAR = (1.0, 0.1)
-"""Newton decrement, in units of μ, at which a round and the last round end."""
+"""Squared Newton decrement, in units of μ, at which the Newton steps of a round end: of all rounds but the last, and of
+the last one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """Which entries of the covariance matrices of P terms are unknown.
+    """The set of allowed covariance matrices of P terms: which of their entries are free.
 
     Attributes
     ----------
     d : int
         Number of signals.
     full : (P,) array of bool
-        Whether a term has a whole matrix; otherwise it is diagonal.
+        True if all entries of the matrix of a term are free, False if it is diagonal.
     """
 
     d: int
@@ -47,43 +50,46 @@ class Cone:
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
-        """Which of the P d(d + 1)/2 entries are unknown, term by term."""
+        """Mask of the free entries among the P d(d + 1)/2 entries, term by term."""
         rows, columns = entries(self.d)
         return np.concatenate([np.ones(rows.size, bool) if whole else rows == columns for whole in self.full])
 
     @cached_property
     def terms(self) -> NDArray[np.int64]:
-        """The term of each unknown."""
+        """Number of the term to which each free entry belongs."""
         count = entries(self.d)[0].size
         return np.repeat(np.arange(self.full.size), count)[self.free]
 
     def matrices(self, unknowns: Vector) -> Matrix:
-        """Σ (P, d, d) from the unknowns."""
+        """Return the matrices Σ (P, d, d) with the given free entries."""
         values = np.zeros(self.free.size)
         values[self.free] = unknowns
         return symmetric(values.reshape(self.full.size, -1), self.d)
 
     def unknowns(self, matrices: Matrix) -> Vector:
-        """The unknowns of Σ (P, d, d)."""
+        """Return the free entries of matrices Σ (P, d, d) as a vector."""
         rows, columns = entries(self.d)
         return np.asarray(matrices[:, rows, columns].ravel()[self.free])
 
 
 @dataclass(frozen=True, eq=False)
 class Conic:
-    """The solution of a conic problem.
+    """Solution of a conic least-squares problem.
 
     Attributes
     ----------
     sigmas : (P, d, d) array
+        Covariance matrices of the terms.
     objective : float
+        |b − A s|² at the solution.
     gap : float
-        Bound on how much smaller the objective can be.
+        Upper bound on the difference between `objective` and the optimum.
     hessian : (k, k) array
-        Second derivatives of the objective with the last barrier, with respect to the unknowns.
+        Second derivatives of the objective plus the last barrier term, with respect to the free entries.
     steps : int
+        Number of Newton steps.
     warm : (P, d, d) array
-        Matrices inside the cone, from which a similar problem is solved faster.
+        Positive definite matrices to start a similar problem from.
     """
 
     sigmas: Matrix
@@ -97,17 +103,18 @@ class Conic:
 def least_squares(
     design: Matrix, target: Vector, cone: Cone, *, gap: float = 1e-9, warm: Matrix | None = None
 ) -> Conic:
-    """Solve the problem to a relative gap.
+    """Minimise |b − A s|² subject to Σ_p ⪰ 0, until the relative gap to the optimum is small enough.
 
     Parameters
     ----------
     design : (n, k) array
-        A: a column for each unknown.
+        A, with one column for each free entry.
     target : (n,) array
         b.
     cone : Cone
+        The free entries of the matrices.
     gap : float
-        Bound on the error of the objective, relative to it.
+        Largest error of the objective, relative to the objective.
     warm : (P, d, d) array, optional
         `Conic.warm` of a similar problem.
     """
@@ -159,7 +166,7 @@ def least_squares(
 
 
 class _Barrier:
-    """−μ Σ log det Σ_p with its derivatives with respect to the unknowns."""
+    """The barrier −μ Σ_p log det Σ_p: its derivatives with respect to the free entries, and the allowed step length."""
 
     def __init__(self, cone: Cone) -> None:
         rows, columns = entries(cone.d)
@@ -192,7 +199,8 @@ class _Barrier:
         return gradient, hessian
 
     def reach(self, step: Vector) -> float:
-        """The longest step, at most 1, that stays well inside the cone."""
+        """Return the largest factor, at most 1, with which a step keeps all matrices positive definite with a
+        margin."""
         least = float(np.min(step[self.diagonal] / self.s[self.diagonal], initial=0.0))
         if self.count:
             moved = self.root @ symmetric(step[self.blocks], self.cone.d) @ np.swapaxes(self.root, 1, 2)

@@ -1,4 +1,4 @@
-"""The wavelet cross-covariance of several signals, and the test whether they share noise."""
+"""Estimate the wavelet cross-covariance of several signals, and test whether the signals share noise."""
 
 from __future__ import annotations
 
@@ -29,9 +29,11 @@ from gmwm.signals import Imu, Signal
 from gmwm.variance.biweight import require_robust
 
 LEAST = 3.0
-"""Degrees of freedom that a level needs for a test: with fewer, the Student distribution of the score does not hold."""
+"""A level is tested only if it has more degrees of freedom than this; with fewer, the test statistic does not have a
+Student distribution."""
 LEAST_ROBUST = 8.0
-"""The same for robust estimates. With 3, the test is wrong in 6 to 11 % of recordings; see docs/validation/cross.md."""
+"""The limit for robust estimates. With 3, the test at the 5 % level would reject 6 to 11 % of recordings without shared
+noise; see docs/validation/cross.md."""
 
 
 def cross(
@@ -44,39 +46,43 @@ def cross(
     size: float = 0.05,
     confidence: float = 0.95,
 ) -> CrossCovariance:
-    """Estimate the covariance and the correlation of the noise of several axes at each scale, and test whether it is 0.
+    """Estimate the correlation of the noise of several axes at each scale, and test whether it is 0.
 
-    The estimate is the mean product of the Haar coefficients of two axes,
+    The cross-covariance at level j is estimated by the mean product of the Haar wavelet coefficients W_a and W_b of two
+    axes,
 
         γ̂_j = Σ_t W_{a,j,t} W_{b,j,t} / M_j = (ν̂²_{a+b,j} − ν̂²_{a−b,j}) / 4,   r_j = γ̂_j / (ν̂_{a,j} ν̂_{b,j}).
 
-    If two signals share no noise, Var γ̂_j = Σ_u n(u) C_a(u) C_b(u) / M_j², with C the autocovariances of their
-    coefficients, whatever the distribution of the noise. The autocovariances come from the most likely mixtures of all
-    processes, without drifts and sinusoids. With η_j = ν_a² ν_b² / Var γ̂_j degrees of freedom,
+    where M_j is the number of coefficients and ν̂² is a wavelet variance. If two signals share no noise, Var γ̂_j = Σ_u
+    n(u) C_a(u) C_b(u) / M_j² for noise of any distribution. C(u) is the autocovariance of the coefficients at lag u,
+    and n(u) is the number of pairs of coefficients with this lag. For each signal, C follows from the mixture of all
+    processes with the highest likelihood, without drifts and sinusoids. With η_j = ν_a² ν_b² / Var γ̂_j degrees of
+    freedom,
 
         r_j √(η_j − 1) / √(1 − r_j²)
 
-    has a Student distribution with η_j − 1 degrees of freedom. The p-values of all levels and pairs are adjusted by
-    Holm's method. Levels with η_j ≤ 3, or 8 for the robust estimate, are not tested.
+    has approximately a Student distribution with η_j − 1 degrees of freedom. The p-values of all levels and pairs are
+    adjusted by Holm's method. Levels with η_j ≤ 3 (robust estimate: η_j ≤ 8) are not tested.
 
     Parameters
     ----------
     x : Imu, Stream, or mapping of name to Signal or (N,) array
-        Two or more signals that were sampled together: of one rate, one length, and with the same gaps. A Stream is
-        read in bounded memory: once, or up to four times for robust estimates.
+        Two or more signals that were sampled together, with the same rate, length and gaps. A Stream is read with
+        bounded memory, once for classical estimates and up to four times for robust ones.
     rate : float
         Sampling rate (Hz); only for plain arrays.
     axes : str or sequence of str, optional
         The signals to use, such as "gyro" or ["gyro_x", "accel_z"]; all by default.
     robust : bool
-        Whether to use the robust estimates of ν²_{a+b} and ν²_{a−b}: outliers that two axes have in common are then not
-        treated as shared noise. The variance of γ̂ is exact if the spectra of the two axes have the same shape.
+        Whether to use robust estimates of ν²_{a+b} and ν²_{a−b}. Outliers that occur in both axes are then not treated
+        as shared noise. The variance of the robust γ̂ is exact only if the spectra of the two axes have the same shape.
     efficiency : float
-        Efficiency of the robust estimate, see `wavelet_variance`.
+        Efficiency of the robust estimate; see `wavelet_variance`.
     size : float
-        Significance level of the test of all levels and pairs together.
+        Significance level of the tests of all levels and pairs together.
     confidence : float
-        Confidence level of the intervals of the correlations, tanh(artanh r ± z / √(η − 2)).
+        Confidence level of the intervals of the correlations, tanh(artanh r ± z / √(η − 2)), with z the normal
+        quantile.
 
     Returns
     -------
@@ -85,7 +91,8 @@ def cross(
     Raises
     ------
     DataError
-        If there are fewer than two signals, or they differ in rate, length or gaps; or as for `wavelet_variance`.
+        If there are fewer than two signals, if they differ in rate, length or gaps, or if `wavelet_variance` cannot use
+        one of them.
     OptionError
         If an option has a value that is not allowed.
 
@@ -93,7 +100,8 @@ def cross(
     ----------
     Whitcher, Guttorp and Percival (2000), Wavelet analysis of covariance with application to atmospheric time series,
     JGR 105, 14941-14962; Holm (1979), A simple sequentially rejective multiple test procedure, Scandinavian Journal of
-    Statistics 6, 65-70. Sizes and coverage: docs/validation/cross.md.
+    Statistics 6, 65-70. The measured rates of false alarms and the coverage of the intervals are in
+    docs/validation/cross.md.
 
     Examples
     --------
@@ -113,7 +121,7 @@ def cross(
 
 
 def tested(found: Curves, *, robust: bool, efficiency: float, size: float, confidence: float) -> CrossCovariance:
-    """Test the cross-covariances of all pairs, see `cross`. The result has no delays."""
+    """Test the cross-covariances of all pairs as `cross` does. The returned object contains no delays."""
     own, moments, _ = found
     names = list(own)
     design = Design.of(next(iter(own.values())))
@@ -125,7 +133,7 @@ def tested(found: Curves, *, robust: bool, efficiency: float, size: float, confi
         for (a, b), gamma in moments.items()
     }
     least = LEAST_ROBUST if robust else LEAST
-    # NaN for levels that are not tested.
+    # Levels that are not tested have the value NaN.
     enough = {pair: np.where(eta > least, eta, np.nan) for pair, eta in freedom.items()}
     adjusted = np.split(holm(np.concatenate([_pvalues(correlation[p], enough[p]) for p in moments])), len(moments))
     pvalues = dict(zip(moments, adjusted, strict=True))
@@ -163,7 +171,7 @@ def _curves(
     if isinstance(x, Stream):
         chosen = chosen_names(x.axes, axes)
         found = streamed_curves(x, chosen, robust=robust, efficiency=efficiency)
-        units_of(found.own)  # checks that every level has a variance
+        units_of(found.own)  # raises an error if the variance of a level is 0
         return found
     signals = synchronous_signals(x, rate)
     signals = {name: signals[name] for name in chosen_names(tuple(signals), axes)}
@@ -174,9 +182,10 @@ def _curves(
 
 
 class _Noise(NamedTuple):
-    """A model scaled to a wavelet variance with geometric mean 1, this curve, and Var ν̂² (J,).
+    """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,).
 
-    The degrees of freedom do not depend on the units; without them, the differences of variances are accurate.
+    The degrees of freedom do not depend on the units. Without the scaling, differences of variances could lose
+    precision.
     """
 
     model: Model
@@ -191,15 +200,15 @@ class _Noise(NamedTuple):
 
 
 def _gaussian(design: Design) -> Design:
-    """The design of classical estimates of Gaussian signals."""
+    """Return a copy of a design for classical estimates of Gaussian signals."""
     return replace(design, efficiency=None, excess=None, model_error=0.0)
 
 
 def _freedom(one: _Noise, other: _Noise, design: Design) -> Vector:
-    """Degrees of freedom η_j (J,) of the correlation of two signals that share no noise."""
+    """Return the degrees of freedom η_j (J,) of the correlation of two signals that share no noise."""
     plain = _gaussian(design)
     both = _sum(one.model, other.model)
-    # Var ν̂² of the sum of independent signals has the term 4 Σ n C_a C_b / M², the mixed one of the square.
+    # Var ν̂² of the sum of independent signals contains the mixed term 4 Σ n C_a C_b / M².
     total = variances(both, plain)
     null = (total - one.variances - other.variances) / 4
     if design.efficiency is not None:
@@ -212,7 +221,7 @@ def _with_scale(process: Process, scale: float) -> Process:
 
 
 def _sum(one: Model, other: Model) -> Model:
-    """The model of the sum of two independent signals; terms of one shape are one term."""
+    """Return the model of the sum of two independent signals. Terms with the same shape are merged."""
     scales: dict[tuple[type[Process], tuple[float, ...]], float] = {}
     for process in (*one.processes, *other.processes):
         key = type(process), tuple(process.nonlinear.tolist())
@@ -221,7 +230,7 @@ def _sum(one: Model, other: Model) -> Model:
 
 
 def _pvalues(correlation: Vector, freedom: Vector) -> Vector:
-    """Two-sided p-values (J,) of zero correlation, by Student's distribution."""
+    """Return two-sided p-values (J,) of the hypothesis of zero correlation, from Student's distribution."""
     from scipy.special import stdtr
 
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -230,7 +239,7 @@ def _pvalues(correlation: Vector, freedom: Vector) -> Vector:
 
 
 def _limits(correlation: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
-    """Confidence limits (J,), by Fisher's transformation."""
+    """Return the confidence limits (J,) of correlations, from Fisher's transformation."""
     from scipy.special import ndtri
 
     with np.errstate(divide="ignore", invalid="ignore"):

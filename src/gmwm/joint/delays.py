@@ -12,26 +12,27 @@ from gmwm.regression.least_squares import haar
 from gmwm.signals import Signal
 
 LARGEST = 3
-"""Largest delay (samples) that is looked for."""
+"""Largest delay (samples) that can be found."""
 WINGS = 12
-"""Lags (samples) up to which correlations are computed, to tell a delay from a line that two signals share with a
-phase: away from a delay, the correlation of their broad noise is small."""
+"""Largest lag (samples) at which correlations are computed. The correlation of delayed broadband noise is small at all
+other lags; the correlation of a sinusoid that two signals share with a phase shift is not."""
 LEVELS = 2
-"""Finest levels where it is looked for. At coarser ones, a delay hardly changes the correlation."""
+"""Number of finest levels in which a delay is searched. At coarser levels, a delay hardly changes the correlation."""
 MOST = 1 << 20
-"""Samples that are used at most."""
+"""Largest number of samples that are used."""
 SURELY = 5.0
-"""How much larger the correlation with a delay must be than the one without, in standard errors of a correlation, as
-all constants here pinned by tests/joint/test_cross.py."""
+"""Smallest difference between the correlation with a delay and the correlation without it, in standard errors of a
+correlation. tests/joint/test_cross.py pins all constants of this module."""
 SMALL = 0.4
-"""Largest share of the correlation at the delay that may remain far from it, or differ between both sides of it."""
+"""Limit for the correlation at lags far from the delay, and for the difference between the lags on both sides of it, as
+a share of the correlation at the delay."""
 
 
 def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
     """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out.
 
-    If two signals share noise, but one is delayed, the correlation at fine scales is small or negative, and larger
-    between samples d apart.
+    If two signals share noise but one is delayed by d samples, their correlation at fine scales is small or negative.
+    The correlation between samples that are d apart is larger.
     """
     longest = max(next(iter(signals.values())).segments, key=lambda ends: ends[1] - ends[0])
     first, last = longest[0], min(longest[1], longest[0] + MOST)
@@ -52,7 +53,7 @@ def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
 
 
 def _delay(correlation: Vector, count: int) -> int:
-    """The delay from correlations at lags −WINGS … WINGS; 0 if there is none."""
+    """Return the delay that correlations at the lags −WINGS … WINGS show, or 0 if they show none."""
     size = np.abs(correlation)
     near = size[WINGS - LARGEST : WINGS + LARGEST + 1]
     delay = int(np.argmax(near)) - LARGEST
@@ -66,7 +67,7 @@ def _delay(correlation: Vector, count: int) -> int:
 
 
 def _correlation(a: Vector, b: Vector, lag: int) -> float:
-    """Correlation of a at t with b at t + lag."""
+    """Return the correlation between a at sample t and b at sample t + lag."""
     x, y = (a[: a.size - lag], b[lag:]) if lag >= 0 else (a[-lag:], b[: b.size + lag])
     power = float(x @ x) * float(y @ y)
     return float(x @ y) / np.sqrt(power) if power > 0 else 0.0

@@ -1,11 +1,14 @@
 """A Kalman filter that estimates the slow noise of an array from the differences of its signals.
 
-Differences of like signals do not depend on the motion. With w₀ the best weights for white noise, B a basis of the
-differences (B 1 = 0) and b the noise with memory, the filter estimates B b from B x, and the fused signal is
+Differences between signals of the same axis do not depend on the motion. Let x (d,) be the signals at one time, w₀ the
+weights with sum 1 that minimise the white noise of w₀ᵀ x, B (d − 1, d) a basis of the differences (B 1 = 0), and b =
+Σ_p b_p the noise that is not white, with a term b_p of covariance matrix Σ_p for each process p. The filter computes
+estimates b̂_p of the terms from B x, and the fused signal is
 
     ŝ = w₀ᵀ x − Σ_p c_p B b̂_p,   c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺,
 
-because c_p B b_p is the best prediction of w₀ᵀ b_p. The white noise of w₀ᵀ x is independent of the differences.
+because c_p B b_p is the best linear prediction of w₀ᵀ b_p. (⁺ is the pseudo-inverse.) The white noise of w₀ᵀ x is
+independent of the differences.
 """
 
 from __future__ import annotations
@@ -22,16 +25,18 @@ from gmwm.processes.base import Process
 from gmwm.statespace import StateSpace
 
 RIDGE = 1e-10
-"""Share of the mean variance that is added to the measurement noise, so that it has an inverse; its deviation is 1e-5
-of the white noise."""
+"""Share of the mean white-noise variance that is added to the measurement noise, so that its covariance matrix has an
+inverse. The added noise has 1e-5 of the standard deviation of the white noise."""
 DOUBLINGS = 64
+"""Largest number of steps of a doubling algorithm; k steps correspond to 2^k steps of the recursion."""
 BLOCK = 256
-"""Samples that are filtered by one matrix product."""
+"""Number of consecutive samples that are filtered by one matrix product."""
 
 
 @dataclass(frozen=True, eq=False)
 class DifferenceFilter:
-    """A filter in its steady state: ξ_t = A ξ_{t−1} + K B x_t, ŝ_t = w₀ᵀ x_t − C ξ_t.
+    """A Kalman filter with constant gain: ξ_t = A ξ_{t−1} + K B x_t, ŝ_t = w₀ᵀ x_t − C ξ_t, for signals x_t and states
+    ξ_t.
 
     Attributes
     ----------
@@ -40,7 +45,9 @@ class DifferenceFilter:
     differences : (d − 1, d) array
         B.
     A, K : (n, n) and (n, d − 1) arrays
+        Transition matrix and gain.
     C : (n,) array
+        Row that predicts the noise of w₀ᵀ x_t from the states.
     """
 
     weights: Vector
@@ -51,7 +58,7 @@ class DifferenceFilter:
 
     @classmethod
     def static(cls, weights: Vector) -> DifferenceFilter:
-        """Static weights as a filter without states."""
+        """Return a filter without states, which computes the weighted sum of the signals."""
         d = weights.size
         empty = np.zeros((0, 0))
         return cls(weights, np.zeros((d - 1, d)), A=empty, K=np.zeros((0, d - 1)), C=np.zeros(0))
@@ -68,10 +75,10 @@ class DifferenceFilter:
                 "K": self.K.tolist(), "C": self.C.tolist()}  # fmt: skip
 
     def run(self, x: Matrix) -> Vector:
-        """Filter the samples (d, N) of one segment.
+        """Return the fused signal (N,) of the samples (d, N) of one segment.
 
-        The mean of the differences over the time constant of the filter is subtracted first, so that the filter starts
-        near its steady state. This changes the result only by a constant.
+        The mean of the differences over the first time constant of the filter is subtracted first, so that the initial
+        transient is small. This changes the result only by a constant.
         """
         base = self.weights @ x
         if not self.C.size:
@@ -81,7 +88,7 @@ class DifferenceFilter:
         return np.asarray(base - self._correction(z))
 
     def _correction(self, z: Matrix) -> Vector:
-        """C ξ_t (N,) from differences (d − 1, N), in blocks."""
+        """Return C ξ_t (N,) for differences (d − 1, N), computed block by block."""
         count, n = z.shape[1], self.C.size
         blocks = -(-count // BLOCK)
         padded = np.zeros((blocks * BLOCK, z.shape[0]))
@@ -92,7 +99,7 @@ class DifferenceFilter:
             drive.append(power @ self.K)
             power = self.A @ power
             out.append(self.C @ power)
-        # Response of each sample of a block to each sample before it.
+        # Response of the output at each sample of a block to the input at each earlier sample of the block.
         impulse = np.array([self.C @ matrix for matrix in drive])
         within = np.zeros((BLOCK, BLOCK, z.shape[0]))
         for lag in range(BLOCK):
@@ -106,12 +113,14 @@ class DifferenceFilter:
 
 @dataclass(frozen=True, eq=False)
 class ArrayNoise:
-    """The noise of an array: unit processes and their covariance matrices.
+    """Noise model of an array: processes at unit scale, and a covariance matrix between the d signals for each process.
 
     Attributes
     ----------
     processes : tuple of Process
+        The P processes at unit scale.
     sigmas : (P, d, d) array
+        Covariance matrix of each process.
     rate : float
         Sampling rate (Hz).
     """
@@ -127,7 +136,8 @@ class ArrayNoise:
 
     @property
     def white(self) -> Matrix:
-        """Covariance (d, d) of the measurement noise, with a ridge."""
+        """Covariance (d, d) of the white measurement noise of one sample, plus a small diagonal matrix (see
+        `RIDGE`)."""
         d = self.sigmas.shape[-1]
         total = sum((space.R[0, 0] * sigma for space, sigma in zip(self.spaces, self.sigmas, strict=True)),
                     np.zeros((d, d)))  # fmt: skip
@@ -135,7 +145,7 @@ class ArrayNoise:
         return np.asarray(total + ridge * np.eye(d))
 
     def filter(self) -> DifferenceFilter:
-        """The Kalman filter on differences."""
+        """Return the Kalman filter on the differences of the signals."""
         from scipy.linalg import block_diag, null_space
 
         white = self.white
@@ -158,7 +168,7 @@ class ArrayNoise:
     def _seen(
         space: StateSpace, sigma: Matrix, differences: Matrix, *, weights: Vector
     ) -> tuple[Matrix, Matrix, Matrix, Vector]:
-        """F, Q, H and C of one process in the differences."""
+        """Return F, Q and H of one process as it appears in the differences, and its part of the row C."""
         root = factor(differences @ sigma @ differences.T)
         eye = np.eye(root.shape[1])
         regression = weights @ sigma @ differences.T @ np.linalg.pinv(root).T if root.size else np.zeros(0)
@@ -167,10 +177,12 @@ class ArrayNoise:
         return F, Q, H, C
 
     def fused(self, filter: DifferenceFilter) -> StateSpace:
-        """The state space of the signal that any filter makes of the array at rest.
+        """Return the state space of the fused signal of an array at rest, for any difference filter.
 
-        The states of the filter are ξ = G z + e, with z the states without a stationary distribution, G their constant
-        response and e stationary. For random walks z, e_t = A e_{t−1} − A G w_{t−1} + K B (other noise at t).
+        The noise states z without a stationary distribution (random walks) make the filter states non-stationary too.
+        The filter states are therefore written as ξ = G z + e, where G is the steady-state response to a constant z and
+        e is stationary: e_t = A e_{t−1} − A G w_{t−1} + K B n_t. Here w are the increments of z, and n is all other
+        noise.
         """
         from scipy.linalg import block_diag
 
@@ -183,7 +195,8 @@ class ArrayNoise:
         response = np.linalg.solve(np.eye(filter.C.size) - filter.A, gain @ H) * walk
         p, n, d = len(F), filter.C.size, filter.weights.size
         white = self.white
-        # States: those of the noise, e, and the white noise of this sample, which is in the output and in e.
+        # The state vector contains the noise states, e, and the white noise of this sample, which enters the output and
+        # e.
         own = gain @ (H * ~walk)
         whole = np.zeros((p + n + d, p + n + d))
         whole[:p, :p], whole[p : p + n, :p], whole[p : p + n, p : p + n] = F, own @ F, filter.A
@@ -197,22 +210,22 @@ class ArrayNoise:
         return StateSpace(F=whole, Q=noise, H=seen, P0=start)
 
     def static(self, weights: Vector, levels: NDArray[np.int64]) -> Vector:
-        """Wavelet variance (J,) of a weighted sum."""
+        """Return the wavelet variance (J,) of a weighted sum of the signals."""
         scales = np.einsum("a,pab,b->p", weights, self.sigmas, weights)
         shapes = np.array([process.wavelet_variance(levels, self.rate) for process in self.processes])
         return np.asarray(scales @ shapes)
 
 
 def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: NDArray[np.int64]) -> Vector:
-    """Wavelet variance (J,) of the fused signal of an array at rest."""
+    """Return the wavelet variance (J,) of the fused signal of an array at rest."""
     return noise.fused(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
 
 
 def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
-    """The covariance of the predicted state in the steady state, by the doubling algorithm.
+    """Return the steady-state covariance of the predicted state, computed by the doubling algorithm.
 
-    Each doubling is as many steps of the Riccati equation as all before it (Anderson and Moore 1979, Optimal Filtering,
-    section 6.7).
+    Each doubling advances the Riccati recursion by as many steps as all earlier doublings together (Anderson and Moore
+    1979, Optimal Filtering, section 6.7).
     """
     a, g, p = F.T.copy(), H.T @ np.linalg.solve(R, H), Q.copy()
     eye = np.eye(len(F))
@@ -227,7 +240,7 @@ def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
 
 
 def _stationary(transition: Matrix, noise: Matrix) -> Matrix:
-    """The stationary covariance P = A P Aᵀ + W, by doubling."""
+    """Return the stationary covariance P that solves P = A P Aᵀ + W, computed by doubling."""
     p, a = noise, transition
     for _ in range(DOUBLINGS):
         added = a @ p @ a.T

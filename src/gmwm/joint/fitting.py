@@ -1,4 +1,4 @@
-"""The iteration of estimate and weights in a joint fit, and the data that it is given."""
+"""Prepare the data of a joint fit, and repeat the weighted fit until estimate and weights agree."""
 
 from __future__ import annotations
 
@@ -20,39 +20,45 @@ from gmwm.joint.terms import JointTerm
 from gmwm.signals import Imu, Signal
 
 LEAST = 5.0
-"""Coefficients per scale that a level needs to be used by default. With 3, the test of fit rejects up to 8 % of right
-models at a level of 5 %, because the coarsest moments are skewed; with 5, see docs/validation/joint.md."""
+"""Smallest number of coefficients per scale of a level that is used by default. With 3, the goodness-of-fit test
+rejects up to 8 % of correct models at the 5 % level, because the distribution of the coarsest moments is skewed.
+docs/validation/joint.md has the rates with 5."""
 MOST_SIGNALS = 12
-"""Signals, at most: the covariance of all moments of 12 signals takes 10 MB, of 28 half a gigabyte."""
+"""Largest number of signals. The covariance matrix of all moments takes 10 MB for 12 signals and 0.5 GB for 28."""
 PRIOR = 1000.0
-"""Degrees of freedom of the fitted curves when they are averaged with the data to scale V, as for one signal; see
+"""The covariance V of the moments is scaled to an average of fitted and measured wavelet variances. In this average,
+the fitted variances have this number of degrees of freedom, as in the fit of one signal; see
 `gmwm.estimation.reweighting`."""
 ROUNDS = 12
-"""Iterations of estimate and weights, at most; 3 to 5 are usual."""
+"""Largest number of rounds (new weights, then a new estimate); 3 to 5 are usual."""
 DEGENERATE = 1e-5
-"""Least share of the standard deviation of a moment that the moments before it must leave: V of a model without noise
-in some combination of signals has 3e-7, the root of the ridge of 1e-13."""
+"""V counts as singular if, for some moment, the standard deviation given the moments before it is less than this share
+of its standard deviation. If a model has no noise in some combination of the signals, the share is 3e-7, the square
+root of the value 1e-13 that is added to the diagonal."""
 SETTLED = 1e-5
-"""Relative change of the fitted variances at which they end."""
+"""The rounds end when the fitted wavelet variances change by less than this relative amount."""
 MEMORY = (-3.0, 0.9)
-"""Least and largest share of the last round but one in the weights of the next. Without it, some fits of six signals
-change by 0.4 % in round 12; with it, by 0.004 % to 0.06 % (simulated RW + GM + WN + QN, 10⁵ samples)."""
+"""Limits of the coefficient with which the extrapolation subtracts the change between the last two rounds (see
+`_Mixed`). Without extrapolation, some fits of six signals still change by 0.4 % in round 12; with it, by 0.004 % to
+0.06 % (simulated RW + GM + WN + QN, 10⁵ samples)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """A solved problem with its final weights.
+    """The weighted least-squares problem of a joint fit with its final weights, and its solution.
 
     Attributes
     ----------
     problem : JointProblem
+        The problem, in scaled units.
     found : Found
+        The solution, in scaled units.
     unit : (d,) array
         Factors by which the signals were multiplied.
     products : (P, P, J, J) array
-        G at the estimate.
+        G at the estimate; see `gmwm.joint.moments`.
     measured : WaveletMatrices
-        Γ̂ at the levels used, in the units of the signals.
+        Estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals.
     """
 
     problem: JointProblem
@@ -63,16 +69,17 @@ class Settled:
 
     @property
     def sigmas(self) -> Matrix:
-        """Σ (P, d, d) in products of the units of the signals."""
+        """Covariance matrices Σ (P, d, d) of the terms, in products of the units of the signals."""
         return np.asarray(self.found.sigmas / np.outer(self.unit, self.unit))
 
     def wavelet(self) -> Matrix:
-        """V (n, n) of the stacked moments in the units of the problem, at the estimate."""
+        """Return the covariance V (n, n) of the stacked moments under the estimated model, in the units of the
+        problem."""
         return self.problem.design.loss_factor * moment_covariance(self.found.sigmas, self.products)
 
 
 def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
-    """Iterate estimate and weights until they agree."""
+    """Fit the terms to measured covariance matrices, and update the weights until estimate and weights agree."""
     gamma, design = measured.values, replace(measured.design, filled=0)
     variances = np.einsum("jaa->ja", gamma)
     if not np.all(variances > 0):
@@ -103,26 +110,34 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
 
 
 def _accuracy(change: float) -> float:
-    """Accuracy of the objective of a round: its fitted variances then err by a tenth of the last change."""
+    """Return the relative accuracy of the objective that a round needs.
+
+    The error of its fitted variances is then a tenth of their change in the last round.
+    """
     return float(np.clip(0.01 * change**2, EXACT, ROUGH))
 
 
 @dataclass(frozen=True, eq=False)
 class _Mixed:
-    """The estimate that gives the weights of the next round: the estimate of the last round, extrapolated from two
-    rounds by the secant of their changes (Anderson 1965, Iterative procedures for nonlinear integral equations,
-    J. ACM 12, 547-560, with one step of memory).
+    """The parameter values from which the weights of the next round are computed.
+
+    They are extrapolated from the estimates of the last two rounds by the secant method (Anderson 1965, Iterative
+    procedures for nonlinear integral equations, J. ACM 12, 547-560, with one step of memory).
 
     Attributes
     ----------
     u : (K,) array
+        Search coordinates of the shapes.
     sigmas : (P, d, d) array
+        Covariance matrices of the terms.
     implied : (J, d) array
-        Fitted wavelet variances.
+        Wavelet variances of the model with these values.
     change : float
-        Largest relative change of the fitted variances from the weights of a round to its estimate.
+        Largest relative difference, in the last round, between the wavelet variances that gave the weights and the
+        fitted ones.
     last : tuple of (K,) array, (P, d, d) array and (J, d) array, optional
-        Estimate of the last round, and its difference on the logarithm from the weights.
+        Coordinates and matrices estimated in the last round, and the difference between the logarithms of its fitted
+        wavelet variances and of those that gave its weights.
     """
 
     u: Vector
@@ -136,7 +151,7 @@ class _Mixed:
         return cls(u, sigmas, _implied(problem, u, sigmas))
 
     def after(self, problem: JointProblem, found: Found, *, restart: bool) -> _Mixed:
-        """The weights for the round after an estimate."""
+        """Return the values for the weights of the next round, given the estimate of this round."""
         miss = np.log(_implied(problem, found.u, found.sigmas) / self.implied)
         u, sigmas = found.u, found.sigmas
         if self.last is not None and not restart:
@@ -155,14 +170,17 @@ class _Mixed:
 
 
 def _implied(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
-    """Fitted wavelet variances (J, d)."""
+    """Return the wavelet variances (J, d) of the model."""
     return np.asarray(np.einsum("pj,paa->ja", problem.shapes(u), sigmas))
 
 
 def _first_root(gamma: Matrix, design: Design) -> Matrix:
-    """Diagonal weights from the data: Var γ̂_ab ≈ (ν_a² ν_b² + γ_ab²)/η, each at least the value of a smooth curve."""
+    """Return diagonal weights for the first round from the data alone: Var γ̂_ab ≈ (ν_a² ν_b² + γ_ab²)/η.
+
+    Wavelet variances far below both neighbours are replaced by a smoothed value.
+    """
     variances = np.einsum("jaa->ja", gamma)
-    # A level cannot lie far below both neighbours.
+    # The wavelet variance of a level cannot be far below the variances of both neighbouring levels.
     padded = np.concatenate([variances[:1], variances, variances[-1:]])
     smooth = np.maximum(variances, np.sqrt(padded[:-2] * padded[2:]) / 2)
     products = smooth[:, :, None] * smooth[:, None, :] + gamma**2
@@ -170,8 +188,10 @@ def _first_root(gamma: Matrix, design: Design) -> Matrix:
 
 
 def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
-    """Factors (n, n) that scale V from fitted to averaged variances, see
-    `gmwm.estimation.reweighting.implied_weights`."""
+    """Return the factors (n, n) that scale V from the fitted wavelet variances to averages of fitted and measured ones.
+
+    See `gmwm.estimation.reweighting.implied_weights`.
+    """
     freedom = problem.design.degrees_of_freedom[:, None]
     observed = np.einsum("jaa->ja", _matrices(problem))
     ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))
@@ -180,12 +200,12 @@ def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
 
 
 def _matrices(problem: JointProblem) -> Matrix:
-    """The moments as matrices (J, d, d)."""
+    """Return the stacked moments of a problem as covariance matrices (J, d, d)."""
     return symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
 
 
 def _root(wavelet: Matrix) -> Matrix:
-    """L with LᵀL = V⁻¹.
+    """Return L with LᵀL = V⁻¹.
 
     Raises
     ------
@@ -210,7 +230,10 @@ def _root(wavelet: Matrix) -> Matrix:
 
 
 def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST) -> NDArray[np.bool_]:
-    """Which levels are used: given ones, the first ones up to a number, or those with enough coefficients.
+    """Return the mask of the levels to use.
+
+    `levels` lists the levels or is the number of finest levels; by default, levels with at least `least` coefficients
+    per scale are used.
 
     Raises
     ------
@@ -231,12 +254,12 @@ def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: flo
 def chosen_signals(
     x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None, axes: str | Sequence[str] | None
 ) -> dict[str, Signal]:
-    """The synchronous signals of the wanted axes, with short gaps filled.
+    """Return the synchronous signals of the selected axes, with short gaps filled.
 
     Raises
     ------
     DataError, OptionError
-        If the signals are not synchronous, or too many or too few; or an axis does not exist.
+        If the signals are not synchronous, if there are too many or too few of them, or if an axis does not exist.
     """
     signals = synchronous_signals(x, rate)
     signals = {name: signals[name] for name in chosen_names(tuple(signals), axes)}
@@ -248,12 +271,12 @@ def chosen_signals(
 def measured_at(
     signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST
 ) -> WaveletMatrices:
-    """Γ̂ of the signals at the chosen levels.
+    """Return the estimated covariance matrices Γ̂ of the wavelet coefficients at the chosen levels.
 
     Raises
     ------
     DataError
-        If there are fewer levels than terms.
+        If there are not more levels than `unknowns`, the number of unknown parameters of each signal.
     """
     whole = wavelet_matrices(signals)
     kept = chosen_levels(whole.design, levels, least)

@@ -25,7 +25,8 @@ from gmwm.signals import Imu, Signal
 from gmwm.variance.api import signal_wavelet_variance
 
 SPARE = 2.0
-"""Degrees of freedom beyond the number of sensors that weights need: with 1, their expected loss is infinite."""
+"""The weights of d sensors need at least d + SPARE degrees of freedom. With d + 1, the expected variance in other
+recordings is infinite."""
 
 
 def fuse(
@@ -36,41 +37,45 @@ def fuse(
     model: ModelLike | None = None,
     nonnegative: bool = False,
 ) -> VirtualSensor:
-    """Fuse an array of like sensors into one virtual sensor with less noise; the motion is not changed.
+    """Fuse an array of sensors of the same type into one virtual sensor with less noise.
 
-    By default, a Kalman filter on the differences of the signals, which do not depend on the motion, estimates the slow
-    noise. Its variance is within a few per cent of the least variance of static weights at every scale. It needs a
-    joint model of the noise, see `fit_joint`.
+    The signals of each axis are averaged with weights whose sum is 1, so that the motion is not changed. By default, a
+    Kalman filter also estimates the slow noise from the differences between the signals, which do not depend on the
+    motion, and subtracts it. At every scale, the wavelet variance of the result is within a few per cent of the
+    smallest variance that static weights reach at this scale. The filter needs a joint model of the noise, see
+    `fit_joint`.
 
-    With `horizon`, the virtual sensor is the weighted sum of least wavelet variance at this scale,
+    With `horizon`, the virtual sensor is the weighted sum with the smallest wavelet variance at this scale,
 
         w = Γ̂⁻¹ 1 / (1ᵀ Γ̂⁻¹ 1),
 
-    with Γ̂ the covariance matrix of the Haar coefficients of all signals at this scale, interpolated between the two
-    nearest levels. Unlike inverse variances, Γ̂ takes into account noise that the sensors share.
+    where Γ̂ is the covariance matrix of the Haar wavelet coefficients of all signals at this scale, interpolated
+    between the two nearest levels. Unlike weights by inverse variances, these weights take into account noise that the
+    sensors share.
 
-    Weights that are estimated from a recording have less noise in it than in others, and `variance` is corrected for
-    this. At the scale of the weights, with η degrees of freedom, the expected variance wᵀ Γ̂ w is
-    (η − d + 1)/η · (η − d)/(η − 1) times the variance in other recordings. At other scales j the correction is weaker
-    by the regression of ν̂²_j on ν̂² at the scale of the weights. With a model, it follows from a parametric bootstrap.
+    Weights that are estimated from a recording fit its own noise, so the weighted sum has less noise in this recording
+    than in others. The attribute `variance` is corrected for this. If Γ̂ has η degrees of freedom, the expected
+    variance wᵀ Γ̂ w at the scale of the weights is (η − d + 1)/η · (η − d)/(η − 1) times the variance in other
+    recordings. At another scale, the correction is reduced according to the regression of its wavelet variance on the
+    one at the scale of the weights. With a model, the correction follows from a parametric bootstrap.
 
     Parameters
     ----------
     x : sequence of Imu, or mapping
-        A recording at rest of each of d units, sampled together; like axes are fused. Or a mapping of names such as
-        "gyro_x[2]" to signals or (N,) arrays. If the names have no brackets, all signals belong to one axis.
-        Arrays of the axes of an IMU are in rad/s and m/s².
+        A recording at rest of each of d units, sampled together; gmwm fuses the axes with the same name. Alternatively,
+        a mapping of names such as "gyro_x[2]" to signals or (N,) arrays. If the names have no brackets, all signals
+        belong to one axis. Arrays of the axes of an IMU are in rad/s and m/s².
     rate : float
         Sampling rate (Hz); only for plain arrays.
     horizon : float, optional
-        Scale (s) at which static weights have the least variance. By default, a Kalman filter is used.
+        Scale (s) at which static weights minimise the wavelet variance. By default, a Kalman filter is used.
     model : str, optional
-        Joint model of the noise, such as "WN + shared(RW)". By default, a Kalman filter uses the smallest one of
-        WN + RW + k·GM that fits, all terms shared; static weights use the measured covariance matrices. A model makes
-        static weights for long horizons more accurate.
+        Joint model of the noise, such as "WN + shared(RW)". By default, a Kalman filter uses the model WN + RW + k·GM
+        with all terms shared and the smallest k for which it fits. Static weights use the measured covariance matrices
+        by default; a model makes the weights for long horizons more accurate.
     nonnegative : bool
-        Whether to allow no negative weight, with `horizon`. Negative weights remove noise that sensors share, but
-        increase errors of scale factor and alignment.
+        Whether to restrict the weights to values of at least 0; only with `horizon`. Negative weights remove noise that
+        the sensors share, but increase the errors from scale factor and misalignment.
 
     Returns
     -------
@@ -86,8 +91,8 @@ def fuse(
     References
     ----------
     Bates and Granger (1969), The combination of forecasts, Operational Research Quarterly 20, 451-468; Vaccaro and Zaki
-    (2017), Reduced-drift virtual gyro from an array of low-cost gyros, Sensors 17, 352. Accuracy of the prediction:
-    docs/validation/fusion.md.
+    (2017), Reduced-drift virtual gyro from an array of low-cost gyros, Sensors 17, 352. The accuracy of the predicted
+    variance is in docs/validation/fusion.md.
 
     Examples
     --------
@@ -127,7 +132,7 @@ def _modelled(
     model: ModelLike | None,
     nonnegative: bool,
 ) -> VirtualAxis:
-    """A Kalman filter, or static weights, of one axis from a joint model."""
+    """Return the Kalman filter, or the static weights, of one axis from a joint model."""
     settled = fitted(signals, model)
     measured = settled.measured
     levels, d = measured.design.levels, len(measured.names)
@@ -166,7 +171,7 @@ def _modelled(
 
 
 def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnegative: bool) -> VirtualAxis:
-    """The best weights of one axis at the scale `horizon`, from the measured covariance matrices."""
+    """Return the static weights of one axis for the scale `horizon`, from the measured covariance matrices."""
     measured = wavelet_matrices(signals)
     gamma, d = measured.values, len(measured.names)
     shares = _shares(measured, horizon)
@@ -191,7 +196,8 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnega
 
 
 def _shares(measured: WaveletMatrices, horizon: float) -> Vector:
-    """Shares (J,) of the two levels nearest to a scale, linear in its logarithm."""
+    """Return the interpolation weights (J,) of the two levels nearest to a scale, linear in the logarithm of the
+    scale."""
     at = np.log2(horizon * measured.design.rate) - measured.design.levels[0]
     if not 0 <= at <= measured.design.levels.size - 1:
         low, high = (duration_text(measured.tau[k]) for k in (0, -1))
@@ -208,7 +214,7 @@ def _shares(measured: WaveletMatrices, horizon: float) -> Vector:
 
 
 def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
-    """The weights (d,) with sum 1 that minimise wᵀ Γ w.
+    """Return the weights w (d,) with sum 1 that minimise wᵀ Γ w.
 
     Raises
     ------
@@ -233,10 +239,11 @@ def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
 
 
 def _optimism(measured: WaveletMatrices, own: Vector, shares: Vector, d: int) -> Vector:
-    """Factor (J,) from the wavelet variance in the recording itself to the expected one in others.
+    """Return the factor (J,) from the wavelet variance in the recording itself to the expected one in other recordings.
 
-    With Γ̂ of η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1), and E wᵀΓw = (η − 1)/(η − d) ·
-    1/(1ᵀΓ⁻¹1) (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002, with a known mean).
+    If the estimate Γ̂ has η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1) and E wᵀΓw = (η − 1)/(η − d)
+    · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002, for a known
+    mean).
     """
     design = measured.design
     curve, model = mixture(own, design.degrees_of_freedom, design, random=True)

@@ -1,4 +1,4 @@
-"""A virtual sensor: the weighted sum of several sensors of the same motion."""
+"""Result of the fusion of several sensors that measure the same motion: a virtual sensor."""
 
 from __future__ import annotations
 
@@ -27,34 +27,36 @@ if TYPE_CHECKING:
 REJECTED = 0.01
 """p-value below which a model is reported as rejected."""
 ENOUGH = 10.0
-"""Coefficients per scale of a level at which measured and predicted variances are compared in a remark."""
+"""A remark compares measured and predicted variances only at levels with more coefficients per scale than this."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VirtualAxis:
-    """The weights of one axis, and the noise of the weighted sum.
+    """The weights or the filter of one axis, and the noise of the fused signal.
 
     Attributes
     ----------
     axis : str
+        Name of the axis.
     members : tuple of str
         Names of the d signals.
     unit : str
         Their unit.
     weights : (d,) array
-        Weights; their sum is 1, so that the motion is not changed. For a Kalman filter, the weights for the white
-        noise.
+        Weights of the signals; their sum is 1, so that the motion is not changed. With a Kalman filter, these weights
+        minimise the white noise.
     filter : DifferenceFilter or None
         The Kalman filter on the differences of the signals; None for static weights.
     model : str
-        The joint model of the noise; "" if the weights follow from the measured covariance matrices.
+        The joint model of the noise; an empty string if the weights follow from the measured covariance matrices.
     pvalue : float or None
-        p-value of the test of this model.
+        p-value of the goodness-of-fit test of this model; None without a model.
     levels : (J,) int array
+        Levels j of the wavelet variances below.
     rate : float
         Sampling rate (Hz).
     samples : int
-        Samples of each signal.
+        Number of samples of each signal.
     variance : (J,) array
         Predicted wavelet variance of the virtual sensor, in unit², corrected for the estimation of the weights from the
         same recording.
@@ -65,7 +67,7 @@ class VirtualAxis:
     measured : (J,) array
         Wavelet variance of the fused signal in the recording itself.
     optimism : (J,) array
-        Factor by which `variance` is larger because the weights are estimates.
+        Factor by which `variance` was multiplied to correct for the estimation of the weights from the same recording.
     """
 
     axis: str
@@ -91,7 +93,7 @@ class VirtualAxis:
 
     @property
     def seen(self) -> Vector:
-        """Coefficients per scale of each level (J,)."""
+        """Number of wavelet coefficients per scale at each level (J,): samples/2^j − 1."""
         return np.asarray(self.samples / np.exp2(self.levels) - 1)
 
     @property
@@ -101,16 +103,17 @@ class VirtualAxis:
 
     @property
     def gain(self) -> Vector:
-        """Deviation of the average over the deviation of the virtual sensor (J,)."""
+        """Ratio (J,) of the wavelet deviation of the average of all signals to the deviation of the virtual sensor."""
         return np.asarray(np.sqrt(self.average / self.variance))
 
     @property
     def gain_over_best(self) -> Vector:
-        """Deviation of the best single signal at each scale over the deviation of the virtual sensor (J,)."""
+        """Ratio (J,) of the wavelet deviation of the best single signal at each scale to the deviation of the virtual
+        sensor."""
         return np.asarray(np.sqrt(self.each.min(axis=0) / self.variance))
 
     def apply(self, signals: Mapping[str, Signal]) -> Signal:
-        """Fuse signals of these members. A Kalman filter starts again after a gap."""
+        """Fuse the signals named in `members`. A Kalman filter restarts after a gap."""
         first = next(iter(signals.values()))
         x = np.array([signals[name].values for name in self.members])
         if self.filter is None:
@@ -144,21 +147,23 @@ class VirtualAxis:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VirtualSensor(Summarised):
-    """One virtual sensor for an array of like sensors: `virtual["gyro_x"]` is one of its axes.
+    """A virtual sensor that fuses an array of sensors of the same type.
+
+    `virtual["gyro_x"]` returns one of its axes.
 
     Attributes
     ----------
     axes : mapping of axis to VirtualAxis
+        The axes of the virtual sensor.
     horizon : float or None
-        Scale (s) at which the weights give the least variance; None for a Kalman filter, which has nearly the least
-        variance at all scales.
+        Scale (s) at which the weights minimise the wavelet variance; None for a Kalman filter.
     """
 
     axes: Mapping[str, VirtualAxis]
     horizon: float | None
 
     def __getitem__(self, axis: str) -> VirtualAxis:
-        """The weights and the noise of one axis."""
+        """Return the weights and the noise of one axis."""
         if axis not in self.axes:
             raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
         return self.axes[axis]
@@ -199,7 +204,7 @@ class VirtualSensor(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Weights that amplify errors of scale factor and alignment, and models that do not fit."""
+        """Remarks on weights that amplify errors from scale factor and misalignment, and on models that do not fit."""
         found = []
         for axis, one in self.axes.items():
             place = int(np.argmin(one.weights))
@@ -222,7 +227,8 @@ class VirtualSensor(Summarised):
         return tuple(found)
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the deviation of each signal, of their average and of the virtual sensor over the scale.
+        """Draw the wavelet deviations of each signal, of their average and of the virtual sensor as functions of the
+        scale.
 
         Parameters
         ----------
@@ -246,7 +252,7 @@ class VirtualSensor(Summarised):
         }
 
     def to_frame(self) -> DataFrame:
-        """The predicted deviations as a Polars data frame: one row for each axis and level."""
+        """Return the predicted deviations as a Polars data frame with one row for each axis and level."""
         from polars import DataFrame, concat
 
         return concat(
@@ -280,7 +286,7 @@ class VirtualSensor(Summarised):
         return "\n".join([*lines, *texts(self.remarks)]).rstrip()
 
     def _shown(self, one: VirtualAxis) -> list[int]:
-        """Levels of the table: some, and the one nearest to the horizon."""
+        """Return the levels that the table shows: about six, and the one nearest to the horizon."""
         shown = set(range(0, one.tau.size, max(one.tau.size // 6, 1)))
         if self.horizon is not None:
             shown.add(int(np.argmin(np.abs(np.log(one.tau / self.horizon)))))

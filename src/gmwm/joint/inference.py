@@ -1,4 +1,4 @@
-"""Errors of a joint fit, the test of its model, and the test whether a term is shared."""
+"""Covariance of the estimates of a joint fit, its goodness-of-fit test, and the test whether a term is shared."""
 
 from __future__ import annotations
 
@@ -12,21 +12,24 @@ from gmwm.joint.fitting import Settled
 from gmwm.joint.moments import entries, symmetric
 
 SINGULAR = 1e-6
-"""Share of the trace below which an eigenvalue counts as zero: the barrier leaves some 1e-9 (tests/joint)."""
+"""An eigenvalue of a covariance matrix counts as zero if it is below this share of the trace. The barrier method leaves
+about 1e-9 in place of zero (tests/joint)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Covariance of the estimates of a joint fit, in the units of the problem.
+    """Covariance of the estimates of a joint fit, in the scaled units of the problem.
+
+    m = d(d + 1)/2 is the number of entries of a symmetric matrix of d signals.
 
     Attributes
     ----------
     bases : tuple of (m, k_p) arrays
-        For each term, the directions in which its matrix can move.
+        For each term, a basis of the directions in which the entries of its matrix may vary.
     covariance : (k, k) array
-        Covariance of the coefficients of all directions, and of the coordinates of the shapes after them.
+        Covariance of the coefficients of all these directions, followed by the search coordinates of the shapes.
     shapes : tuple of int
-        Places of the terms whose shape has an error.
+        Numbers of the terms whose shape has a standard error.
     """
 
     bases: tuple[Matrix, ...]
@@ -34,14 +37,15 @@ class Errors:
     shapes: tuple[int, ...]
 
     def of_matrix(self, place: int) -> Matrix:
-        """Covariance (m, m) of the entries of the matrix of one term."""
+        """Return the covariance (m, m) of the entries of the matrix of one term."""
         first = sum(basis.shape[1] for basis in self.bases[:place])
         basis = self.bases[place]
         own = slice(first, first + basis.shape[1])
         return np.asarray(basis @ self.covariance[own, own] @ basis.T)
 
     def of_shape(self, place: int) -> float:
-        """Variance of the coordinate of the shape of a term; NaN if the data do not determine it."""
+        """Return the variance of the search coordinate of the shape of a term, or NaN if the data do not determine
+        it."""
         if place not in self.shapes:
             return float("nan")
         at = sum(basis.shape[1] for basis in self.bases) + self.shapes.index(place)
@@ -49,13 +53,19 @@ class Errors:
 
 
 def errors(settled: Settled, *, inside: bool = False) -> Errors:
-    """The sandwich covariance B V Bᵀ on the tangent of the face on which the estimate lies.
+    """Return the covariance of the estimates, B V Bᵀ, with V the covariance of the moments and B the derivatives of the
+    estimates with respect to the moments.
+
+    Estimated matrices may be singular. By default, the estimates then vary only in directions that keep the rank of
+    each matrix.
 
     Parameters
     ----------
     settled : Settled
+        The fit.
     inside : bool
-        Whether to ignore that matrices are singular: the errors of the estimate without the cone.
+        Whether to let all entries vary, even if a matrix is singular. This gives the covariance of the estimates
+        without the condition that the matrices are positive semidefinite.
     """
     problem, found = settled.problem, settled.found
     blocks = problem.blocks(problem.shapes(found.u))
@@ -74,19 +84,20 @@ def errors(settled: Settled, *, inside: bool = False) -> Errors:
     )
     scatter = problem.root @ settled.wavelet() @ problem.root.T
     length = np.linalg.norm(jacobian, axis=0)
-    # Directions that the data do not determine have infinite errors; the pseudo-inverse leaves them out.
+    # The variance of directions that the data do not determine is infinite; the pseudo-inverse leaves these out.
     gain = np.linalg.pinv(jacobian / length, rcond=1e-9) / length[:, None]
     return Errors(bases, gain @ scatter @ gain.T, tuple(problem.searched[k] for k in seen))
 
 
 def _whole(cone: Cone, place: int) -> Matrix:
-    """All directions of a matrix, or of its diagonal."""
+    """Return the unit directions of all free entries of the matrix of a term."""
     rows, columns = entries(cone.d)
     return np.eye(rows.size)[:, np.ones(rows.size, bool) if cone.full[place] else rows == columns]
 
 
 def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
-    """Directions (m, k) that keep the rank of a matrix; variances of zero do not move."""
+    """Return the directions (m, k) that keep the rank of the matrix of a term. In a diagonal matrix, zeros stay
+    zero."""
     rows, columns = entries(cone.d)
     if not cone.full[place]:
         return np.eye(rows.size)[:, (rows == columns) & (sigma[rows, columns] > 0)]
@@ -103,14 +114,17 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
 
 
 def misfit(settled: Settled) -> tuple[float, int]:
-    """Return the statistic of the test of the model, the weighted residual without the cone, and its degrees of
-    freedom."""
+    """Return the statistic of the goodness-of-fit test of the model, and its degrees of freedom.
+
+    The statistic is the weighted sum of squared residuals of a fit that does not require positive semidefinite
+    matrices.
+    """
     problem, found = settled.problem, settled.found
     factor = np.linalg.cholesky(_unit(settled.wavelet()))
     size = np.sqrt(np.diag(settled.wavelet()))
     shapes = problem.shapes(found.u)
     rows, columns = entries(problem.d)
-    # Two terms of one shape count once, and a common term as a whole matrix.
+    # Two terms with the same shape count once. A common term counts with all entries of its matrix.
     parts = problem_columns(problem.cone, shapes)
     slopes = problem.slopes(found.u)
     for place, slope in zip(problem.searched, slopes, strict=True):
@@ -125,15 +139,14 @@ def _unit(wavelet: Matrix) -> Matrix:
 
 
 def problem_columns(cone: Cone, shapes: Matrix) -> Matrix:
-    """Columns (n, k) of all unknown entries, without weights."""
+    """Return the columns (n, k) of the unweighted design matrix, one for each free entry."""
     rows, _ = entries(cone.d)
     whole = np.einsum("pj,im->pijm", shapes, np.eye(rows.size)).transpose(0, 1, 3, 2)
     return np.asarray(whole.reshape(shapes.shape[0] * rows.size, -1)[cone.free].T)
 
 
 def _residual(columns: Matrix, target: Vector) -> tuple[float, int]:
-    """Return the squared length of the part of the target that the columns do not explain, and its degrees of
-    freedom."""
+    """Return the residual sum of squares of the regression of a target on columns, and its degrees of freedom."""
     left, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     basis = left[:, size > 1e-9 * size[0]]
     rest = target - basis @ (basis.T @ target)
@@ -141,14 +154,17 @@ def _residual(columns: Matrix, target: Vector) -> tuple[float, int]:
 
 
 def sharing(null: Settled, place: int) -> tuple[float, int]:
-    """Test that a term is not shared: what its off-diagonal entries explain beyond the fit without them.
+    """Return the statistic of the test that a term is not shared, and its degrees of freedom.
+
+    The statistic is the decrease of the weighted residual sum of squares when the off-diagonal entries of the term are
+    added.
 
     Parameters
     ----------
     null : Settled
         The fit in which each signal has the term independently.
     place : int
-        Place of the term.
+        Number of the term in the model.
     """
     problem, found = null.problem, null.found
     wavelet = null.wavelet()
@@ -168,7 +184,10 @@ def sharing(null: Settled, place: int) -> tuple[float, int]:
 
 
 def unconstrained(settled: Settled, place: int) -> Matrix:
-    """The matrix of one term in the least-squares fit without the cone, at the estimated shapes."""
+    """Return the matrix of one term in the least-squares fit at the estimated shapes.
+
+    The fit does not require that the matrices are positive semidefinite.
+    """
     problem = settled.problem
     columns = problem.columns(problem.shapes(settled.found.u))
     found, *_ = np.linalg.lstsq(columns / (length := np.linalg.norm(columns, axis=0)), problem.target, rcond=None)
@@ -178,13 +197,16 @@ def unconstrained(settled: Settled, place: int) -> Matrix:
 
 
 def correlation_of(sigma: Matrix) -> Matrix:
-    """Correlations (d, d) of a covariance matrix; NaN for signals without variance."""
+    """Return the correlations (d, d) of a covariance matrix. They are NaN for signals with variance 0."""
     size = np.sqrt(np.where(np.diag(sigma) > 0, np.diag(sigma), np.nan))
     return np.asarray(sigma / np.outer(size, size))
 
 
 def correlation_errors(sigma: Matrix, scatter: Matrix) -> Matrix:
-    """Standard errors (d, d) of the correlations from the covariance (m, m) of the entries of a matrix."""
+    """Return the standard errors (d, d) of the correlations of a matrix.
+
+    `scatter` is the covariance (m, m) of the estimates of its entries.
+    """
     d = len(sigma)
     rows, columns = entries(d)
     place = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(rows, columns, strict=True))}

@@ -18,7 +18,7 @@ from gmwm.processes.model import ModelLike
 from gmwm.signals import Imu, Signal
 
 SECONDS = 60.0
-"""Time of a proof by default. A choice: one Gauss-Markov term of three signals takes seconds."""
+"""Default time limit (s) for the bound on the objective. One Gauss-Markov term of three signals takes a few seconds."""
 
 
 def fit_joint(
@@ -30,21 +30,23 @@ def fit_joint(
     levels: int | Sequence[int] | None = None,
     certify: bool | float = False,
 ) -> JointFit:
-    """Fit a sum of noise processes to several signals at once, with the noise that they share.
+    """Fit a sum of noise processes to several signals at once, including the noise that they share.
 
-    Each term p of the model has one shape κ_p(τ), and a covariance matrix Σ_p of its noise in the d signals:
+    Each term p of the model has a shape κ_p(τ), the wavelet variance of its process at unit scale, and a covariance
+    matrix Σ_p of its noise in the d signals:
 
         Γ_j = Σ_p κ_p(τ_j) Σ_p,
 
-    with Γ_j the covariance matrix of the wavelet coefficients at level j. A plain term is own noise of the signals: Σ_p
-    is diagonal. "common(RW)" is one process that all signals have, each with its own factor: Σ_p = ℓℓᵀ. "shared(RW)"
-    has any Σ_p ⪰ 0. For given shapes this is a convex problem. Correlation times are searched from several starts. The
-    weights are the inverse of the exact covariance of all wavelet variances and cross-covariances, under the model.
+    with Γ_j the covariance matrix of the wavelet coefficients at level j. A plain term such as "RW" is independent
+    noise of each signal: Σ_p is diagonal. "common(RW)" is one process that occurs in all signals with a factor for each
+    signal: Σ_p = ℓℓᵀ, with ℓ (d,) the vector of factors. "shared(RW)" allows any positive semidefinite Σ_p. For given
+    shapes, the fit is a convex problem. Correlation times are searched from several starting values. The weight matrix
+    is the inverse of the exact covariance matrix of all wavelet variances and cross-covariances under the model.
 
     Parameters
     ----------
     model : str or Model
-        The terms, such as "common(RW) + GM + shared(WN)". Values in fixed(…) are held for shapes.
+        The terms, such as "common(RW) + GM + shared(WN)". A shape parameter with a value in fixed(…) is not estimated.
     x : Imu, or mapping of name to Signal or (N,) array
         Two to twelve signals that were sampled together.
     rate : float, optional
@@ -52,15 +54,15 @@ def fit_joint(
     axes : str or sequence of str, optional
         The signals to use, such as "gyro" or ["gyro_x", "accel_z"]; all by default.
     levels : int or sequence of int, optional
-        The levels to use, or the number of the first ones; by default all with at least five coefficients per scale.
-        Finer levels than the noise model describes, for example the levels that a low-pass filter changes, should be
-        left out.
+        The levels to use, or the number of finest levels to use. By default, all levels with at least five coefficients
+        per scale are used. Leave out fine levels that the noise model does not describe, for example levels that a
+        low-pass filter in the sensor changes.
 
     certify : bool or float
-        Whether to bound the objective of models with searched correlation times from below, by branch and bound, for at
-        most a time (s); True is 60 s. This takes seconds for one Gauss-Markov term of three signals, and up to minutes
-        for two. If the time is not enough, the bound is lower, and `fit.proved` is False. Models without correlation
-        times have the bound in any case.
+        Whether to compute a lower bound on the objective by branch and bound, for a model with unknown correlation
+        times. A number is the time limit (s); True is 60 s. The computation takes a few seconds for one Gauss-Markov
+        term of three signals, and up to several minutes for two. If the time is not enough, the bound is not tight, and
+        `fit.proved` is False. A model without unknown correlation times always has a bound.
 
     Returns
     -------
@@ -77,8 +79,8 @@ def fit_joint(
 
     References
     ----------
-    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), JASA 108, 1021-1030, for one signal. Sizes of the tests and
-    coverage of the intervals: docs/validation/joint.md.
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), JASA 108, 1021-1030, for one signal. The measured rejection
+    rates of the tests and the coverage of the intervals are in docs/validation/joint.md.
 
     Examples
     --------
@@ -105,7 +107,7 @@ def fit_joint(
 
 
 def _as_seconds(certify: bool | float) -> float:
-    """Return the time (s) of a proof; 0 for none."""
+    """Return the time limit (s) for the bound, or 0 if no bound is requested."""
     if isinstance(certify, bool):
         return SECONDS if certify else 0.0
     if not isinstance(certify, int | float) or not certify > 0:
@@ -114,7 +116,11 @@ def _as_seconds(certify: bool | float) -> float:
 
 
 def _bounds(settled: Settled, seconds: float) -> tuple[tuple[float, float] | None, Settled]:
-    """Lower bound of the objective and of its relaxation, and the fit, which a better one may replace."""
+    """Return the two lower bounds on the objective, and the fit.
+
+    The bounds are `JointFit.lower_bound` and `JointFit.relaxed_bound`, or None without a proof. If the search for the
+    bound finds a better fit, this fit is returned.
+    """
     problem, found = settled.problem, settled.found
     if not problem.searched:
         convex = problem.solve(found.u)

@@ -43,14 +43,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SharedTerm:
-    """The test whether the noise of one term is independent between the signals.
+    """Result of the test whether the noise of one term is independent between the signals.
 
     Attributes
     ----------
     term : str
+        Name of the term.
     statistic : float
-        Decrease of the weighted residual if the term may be shared, with the weights of the model in which it is not.
+        Decrease of the weighted residual sum of squares if the term may be shared. The weights are those of the model
+        in which it is not shared.
     df : int
+        Degrees of freedom of the statistic.
     pvalue : float
         Probability of a statistic at least this large if the term is not shared.
     """
@@ -70,7 +73,7 @@ class SharedTerm:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class JointFit(Summarised):
-    """A model of several signals: the covariance matrix of each term, and the parameters of its shape.
+    """Joint fit of several signals: the covariance matrix of each term of the model, and the parameters of its shape.
 
     Attributes
     ----------
@@ -81,29 +84,32 @@ class JointFit(Summarised):
     model : str
         The model, such as "common(RW) + GM + WN".
     terms : tuple of str
-        Names of the terms, as the keys of the mappings below.
+        Names of the terms; these are the keys of the mappings below.
     rate : float
         Sampling rate (Hz).
     samples : int
-        Samples of each signal.
+        Number of samples of each signal.
     levels : (J,) int array
         Levels used.
     covariances : mapping of term to (d, d) array
-        Σ_p: the scale parameters of the term (σ², γ², Q², σ²_GM, …) on its diagonal, and the shared part in the other
-        entries.
+        Covariance matrix Σ_p of each term. The diagonal contains the scale parameter of the term (σ², γ², Q², σ²_GM, …)
+        in each signal, and the other entries contain the covariances between signals.
     parameters : mapping of str to float
-        Parameters of the shapes: "GM.beta".
+        Parameters of the shapes, such as "GM.beta".
     objective : float
-        Weighted squared distance of data and model at the estimate.
+        Weighted squared distance between data and model at the estimate.
     lower_bound : float or None
-        Proven lower bound on the objective of any parameters of this model; None without `certify`. For a model
-        with `common(…)` terms, the bound is computed for the model with `shared(…)` in their place.
+        Proven lower bound on the objective for any parameter values of this model. None if the model has unknown
+        correlation times and `certify` was not used. For a model with `common(…)` terms, the bound is computed for the
+        model with `shared(…)` in their place.
     relaxed_bound : float or None
-        The same for any number of terms of each process whose correlation time is searched.
+        Lower bound on the objective of a model with any number of terms of each process whose correlation time is
+        searched.
     measured, implied : (J, d, d) arrays
-        Covariance matrices Γ_j of the wavelet coefficients: estimated from the data, and of the model.
+        Covariance matrices Γ_j of the wavelet coefficients: the estimates from the data, and the values of the fitted
+        model.
     settled : Settled
-        The weighted least-squares problem and its solution, from which errors and tests follow.
+        The weighted least-squares problem and its solution, from which standard errors and tests are computed.
     """
 
     axes: tuple[str, ...]
@@ -124,15 +130,16 @@ class JointFit(Summarised):
 
     @classmethod
     def of(cls, settled: Settled, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
-        """Make the result of a solved problem.
+        """Create the result from a solved problem.
 
         Parameters
         ----------
         settled : Settled
+            The solved problem.
         units : mapping of str to str
             Unit of each signal.
         bounds : (float, float) or None
-            Lower bound of the objective, and of its relaxation.
+            The values of `lower_bound` and `relaxed_bound`.
         """
         problem, found, measured = settled.problem, settled.found, settled.measured
         labels = [term.label for term in problem.terms]
@@ -163,8 +170,10 @@ class JointFit(Summarised):
 
     @property
     def proved(self) -> bool:
-        """Whether the bound proves that no other parameters of the model lower the objective by more than 0.2 %; False
-        without a bound."""
+        """Whether the bound proves that no other parameter values of the model lower the objective by more than 0.2 %.
+
+        False without a bound.
+        """
         return self.lower_bound is not None and self.lower_bound >= (1 - 2 * GAP) * self.objective
 
     # --- estimates ------------------------------------------------------------------------------------
@@ -176,12 +185,12 @@ class JointFit(Summarised):
 
     @cached_property
     def correlation(self) -> Mapping[str, Matrix]:
-        """Correlation matrix (d, d) of each term; NaN where a signal does not have the term."""
+        """Correlation matrix (d, d) of each term; NaN for signals in which the term has variance 0."""
         return Named({term: correlation_of(sigma) for term, sigma in self.covariances.items()}, "term")
 
     @property
     def loadings(self) -> Mapping[str, NDArray[np.float64]]:
-        """ℓ (d,) of each common term, with Σ = ℓℓᵀ; its largest entry is positive."""
+        """Factors ℓ (d,) of the signals for each common term, with Σ = ℓℓᵀ. The largest entry of ℓ is positive."""
         found = {}
         for term in self.settled.problem.terms:
             if term.kind == "common":
@@ -196,7 +205,8 @@ class JointFit(Summarised):
 
     @cached_property
     def standard_errors(self) -> Mapping[str, Matrix]:
-        """Standard errors (d, d) of the entries of the covariance matrices, by term; 0 for entries that are held."""
+        """Standard errors (d, d) of the entries of each covariance matrix, by term; 0 for entries that are not
+        estimated."""
         scale = np.outer(self.settled.unit, self.settled.unit)
         found = {}
         for place, term in enumerate(self.terms):
@@ -206,7 +216,7 @@ class JointFit(Summarised):
 
     @cached_property
     def parameter_errors(self) -> Mapping[str, float]:
-        """Standard errors of the parameters of the shapes; NaN if the data do not determine one."""
+        """Standard errors of the parameters of the shapes; NaN for a parameter that the data do not determine."""
         found: dict[str, float] = {}
         problem = self.settled.problem
         for at, place in enumerate(problem.searched):
@@ -218,10 +228,11 @@ class JointFit(Summarised):
         return Named(found, "parameter")
 
     def correlation_interval(self, term: str, confidence: float = 0.95) -> tuple[Matrix, Matrix]:
-        """Confidence limits (d, d) of the correlations of one term, by Fisher's transformation.
+        """Return the lower and upper confidence limits (d, d) of the correlations of one term, from Fisher's
+        transformation.
 
-        If the covariance matrix is singular, a correlation has only one limit, towards zero, at the same confidence;
-        the other one is ±1. Common and own terms have no limits: NaN.
+        If the covariance matrix is singular, each correlation has a one-sided limit towards zero with the same
+        confidence level, and the other limit is ±1. The limits of common and of independent terms are NaN.
 
         Raises
         ------
@@ -256,7 +267,11 @@ class JointFit(Summarised):
     # --- tests ----------------------------------------------------------------------------------------
 
     def goodness_of_fit(self) -> GoodnessOfFit:
-        """Test whether the data could come from the model, by the residual of the fit without the cone."""
+        """Test whether the model describes the data.
+
+        The statistic is the weighted sum of squared residuals of a fit that does not require positive semidefinite
+        matrices.
+        """
         from scipy.special import gammaincc
 
         statistic, df = misfit(self.settled)
@@ -267,7 +282,7 @@ class JointFit(Summarised):
         )  # fmt: skip
 
     def shared(self, term: str) -> SharedTerm:
-        """Test the null hypothesis that each signal has a term independently, so that its correlations are zero.
+        """Test the null hypothesis that a term is independent between the signals, so that its correlations are zero.
 
         Raises
         ------
@@ -286,7 +301,7 @@ class JointFit(Summarised):
 
     @property
     def models(self) -> Mapping[str, Model]:
-        """The model of each signal alone, which leaves out what it shares with the others."""
+        """Noise model of each signal alone. It does not contain the correlations with the other signals."""
         processes = self.settled.problem.processes(self.settled.found.u)
         found = {}
         for k, axis in enumerate(self.axes):
@@ -299,34 +314,37 @@ class JointFit(Summarised):
         return Named(found, "axis")
 
     def state_space(self, rate: float | None = None) -> JointStateSpace:
-        """State space of all signals, with independent states: F_p ⊗ I, Q_p ⊗ I and H_p ⊗ L_p, L_p L_pᵀ = Σ_p.
+        """Return the discrete-time state space of all signals, with independent states.
+
+        The blocks of term p are F_p ⊗ I, Q_p ⊗ I and H_p ⊗ L_p, where F_p, Q_p and H_p belong to its process at unit
+        scale and L_p L_pᵀ = Σ_p.
 
         Parameters
         ----------
         rate : float, optional
-            Sampling rate (Hz); by default the rate of the recording. Parameters per sample belong to that rate, so
-            another rate is only for models whose parameters do not depend on it.
+            Sampling rate (Hz); by default the rate of the recording. Use another rate only if no parameter of the model
+            is defined per sample.
         """
         processes = self.settled.problem.processes(self.settled.found.u)
         sigmas = np.array(list(self.covariances.values()))
         return discrete(processes, sigmas, rate or self.rate, axes=self.axes, labels=self.terms)
 
     def continuous(self) -> JointContinuousStateSpace:
-        """The state space of all signals in continuous time."""
+        """Return the continuous-time state space of all signals."""
         processes = self.settled.problem.processes(self.settled.found.u)
         sigmas = np.array(list(self.covariances.values()))
         return continuous(processes, sigmas, self.rate, axes=self.axes, labels=self.terms)
 
     def smooth(self, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None = None) -> Mapping[str, Tracks]:
-        """Estimate the latent processes of all signals from the whole recording, by the fixed-interval smoother.
+        """Estimate the latent processes of all signals from a whole recording, with a fixed-interval Kalman smoother.
 
-        The samples of every signal contribute to every track, through the noise that the signals share. The level of
-        each signal is unknown.
+        Because the signals share noise, the samples of every signal improve the estimates for all signals. The constant
+        level of each signal is treated as unknown.
 
         Parameters
         ----------
         x : Imu, or mapping of name to Signal or (N,) array
-            A recording with the axes of the fit, that were sampled together. Gaps of signals are missing samples; in
+            A recording with the axes of the fit, which were sampled together. Gaps of signals are missing samples; in
             arrays, NaN marks a missing sample.
         rate : float, optional
             Sampling rate (Hz) of plain arrays; the rate of the fit by default.
@@ -339,7 +357,7 @@ class JointFit(Summarised):
         Raises
         ------
         DataError, OptionError
-            If an axis is missing, the signals are not synchronous, or the rate differs from the rate of the fit.
+            If an axis is missing, if the signals are not synchronous, or if the rate differs from the rate of the fit.
         MissingTheoryError
             If a term has no state-space form.
 
@@ -354,7 +372,8 @@ class JointFit(Summarised):
     # --- output ---------------------------------------------------------------------------------------
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviation of each signal and the correlation of each pair, of the data and of the model.
+        """Draw the wavelet deviation of each signal and the correlation of each pair of signals, for the data and the
+        model.
 
         Parameters
         ----------
@@ -370,7 +389,7 @@ class JointFit(Summarised):
         return plot_joint(self, path=path)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return estimates, errors, tests and the state space as plain numbers, lists and strings."""
+        """Return the estimates, standard errors, tests and state spaces as plain numbers, lists and strings."""
         states: dict[str, Any] | None
         smooth: dict[str, Any] | None
         try:

@@ -1,4 +1,4 @@
-"""Covariance matrices of the wavelet coefficients of several signals, level by level."""
+"""Estimate the covariance matrices of the wavelet coefficients of several signals at each level."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WaveletMatrices:
-    """The covariance matrices Γ̂_j of the wavelet coefficients of d signals.
+    """Estimated covariance matrices Γ̂_j of the wavelet coefficients of d signals.
 
     Attributes
     ----------
     names : tuple of str
         Names of the d signals.
     values : (J, d, d) array
-        Γ̂_j, in u² for signals in u.
+        Γ̂_j, in the squared unit of the signals.
     design : Design
-        Levels, rate and length; the same for all signals.
+        Levels, sampling rate and length, which are the same for all signals.
     """
 
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class WaveletMatrices:
 
 
 def wavelet_matrices(signals: Mapping[str, Signal]) -> WaveletMatrices:
-    """Measure the covariance matrices of synchronous signals: one pass over the samples for each signal and pair.
+    """Estimate the covariance matrices of synchronous signals, with one pass over the samples for each signal and pair.
 
     Raises
     ------
@@ -63,7 +63,9 @@ def wavelet_matrices(signals: Mapping[str, Signal]) -> WaveletMatrices:
 
 
 def units_of(own: Mapping[str, WaveletVariance]) -> dict[str, float]:
-    """Factors that give the curves of all signals the geometric mean 1; differences of scaled signals are accurate.
+    """Return factors for the signals with which each wavelet variance has the geometric mean 1.
+
+    Differences between signals of similar size are numerically accurate.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def units_of(own: Mapping[str, WaveletVariance]) -> dict[str, float]:
 
 
 def measured(signal: Signal, robust: bool, efficiency: float) -> WaveletVariance:
-    """The wavelet variance of a signal whose short gaps are filled already."""
+    """Return the wavelet variance of a signal whose short gaps are already filled."""
     return signal_wavelet_variance(signal, robust=robust, efficiency=efficiency, fill_gaps=False)
 
 
@@ -91,7 +93,10 @@ def product_moment(
     *,
     pair: tuple[str, str],
 ) -> Vector:
-    """γ̂_j (J,) of a pair, in u_a u_b, from the curves of the sum and the difference of the scaled signals."""
+    """Return the cross-covariance γ̂_j (J,) of a pair of signals, in the product of their units.
+
+    It follows from the wavelet variances of the sum and of the difference of the scaled signals.
+    """
     a, b = pair
     robust = own[a].robust
     curves = []
@@ -105,12 +110,14 @@ def product_moment(
 def moment_of(
     curves: Sequence[Vector], own: Mapping[str, WaveletVariance], unit: Mapping[str, float], *, pair: tuple[str, str]
 ) -> Vector:
-    """γ̂_j (J,) of a pair, in u_a u_b, from the variances of the sum of the scaled signals, and of their difference if
-    it was measured."""
+    """Return the cross-covariance γ̂_j (J,) of a pair of signals, in the product of their units.
+
+    `curves` contains the wavelet variance of the sum of the scaled signals, and of their difference if it was measured.
+    """
     a, b = pair
     if len(curves) == 2:
         gamma = (curves[0] - curves[1]) / 4
     else:
-        # The difference is known from the curves of the two signals: ν²₊ + ν²₋ = 2 (ν_a² + ν_b²).
+        # The variance of the difference follows from the variances of the signals: ν²₊ + ν²₋ = 2 (ν_a² + ν_b²).
         gamma = (curves[0] - unit[a] ** 2 * own[a].variance - unit[b] ** 2 * own[b].variance) / 2
     return np.asarray(gamma / (unit[a] * unit[b]))

@@ -1,5 +1,7 @@
-"""Virtual sensors from a joint model: a Kalman filter on differences, or static weights, with a corrected prediction of
-the noise."""
+"""Make virtual sensors from a joint noise model, with a Kalman filter on differences or with static weights.
+
+The predicted variance is corrected for the estimation of the model from the same recording.
+"""
 
 from __future__ import annotations
 
@@ -21,22 +23,25 @@ from gmwm.processes.model import ModelLike
 from gmwm.signals import Signal
 
 DRAWS = 40
-"""Simulated estimates from which the optimism of a prediction follows; its relative error is then some 1 %, see
+"""Number of simulated estimates for the correction factor `optimism`. Its relative error is then about 1 %; see
 docs/validation/fusion.md."""
 MOST_MARKOV = 2
-"""Gauss-Markov terms that are tried for a model that fits."""
+"""Largest number of Gauss-Markov terms in the automatic choice of a model."""
 LEAST = 3.0
-"""Coefficients per scale of the levels used: fewer than for a test of the model, because weights gain from coarse ones
-(docs/validation/fusion.md)."""
+"""Smallest number of coefficients per scale of a level that is used. It is smaller than for a goodness-of-fit test,
+because coarse levels improve the weights (docs/validation/fusion.md)."""
 FITS = 0.01
-"""p-value from which a model fits."""
+"""Smallest p-value of the goodness-of-fit test at which a model is accepted."""
 
 Design = Callable[[ArrayNoise], DifferenceFilter]
-"""What makes a filter, or static weights, for the noise of an array."""
+"""Function that designs a filter, or static weights, for the noise of an array."""
 
 
 def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
-    """The joint fit of a model, or of the smallest one of WN + RW + k·GM that fits."""
+    """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k for which it fits.
+
+    If none of these fits, the model with the best score is returned.
+    """
     if model is not None:
         terms = joint_terms(model)
         return settle(terms, measured_at(signals, None, len(terms), least=LEAST))
@@ -51,7 +56,7 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
         if pvalue_of(found) >= FITS:
             return found
         statistic, df = misfit(found)
-        # Twice the number of unknowns makes up for what chance explains.
+        # Like Akaike's criterion, the score adds 2 for each parameter (the degrees of freedom decrease by 1).
         score = statistic - 2 * df
         if best is None or score < best[0]:
             best = score, found
@@ -60,7 +65,7 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
 
 
 def pvalue_of(settled: Settled) -> float:
-    """p-value of the test of the model."""
+    """Return the p-value of the goodness-of-fit test of a joint fit."""
     from scipy.special import gammaincc
 
     statistic, df = misfit(settled)
@@ -68,12 +73,15 @@ def pvalue_of(settled: Settled) -> float:
 
 
 def model_text(settled: Settled) -> str:
-    """The model of a fit."""
+    """Return the model of a fit as text."""
     return " + ".join(map(str, settled.problem.terms))
 
 
 def noise_of(settled: Settled, sigmas: Matrix | None = None) -> ArrayNoise:
-    """The noise of the array, in the units of the problem made equal for all signals; terms of one shape added up."""
+    """Return the noise model of an array, with one scale factor for all signals; see `unit_of`.
+
+    Terms with the same shape are added. `sigmas` replaces the estimated covariance matrices.
+    """
     problem = settled.problem
     own = problem.processes(settled.found.u)
     scale = float(np.exp(np.mean(np.log(settled.unit))))
@@ -88,11 +96,12 @@ def noise_of(settled: Settled, sigmas: Matrix | None = None) -> ArrayNoise:
 
 
 def shrunk(settled: Settled, sigmas: Matrix, scatter: Vector) -> Matrix:
-    """The matrices of shared terms, averaged with a multiple of the identity, because weights depend on inverses.
+    """Return the covariance matrices with those of shared and common terms shrunk towards a multiple of the identity.
 
-    The share of the identity is the total variance of the entries over their squared distance from it, as by Ledoit
-    and Wolf (2004), Journal of Multivariate Analysis 88, 365-411. It is 0 if a matrix is well known, and 1 if nothing
-    is known about the differences between the signals.
+    Shrinkage makes the weights more stable, because they depend on the inverse matrices. Its share is the total
+    estimation variance of the entries of a matrix divided by their squared distance from the multiple of the identity
+    (Ledoit and Wolf 2004, Journal of Multivariate Analysis 88, 365-411). It is near 0 if the matrix is well determined,
+    and 1 if the data do not determine the differences between the signals.
     """
     out = sigmas.copy()
     for place, term in enumerate(settled.problem.terms):
@@ -105,7 +114,10 @@ def shrunk(settled: Settled, sigmas: Matrix, scatter: Vector) -> Matrix:
 
 
 def scatters(settled: Settled) -> Vector:
-    """Total variance (P,) of the entries of the matrix of each term, in the fit without the cone."""
+    """Return the total estimation variance (P,) of the entries of the matrix of each term.
+
+    Except for common terms, the fit does not require that the matrices are positive semidefinite.
+    """
     inside, tangent = errors(settled, inside=True), errors(settled)
     found = [tangent if term.kind == "common" else inside for term in settled.problem.terms]
     rows, columns = entries(settled.problem.d)
@@ -114,21 +126,22 @@ def scatters(settled: Settled) -> Vector:
 
 
 def best_noise(settled: Settled) -> ArrayNoise:
-    """The noise of the array for weights: the estimate with shrunk matrices."""
+    """Return the noise model from which weights are computed: the estimate with shrunk covariance matrices."""
     return noise_of(settled, shrunk(settled, settled.found.sigmas, scatters(settled)))
 
 
 def unit_of(settled: Settled) -> float:
-    """Factor of the variances of `noise_of` to the units of the signals."""
+    """Return the factor that converts variances of the model from `noise_of` to the units of the signals."""
     return float(np.exp(-2 * np.mean(np.log(settled.unit))))
 
 
 def optimism(settled: Settled, design: Design, levels: NDArray[np.int64]) -> Vector:
-    """Factor (J,) by which the variance in other recordings is larger than predicted, by a parametric bootstrap.
+    """Return the factor (J,) by which the variance in other recordings is larger than predicted.
 
-    Moments are drawn from their distribution under the fitted model, and the covariance matrices are estimated from
-    them. The filter made for the estimate is then used for the noise of the fitted model: its variance over the one
-    that was predicted for it, on average.
+    The factor comes from a parametric bootstrap. Moments are drawn from their distribution under the fitted model, the
+    covariance matrices are estimated from them, and a filter is designed for these estimates. Its predicted variance
+    follows from the estimates, and its achieved variance from the fitted model. The factor is the ratio of the mean
+    achieved variance to the mean predicted one, and at least 1.
     """
     problem, scatter = settled.problem, scatters(settled)
     centre = shrunk(settled, settled.found.sigmas, scatter)

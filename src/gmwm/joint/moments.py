@@ -1,11 +1,13 @@
-"""All wavelet variances and cross-covariances of d signals as one vector, and its exact covariance.
+"""The wavelet variances and cross-covariances of d signals as one vector of moments, and their exact covariance.
 
-If the signals are X = Σ_p L_p u_p with independent processes u_p of unit scale and Σ_p = L_p L_pᵀ, the moments are
-Γ_j = Σ_p κ_pj Σ_p, and
+Let the signals be X = Σ_p L_p u_p, where the entries of u_p are independent processes at unit scale with wavelet
+variances κ_pj, and Σ_p = L_p L_pᵀ. The covariance matrix of the wavelet coefficients W at level j is then Γ_j = Σ_p
+κ_pj Σ_p, and
 
     Cov(γ̂_ab,j, γ̂_cd,k) = Σ_p Σ_q (Σp_ac Σq_bd + Σp_ad Σq_bc) G_pq,jk,   G_pq,jk = Σ_u n(u) κ_p(u) κ_q(u) / (M_j M_k),
 
-with κ_p(u) = Cov(W_j,t, W_k,t+u) of process p. G does not depend on the signals.
+with κ_p(u) = Cov(W_j,t, W_k,t+u) for process p, n(u) the number of pairs of coefficients with lag u, and M_j the number
+of coefficients of level j. G does not depend on the covariance matrices Σ_p.
 """
 
 from __future__ import annotations
@@ -29,19 +31,21 @@ Indices = NDArray[np.int64]
 
 @lru_cache(maxsize=32)
 def entries(d: int) -> tuple[Indices, Indices]:
-    """Rows a and columns b of the d(d + 1)/2 entries a ≤ b of a symmetric matrix, in the order of the moments."""
+    """Return the rows a and columns b of the d(d + 1)/2 entries with a ≤ b of a symmetric matrix, in the order of the
+    moments."""
     rows, columns = np.triu_indices(d)
     return rows.astype(np.int64), columns.astype(np.int64)
 
 
 def stacked(matrices: Matrix) -> Vector:
-    """The moments of Γ (J, d, d) as a vector: all levels of entry (0, 0), then of (0, 1), …"""
+    """Return matrices Γ (J, d, d) as a vector of moments: all levels of entry (0, 0), then of entry (0, 1), and so
+    on."""
     rows, columns = entries(matrices.shape[-1])
     return np.ascontiguousarray(matrices[:, rows, columns].T).ravel()
 
 
 def symmetric(values: Matrix, d: int) -> Matrix:
-    """Symmetric matrices (…, d, d) from their entries (…, d(d + 1)/2)."""
+    """Return symmetric matrices (…, d, d) with the given entries (…, d(d + 1)/2)."""
     rows, columns = entries(d)
     out = np.empty((*values.shape[:-1], d, d))
     out[..., rows, columns] = values
@@ -50,7 +54,7 @@ def symmetric(values: Matrix, d: int) -> Matrix:
 
 
 def lag_products(processes: Sequence[Process], design: Design) -> Matrix:
-    """G (P, P, J, J) of processes of unit scale."""
+    """Return G (P, P, J, J) of processes at unit scale."""
     if design.filled:
         raise NotImplementedError("a design without filled samples is expected")
     count, size = len(processes), design.levels.size
@@ -68,7 +72,7 @@ def lag_products(processes: Sequence[Process], design: Design) -> Matrix:
 
 
 def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
-    """G from the nodes that the covariance of one signal uses."""
+    """Return G as a sum over the same lags that the covariance of the wavelet variance of one signal uses."""
     at, weight, starts = gaussian._lags(list(processes), design, diagonal=False)
     coarser, finer = np.tril_indices(design.levels.size)
     half, counts = np.ldexp(1.0, design.levels - 1), design.counts.astype(np.float64)
@@ -86,7 +90,10 @@ def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
 
 
 def _by_polarisation(processes: Sequence[Process], design: Design) -> Matrix:
-    """G from V of single processes and of sums of two: V_{p+q} = V_p + V_q + 4 G_pq, and V_p = 2 G_pp."""
+    """Return G from the covariances V of the wavelet variances of single processes and of sums of two processes.
+
+    V_{p+q} = V_p + V_q + 4 G_pq, and V_p = 2 G_pp.
+    """
     own = [covariance(Model((process,)), design) for process in processes]
     count, size = len(processes), design.levels.size
     out = np.empty((count, count, size, size))
@@ -99,7 +106,7 @@ def _by_polarisation(processes: Sequence[Process], design: Design) -> Matrix:
 
 
 def moment_covariance(sigmas: Matrix, products: Matrix) -> Matrix:
-    """V of the stacked moments (n, n) from Σ (P, d, d) and G (P, P, J, J)."""
+    """Return the covariance V (n, n) of the stacked moments for matrices Σ (P, d, d) and products G (P, P, J, J)."""
     d, size = sigmas.shape[-1], products.shape[-1]
     rows, columns = entries(d)
     count = rows.size

@@ -1,4 +1,4 @@
-"""Values of pairs of axes."""
+"""A mapping whose keys are pairs of axes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class Pairs(Mapping[tuple[str, str], T]):
-    """A value for each pair of axes; the order of the two names does not matter.
+    """Mapping from pairs of axes to values. The order of the two names of a pair does not matter.
 
     >>> pairs = Pairs({("gyro_x", "gyro_y"): 0.1})
     >>> pairs["gyro_y", "gyro_x"]
@@ -25,7 +25,7 @@ class Pairs(Mapping[tuple[str, str], T]):
         self._values = MappingProxyType(dict(values))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is rebuilt from a plain dict.
+        # A mapping proxy cannot be pickled, so the unpickled object is made from a plain dict.
         return partial(Pairs, dict(self._values)), ()
 
     def __getitem__(self, pair: tuple[str, str]) -> T:
@@ -54,5 +54,5 @@ class Pairs(Mapping[tuple[str, str], T]):
 
 
 def pairs_of(axes: list[str]) -> list[tuple[str, str]]:
-    """All pairs of different axes, in their order."""
+    """Return all pairs of different axes, in the order of the axes."""
     return list(combinations(axes, 2))

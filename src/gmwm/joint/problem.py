@@ -1,4 +1,4 @@
-"""The weighted least-squares problem of a model of several signals."""
+"""The weighted least-squares problem of a joint model of several signals."""
 
 from __future__ import annotations
 
@@ -18,19 +18,26 @@ from gmwm.processes.parameter import Branch
 
 @dataclass(frozen=True, eq=False)
 class JointProblem:
-    """Moments of d signals, their weights, and the terms that explain them.
+    """Moments of d signals, their weight matrix Ω, and the terms of the model.
 
     Attributes
     ----------
     terms : tuple of JointTerm
+        The P terms of the model.
     moments : (n,) array
-        Stacked Γ̂, of signals in units in which their curves have the geometric mean 1.
+        Stacked entries of Γ̂. The signals are scaled so that each wavelet variance has the geometric mean 1.
     root : (n, n) array
         L with LᵀL = Ω.
     design : Design
+        Levels, sampling rate and length of the signals.
     d : int
+        Number of signals.
+    target : (n,) array
+        Weighted moments L γ̂.
+    branches : tuple of Branch or None
+        For each term, the map from the search coordinate to the shape parameter; None if the shape is not searched.
     held : (P, J) array
-        Shapes κ of the terms whose shape is not searched; the other rows are not used.
+        Shapes κ of the terms whose shape is not searched. The other rows are not used.
     """
 
     terms: tuple[JointTerm, ...]
@@ -58,22 +65,23 @@ class JointProblem:
 
     @property
     def searched(self) -> list[int]:
-        """Places of the terms whose shape is searched."""
+        """Numbers of the terms whose shape is searched."""
         return [k for k, branch in enumerate(self.branches) if branch is not None]
 
     @property
     def limits(self) -> tuple[Vector, Vector]:
-        """Range of the search coordinates (K,) each."""
+        """Lower and upper limits of the search coordinates, (K,) each."""
         found = [branch for branch in self.branches if branch is not None]
         return np.array([branch.low for branch in found]), np.array([branch.high for branch in found])
 
     @cached_property
     def cone(self) -> Cone:
-        """The unknown entries; a common term has a whole matrix, of which it is one face."""
+        """The free entries of the covariance matrices. A common term has a full matrix here; its rank is reduced
+        later."""
         return Cone(self.d, np.array([term.kind != "own" for term in self.terms]))
 
     def processes(self, u: Vector) -> list[Process]:
-        """The processes at unit scale for coordinates u (K,)."""
+        """Return the processes of all terms at unit scale, for search coordinates u (K,)."""
         made, at = [], iter(u)
         for term, branch in zip(self.terms, self.branches, strict=True):
             values = term.process.nonlinear if branch is None else branch.values(np.array([next(at)]))[0]
@@ -81,7 +89,7 @@ class JointProblem:
         return made
 
     def shapes(self, u: Vector) -> Matrix:
-        """κ (P, J)."""
+        """Return the shapes κ (P, J) of all terms for search coordinates u (K,)."""
         shapes = self.held.copy()
         for place, coordinate in zip(self.searched, u, strict=True):
             branch = self.branches[place]
@@ -91,7 +99,7 @@ class JointProblem:
         return shapes
 
     def slopes(self, u: Vector) -> Matrix:
-        """∂κ/∂u (K, J) of the searched terms."""
+        """Return the derivatives ∂κ/∂u (K, J) of the searched shapes."""
         rows = []
         for place, coordinate in zip(self.searched, u, strict=True):
             branch = self.branches[place]
@@ -103,27 +111,28 @@ class JointProblem:
         return np.array(rows).reshape(len(rows), self.design.levels.size)
 
     def blocks(self, shapes: Matrix) -> Matrix:
-        """Columns (P, m, n) of L (κ_p ⊗ e_i) for each term and entry."""
+        """Return the weighted design columns L (e_i ⊗ κ_p) as an array (P, m, n), for each term p and matrix entry
+        i."""
         size, count = self.design.levels.size, entries(self.d)[0].size
         return np.asarray((self.root.reshape(-1, size) @ shapes.T).reshape(-1, count, len(shapes)).transpose(2, 1, 0))
 
     def columns(self, shapes: Matrix, cone: Cone | None = None) -> Matrix:
-        """A (n, k), a column for each unknown."""
+        """Return the weighted design matrix A (n, k), with one column for each free entry."""
         cone = cone or self.cone
         return np.ascontiguousarray(self.blocks(shapes).reshape(-1, self.target.size)[cone.free].T)
 
     def solve(self, u: Vector, *, gap: float = 1e-9, warm: Matrix | None = None) -> Conic:
-        """The best covariance matrices for coordinates u."""
+        """Return the optimal covariance matrices for search coordinates u."""
         return least_squares(self.columns(self.shapes(u)), self.target, self.cone, gap=gap, warm=warm)
 
     def residual(self, shapes: Matrix, sigmas: Matrix) -> Vector:
-        """L (γ̂ − γ) (n,)."""
+        """Return the weighted residual L (γ̂ − γ) (n,) between measured and fitted moments."""
         rows, columns = entries(self.d)
         fitted = np.einsum("pi,pj->ij", sigmas[:, rows, columns], shapes).ravel()
         return np.asarray(self.target - self.root @ fitted)
 
     def directions(self, u: Vector, sigmas: Matrix) -> Matrix:
-        """Derivatives (K, n) of L γ with respect to the coordinates."""
+        """Return the derivatives (K, n) of the weighted fitted moments L γ with respect to the search coordinates."""
         rows, columns = entries(self.d)
         slopes = self.slopes(u)
         found = [
@@ -134,7 +143,8 @@ class JointProblem:
 
 
 def coordinates(problem: JointProblem) -> Vector | None:
-    """Search coordinates (K,) of the values that the model states; None unless it states all of them."""
+    """Return the search coordinates (K,) of the shape parameters that the model states, or None if it does not state
+    all."""
     found = []
     for place in problem.searched:
         branch, process = problem.branches[place], problem.terms[place].process

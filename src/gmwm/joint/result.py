@@ -1,4 +1,4 @@
-"""Result of the wavelet cross-covariance of several signals."""
+"""Result of the test for shared noise: wavelet cross-covariances and correlations of several signals."""
 
 from __future__ import annotations
 
@@ -24,18 +24,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SharedNoise:
-    """A scale at which two axes share noise.
+    """A scale at which the test finds that two axes share noise.
 
     Attributes
     ----------
     axes : tuple of two str
+        Names of the two axes.
     level : int
+        Level j.
     tau : float
         Scale (s).
     correlation, lower, upper : float
-        Correlation of the wavelet coefficients, and its confidence limits.
+        Correlation of the wavelet coefficients, and its lower and upper confidence limits.
     pvalue : float
-        p-value, adjusted for the number of tests.
+        p-value of zero correlation, adjusted for the number of tests.
     """
 
     axes: tuple[str, str]
@@ -49,7 +51,7 @@ class SharedNoise:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CrossCovariance(Summarised):
-    """Covariance and correlation of the noise of several axes by scale.
+    """Covariance and correlation of the noise of several axes at each scale.
 
     Attributes
     ----------
@@ -58,24 +60,28 @@ class CrossCovariance(Summarised):
     units : mapping of str to str
         Unit of each signal.
     levels : (J,) int array
+        Levels j.
     rate : float
         Sampling rate (Hz).
     samples : int
-        Samples of each signal.
+        Number of samples of each signal.
     variance : mapping of str to (J,) array
         Wavelet variance of each signal, in unit².
     covariance : mapping of pair to (J,) array
-        Wavelet cross-covariance γ̂ of two signals, in the product of their units: `covariance["gyro_x", "gyro_z"]`.
+        Wavelet cross-covariance γ̂ of two signals, in the product of their units, for example `covariance["gyro_x",
+        "gyro_z"]`.
     correlation, lower, upper : mapping of pair to (J,) array
-        Correlation of the wavelet coefficients, and its confidence limits; NaN for levels without a test.
+        Correlation of the wavelet coefficients, and its confidence limits. The limits are NaN for levels that are not
+        tested.
     degrees_of_freedom : mapping of pair to (J,) array
-        Degrees of freedom η of each correlation, if the signals share no noise.
+        Degrees of freedom η of each correlation, under the hypothesis that the signals share no noise.
     pvalues : mapping of pair to (J,) array
         p-values of zero correlation, adjusted for all levels and pairs; NaN for levels that are not tested.
     delays : mapping of pair to int
-        Delay of the second signal of each pair that is not aligned, in samples; negative if it is early.
+        For each pair of signals that are not aligned in time, the delay (samples) of the second signal relative to the
+        first. A negative value means that the second signal is earlier.
     size, confidence : float
-        Significance level of the test, and confidence level of the limits.
+        Significance level of all tests together, and confidence level of the limits.
     efficiency : float or None
         Efficiency of the robust estimates; None for classical ones.
     """
@@ -114,12 +120,12 @@ class CrossCovariance(Summarised):
 
     @property
     def tests(self) -> int:
-        """Number of tests: levels of pairs with enough degrees of freedom."""
+        """Number of tests: the levels with enough degrees of freedom, summed over all pairs."""
         return sum(int(np.count_nonzero(np.isfinite(p))) for p in self.pvalues.values())
 
     @property
     def matrices(self) -> Matrix:
-        """Covariance matrices Γ̂_j (J, d, d) of the coefficients of all axes, in products of their units."""
+        """Covariance matrices Γ̂_j (J, d, d) of the wavelet coefficients of all axes, in products of their units."""
         out = np.empty((self.levels.size, len(self.axes), len(self.axes)))
         for k, a in enumerate(self.axes):
             out[:, k, k] = self.variance[a]
@@ -129,7 +135,7 @@ class CrossCovariance(Summarised):
 
     @cached_property
     def shared(self) -> tuple[SharedNoise, ...]:
-        """The scales at which two axes share noise, from the smallest p-value on."""
+        """The scales at which two axes share noise, sorted by p-value."""
         found = [
             SharedNoise(
                 axes=pair,
@@ -147,7 +153,7 @@ class CrossCovariance(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Whether axes share noise, and whether one is delayed."""
+        """Remarks on whether axes share noise, and on delayed axes."""
         most = max(self.shared, key=lambda one: abs(one.correlation), default=None)
         counts = {"size": self.size, "tests": self.tests, "count": len(self.shared)}
         late = [
@@ -162,7 +168,7 @@ class CrossCovariance(Summarised):
         return (shared, *late)
 
     def plot(self, *, confidence: bool = True, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the correlation of each pair over the scale, with its limits; filled symbols are significant.
+        """Draw the correlation of each pair as a function of the scale. Filled symbols mark significant correlations.
 
         Parameters
         ----------
@@ -180,7 +186,10 @@ class CrossCovariance(Summarised):
         return plot_cross(self, confidence=confidence, path=path)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain numbers, lists and strings. A pair has the key "gyro_x gyro_y"; NaN is None."""
+        """Return the fields as plain numbers, lists and strings.
+
+        The key of a pair is a string such as "gyro_x gyro_y". NaN becomes None.
+        """
         return {
             "axes": list(self.axes),
             "units": dict(self.units),
@@ -203,7 +212,7 @@ class CrossCovariance(Summarised):
         }  # fmt: skip
 
     def to_frame(self) -> DataFrame:
-        """The correlations as a Polars data frame: one row for each pair and level."""
+        """Return the correlations as a Polars data frame with one row for each pair and level."""
         from polars import DataFrame, concat
 
         return concat(
@@ -225,7 +234,7 @@ class CrossCovariance(Summarised):
         )
 
     def summary(self) -> str:
-        """Format a table of the correlations of each pair that shares noise, and the remarks."""
+        """Format a table with the largest correlation of each pair that shares noise, and the remarks."""
         robust = "" if self.efficiency is None else f", robust with efficiency {self.efficiency:g}"
         lines = [
             f"Shared noise of {', '.join(self.axes)}: {self.samples} samples at {self.rate:g} Hz{robust}; "
@@ -257,7 +266,7 @@ def _plain(values: Vector) -> list[float | None]:
 
 
 def _ranges(levels: list[int], rate: float) -> str:
-    """Runs of consecutive levels as ranges of scales."""
+    """Format levels as ranges of scales; consecutive levels form one range."""
     runs: list[list[int]] = []
     for level in levels:
         if runs and level == runs[-1][-1] + 1:

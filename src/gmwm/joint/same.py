@@ -25,7 +25,7 @@ from gmwm.variance.pooling import SLOWER
 from gmwm.variance.result import WaveletVariance
 
 LEAST = 2.0
-"""Degrees of freedom that both estimates of a level need for a test."""
+"""A level is tested only if both estimates have more degrees of freedom than this."""
 
 
 def same(
@@ -38,25 +38,27 @@ def same(
 ) -> SameNoise:
     """Test whether recordings have the same noise at each scale, without a model.
 
-    The wavelet variances of two recordings are compared at each level. With more than two recordings, each is compared
-    with the mean of the others. If the noise is the same, the ratio has an F distribution with η_1j and η_2j degrees of
-    freedom, η_j = 2 ν_j⁴ / V_jj. V follows from the most likely mixture of processes under the mean of all curves, and
-    the covariance from heavy tails or a varying variance is added to it. The p-values of all levels, axes and
-    recordings are adjusted by Holm's method.
+    The wavelet variances ν² of two recordings are compared at each level j. With more than two recordings, each one is
+    compared with the mean of the others. If the noise is the same, the ratio of the variances has approximately an F
+    distribution with η_1j and η_2j degrees of freedom, where η_j = 2 ν_j⁴ / V_jj and V is the covariance of the
+    estimated wavelet variances. V is computed for the mixture of processes with the highest likelihood given the mean
+    of all wavelet variances. The additional covariance from heavy tails or from a variance that changes with time is
+    added. The p-values of all levels, axes and recordings are adjusted by Holm's method.
 
-    With millions of samples, the test finds differences of 0.1 %. Set `tolerance` to test only for larger ones.
+    With millions of samples, the test finds differences of 0.1 %. Set `tolerance` to test only for larger differences.
 
     Parameters
     ----------
     *recordings : Imu, Signal, or (N,) array
-        Two or more recordings of one rate, of any lengths, that were not made at the same time. For Imu recordings, the
-        axes that all recordings have are compared.
+        Two or more recordings with the same sampling rate and any lengths, made at different times. For Imu recordings,
+        the axes that all recordings have are compared.
     rate : float
         Sampling rate (Hz); only for plain arrays.
     labels : sequence of str, optional
         Names of the recordings; "1", "2", … by default.
     tolerance : float
-        Largest |ln(ν_1/ν_2)| that is treated as equal, from 0: 0.1 asks whether deviations differ by more than 10 %.
+        Largest |ln(ν_1/ν_2)| that is treated as equal, at least 0. With 0.1, the test finds only wavelet deviations
+        that differ by more than about 10 %.
     size : float
         Significance level of all tests together.
     confidence : float
@@ -69,14 +71,14 @@ def same(
     Raises
     ------
     DataError
-        If there are fewer than two recordings, they differ in rate or unit, or have no axis in common.
+        If there are fewer than two recordings, or if they differ in rate or unit or have no axis in common.
     OptionError
         If an option has a value that is not allowed.
 
     References
     ----------
     Holm (1979), A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics 6, 65-70.
-    Sizes: docs/validation/same.md.
+    The measured rates of false alarms are in docs/validation/same.md.
 
     Examples
     --------
@@ -116,12 +118,12 @@ def same(
 
 
 def _axes(recordings: Sequence[Any], rate: float | None) -> dict[str, list[Signal]]:
-    """The signals to compare, by axis."""
+    """Return the signals to compare, by axis."""
     if len(recordings) < 2:
         raise DataError(argument="recordings", expected="at least two recordings", got=len(recordings))
     given = [_signals(item, rate, f"recording {k}") for k, item in enumerate(recordings, start=1)]
     if not any(isinstance(item, Imu) for item in recordings):
-        # Single signals are compared whatever their names.
+        # Single signals are compared even if their names differ.
         found = {next(iter(given[0])): [signal for one in given for signal in one.values()]}
     else:
         found = {axis: [one[axis] for one in given] for axis in given[0] if all(axis in one for one in given)}
@@ -150,14 +152,14 @@ def _signals(item: Any, rate: float | None, name: str) -> Mapping[str, Signal]:
 
 
 class _Curve(NamedTuple):
-    """Wavelet variance (J,) and its degrees of freedom."""
+    """Wavelet variance (J,) of a recording, and its degrees of freedom (J,)."""
 
     variance: Vector
     freedom: Vector
 
 
 def _rows(axis: str, signals: Mapping[str, Signal], *, confidence: float, tolerance: float) -> list[LevelRatio]:
-    """The ratio of each level that all recordings have, with the p-value of its test alone."""
+    """Return the ratios of the signals of one axis at each level that all recordings have, with unadjusted p-values."""
     curves = {}
     for name, signal in signals.items():
         wv = signal_wavelet_variance(signal)
@@ -168,20 +170,21 @@ def _rows(axis: str, signals: Mapping[str, Signal], *, confidence: float, tolera
 def level_ratios(
     curves: Mapping[str, WaveletVariance], axis: str = "", *, confidence: float = 0.95, tolerance: float = 0.0
 ) -> list[LevelRatio]:
-    """The ratio of the curves of recordings at each level that all have, with the p-value of its test alone.
+    """Return the ratios of wavelet variances at each level that all recordings have, with unadjusted p-values.
 
     Parameters
     ----------
     curves : mapping of name to WaveletVariance
-        Two or more recordings of one rate; see `same`.
+        Wavelet variances of two or more recordings with the same sampling rate; see `same`.
     axis : str
+        Name of the axis.
     confidence, tolerance : float
         As for `same`.
 
     Raises
     ------
     DataError
-        If a variance is 0.
+        If a wavelet variance is 0.
     """
     measured = list(curves.values())
     levels = min(map(len, measured))
@@ -190,7 +193,7 @@ def level_ratios(
     eta = np.array([wv.degrees_of_freedom[:levels] for wv in measured])
     pooled = np.average([wv.variance[:levels] for wv in measured], axis=0, weights=eta)
     known = {name: _Curve(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv)) for name, wv in curves.items()}
-    # Of two recordings, both comparisons would be the same.
+    # With two recordings, the comparison of the second with the first would repeat the comparison of the first with it.
     compared = list(known)[: 1 if len(known) == 2 else None]
     rows = []
     for name in compared:
@@ -202,14 +205,14 @@ def level_ratios(
 
 
 def _mean(curves: Sequence[_Curve]) -> _Curve:
-    """The mean of independent curves of the same noise, with their degrees of freedom as weights."""
+    """Return the mean of independent wavelet variances of the same noise, weighted by their degrees of freedom."""
     freedom = np.sum([curve.freedom for curve in curves], axis=0)
     total = np.sum([curve.freedom * curve.variance for curve in curves], axis=0)
     return _Curve(total / freedom, freedom)
 
 
 def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: float) -> LevelRatio:
-    """The ratio of two curves at one level."""
+    """Return the ratio of two wavelet deviations at the level with index k, and its test."""
     from scipy.special import fdtr, fdtrc, fdtri
 
     ratio = float(one.variance[k] / other.variance[k])
@@ -223,7 +226,7 @@ def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: fl
 
 
 def _freedom(pooled: Vector, eta: Vector, wv: WaveletVariance) -> Vector:
-    """Degrees of freedom η_j (J,) of one curve under the model of all."""
+    """Return the degrees of freedom η_j (J,) of one wavelet variance under the model for the mean of all recordings."""
     design = Design.of(wv).only(np.arange(len(wv)) < pooled.size)
     curve, model = mixture(pooled, eta, design, random=True)
     return np.asarray(2 * curve**2 / variances(model, design))

@@ -15,22 +15,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class LevelRatio:
-    """The ratio of two recordings at one scale, or of one recording to the mean of the others.
+    """Ratio of the wavelet deviations of two recordings at one scale, or of one recording to the mean of the others.
 
     Attributes
     ----------
     axis : str
+        Name of the axis.
     recording : str
-        The recording in the numerator.
+        Name of the recording in the numerator.
     level : int
+        Level j.
     tau : float
         Scale (s).
     ratio : float
         ν_1 / ν_2, the ratio of the wavelet deviations.
     lower, upper : float or None
-        Its confidence limits; None if the level has too few degrees of freedom for a test.
+        Confidence limits of the ratio; None if the level has too few degrees of freedom for a test.
     pvalue : float or None
-        p-value, adjusted for the number of tests; None without a test.
+        p-value of equal noise, adjusted for the number of tests; None if the level is not tested.
     differs : bool
         Whether the test finds a difference.
     """
@@ -48,16 +50,17 @@ class LevelRatio:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SameNoise(Summarised):
-    """Whether recordings have the same noise, by axis and scale.
+    """Result of the test whether recordings have the same noise, by axis and scale.
 
     Attributes
     ----------
     recordings : tuple of str
         Names of the recordings.
     axes : tuple of str
+        Names of the compared axes.
     levels : tuple of LevelRatio
-        All levels of all axes: for two recordings, the first over the second; for more, each over the mean of the
-        others.
+        Ratios at all levels of all axes. With two recordings, the first one is divided by the second. With more, each
+        is divided by the mean of the others.
     tolerance : float
         Largest |ln(ν_1/ν_2)| that is treated as equal.
     size, confidence : float
@@ -72,37 +75,39 @@ class SameNoise(Summarised):
     confidence: float
 
     def __getitem__(self, axis: str) -> tuple[LevelRatio, ...]:
-        """The levels of one axis."""
+        """Return the ratios at all levels of one axis."""
         return tuple(row for row in self.levels if row.axis == axis)
 
     @property
     def differences(self) -> tuple[LevelRatio, ...]:
-        """The levels at which the recordings differ, from the smallest p-value on."""
+        """The ratios at which the test finds a difference, sorted by p-value."""
         return tuple(sorted((row for row in self.levels if row.differs), key=lambda row: row.pvalue or 0.0))
 
     @property
     def differs(self) -> bool:
-        """Whether the recordings differ at any scale of any axis."""
+        """Whether the test finds a difference at any scale of any axis."""
         return bool(self.differences)
 
     @property
     def pvalue(self) -> float:
-        """The smallest adjusted p-value: the p-value of the test of all levels and axes together."""
+        """The smallest adjusted p-value, which is the p-value of the test of all levels and axes together."""
         return min((row.pvalue for row in self.levels if row.pvalue is not None), default=1.0)
 
     @property
     def compared(self) -> tuple[str, ...]:
-        """The recordings in the numerators: the first of two, or all."""
+        """Names of the recordings in the numerators of the ratios: only the first one of two recordings, otherwise
+        all."""
         return self.recordings[: 1 if len(self.recordings) == 2 else None]
 
     def largest(self, axis: str, recording: str = "") -> LevelRatio:
-        """The level at which a recording of an axis differs most significantly; by default, of all recordings."""
+        """Return the ratio with the most significant difference for an axis, of one recording or (by default) of
+        all."""
         rows = [row for row in self[axis] if recording in ("", row.recording)]
         return min(rows, key=lambda row: (row.pvalue if row.pvalue is not None else 1.0, -abs(row.ratio - 1)))
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Whether the recordings differ, by axis and recording."""
+        """Remarks on the differences of each axis and recording, or one remark that no difference was found."""
         if not self.differs:
             tests = sum(row.pvalue is not None for row in self.levels)
             within = "yes" if self.tolerance else "no"
@@ -139,13 +144,13 @@ class SameNoise(Summarised):
         }
 
     def to_frame(self) -> DataFrame:
-        """The ratios as a Polars data frame: one row for each axis and level."""
+        """Return the ratios as a Polars data frame with one row for each axis, compared recording and level."""
         from polars import DataFrame
 
         return DataFrame([asdict(row) for row in self.levels], infer_schema_length=None)
 
     def summary(self) -> str:
-        """Format a table of the ratio of each axis at its most different scale, and the remarks."""
+        """Format a table with the most significant ratio of each axis, and the remarks."""
         two = len(self.recordings) == 2
         rows = [["axis", *([] if two else ["recording"]), "ratio", f"{100 * self.confidence:g} %", "at τ", "p"]]
         for axis in self.axes:

@@ -1,4 +1,4 @@
-"""Search for the shapes and the covariance matrices of a model of several signals."""
+"""Search for the shapes and the covariance matrices that minimise the objective of a joint model."""
 
 from __future__ import annotations
 
@@ -13,29 +13,42 @@ from gmwm.joint.moments import entries
 from gmwm.joint.problem import JointProblem, coordinates
 
 PLACES = 10
-"""Shapes of a process among which starts are chosen, at equal distances along its curve; tests/joint/test_joint_fit.py
-compares the fits with a finer scan."""
+"""Number of candidate shapes of a process for the starting values, equally spaced along its curve of shapes.
+tests/joint/test_joint_fit.py compares the fits with a finer scan."""
 STARTS = 4
-"""Starts from which the search descends."""
+"""Number of starting values from which the search descends."""
 MOST_STARTS = 60
-"""Combinations of shapes that are compared as starts, at most."""
+"""Largest number of combinations of shapes that are compared as starting values."""
 ROUGH = 1e-4
-"""Relative accuracy of the objective with which the starts are compared. This constant and the next two halve the time,
-and change no fit of docs/validation/joint.md."""
+"""Relative accuracy of the objective while starting values are compared. This constant, `SAME` and `WORSE` halve the
+time and do not change any fit of docs/validation/joint.md."""
 EXACT = 1e-9
-"""The same for results."""
+"""Relative accuracy of the objective of a final fit."""
 SAME = 0.02
-"""Distance of coordinates below which two starts have led to the same optimum."""
+"""Two starting values have led to the same optimum if their search coordinates differ by less than this."""
 WORSE = 0.1
-"""Relative difference of the objective from the least one up to which a start is followed to its end."""
+"""A rough descent is refined only if its objective exceeds the smallest one by at most this relative amount."""
 DESCENT = 40
-"""Newton steps of a descent, at most."""
+"""Largest number of Newton steps of a descent."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An estimate: coordinates of the shapes (K,), covariance matrices (P, d, d), the objective, and matrices inside
-    the cone for a similar problem."""
+    """An estimate of the parameters of a joint model.
+
+    Attributes
+    ----------
+    u : (K,) array
+        Search coordinates of the shapes.
+    sigmas : (P, d, d) array
+        Covariance matrices of the terms.
+    objective : float
+        Weighted residual sum of squares.
+    gap : float
+        Upper bound on the error of `objective` for these shapes.
+    warm : (P, d, d) array, optional
+        Positive definite matrices to start a similar problem from.
+    """
 
     u: Vector
     sigmas: Matrix
@@ -45,10 +58,10 @@ class Found:
 
 
 def search(problem: JointProblem) -> Found:
-    """The best of the local optima that the starts lead to."""
+    """Return the best local optimum from several starting values."""
     rough = [descend(problem, u, accuracy=ROUGH) for u in _starts(problem)]
     least = min(found.objective for found in rough)
-    # Starts that lead to the same optimum are followed once.
+    # If several starting values lead to the same optimum, it is refined once.
     followed: list[Found] = []
     for found in sorted(rough, key=lambda found: found.objective):
         new = all(np.max(np.abs(found.u - other.u), initial=0.0) > SAME for other in followed)
@@ -58,17 +71,17 @@ def search(problem: JointProblem) -> Found:
 
 
 def first(problem: JointProblem) -> Found:
-    """A rough local optimum, from the best of the starts."""
+    """Return a local optimum with rough accuracy, from the best starting value."""
     return descend(problem, _starts(problem)[0], accuracy=ROUGH)
 
 
 def resume(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
-    """The local optimum near an estimate."""
+    """Return the local optimum near an estimate."""
     return polish(problem, descend(problem, found.u, warm=found.warm, accuracy=accuracy))
 
 
 def places(problem: JointProblem, place: int, count: int) -> Vector:
-    """Coordinates (count,) of shapes at equal distances along the curve of a term."""
+    """Return the search coordinates (count,) of shapes that are equally spaced along the curve of shapes of a term."""
     branch = problem.branches[place]
     assert branch is not None
     u = np.linspace(branch.low, branch.high, 400)
@@ -76,12 +89,12 @@ def places(problem: JointProblem, place: int, count: int) -> Vector:
     shapes = np.log(kind.shape(branch.values(u), problem.design.levels, problem.design.rate))
     shapes -= shapes.mean(axis=1, keepdims=True)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shapes, axis=0), axis=1))])
-    # The ends have the shapes of other processes, such as WN and RW.
+    # The two ends of the curve are left out, because they have the shapes of other processes, such as WN and RW.
     return np.asarray(np.interp((np.arange(count) + 1) / (count + 1) * length[-1], length, u))
 
 
 def _starts(problem: JointProblem) -> list[Vector]:
-    """Combinations of shapes, the best ones first, from the fit of many shapes at once."""
+    """Return starting values (search coordinates of all searched terms), the best one first."""
     searched = problem.searched
     if not searched:
         return [np.empty(0)]
@@ -105,7 +118,7 @@ def _starts(problem: JointProblem) -> list[Vector]:
         scored.append((problem.solve(given, gap=1e-2).objective, given))
     scored.sort(key=lambda pair: pair[0])
     chosen: list[Vector] = []
-    # Neighbours lead to the same optimum.
+    # Neighbouring starting values lead to the same optimum.
     apart = 1.5 * np.array([np.max(np.diff(grids[place])) for place in searched])
     for _, u in scored:
         if all(np.any(np.abs(u - other) > apart) for other in chosen):
@@ -114,7 +127,7 @@ def _starts(problem: JointProblem) -> list[Vector]:
 
 
 def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
-    """The shapes of a term that have a part in the best mixture of all of them."""
+    """Return the candidate shapes of a term with the largest parts in the best-fitting mixture of all candidates."""
     branch = problem.branches[place]
     assert branch is not None
     others = [k for k, one in enumerate(problem.branches) if one is None]
@@ -131,8 +144,10 @@ def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
 
 
 def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> Found:
-    """Newton's method over the coordinates, with the covariance matrices eliminated, to a relative accuracy of the
-    objective."""
+    """Minimise the objective over the search coordinates by Newton's method, to a relative accuracy.
+
+    At each step, the covariance matrices are optimal for the coordinates.
+    """
     low, high = problem.limits
     u = np.clip(u, low, high)
     now = problem.solve(u, gap=accuracy, warm=warm)
@@ -163,8 +178,10 @@ def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, acc
 
 
 def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
-    """Gradient and Gauss-Newton curvature of the objective in the coordinates, with the covariance matrices
-    eliminated."""
+    """Return the gradient and the Gauss-Newton curvature of the objective with respect to the search coordinates.
+
+    The covariance matrices are optimal for the coordinates.
+    """
     shapes, cone = problem.shapes(u), problem.cone
     residual = problem.residual(shapes, now.sigmas)
     along = problem.directions(u, now.sigmas)
@@ -182,14 +199,17 @@ def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, 
 
 
 def _newton(curvature: Matrix, gradient: Vector) -> Vector:
-    """The solution of curvature · x = gradient, with the curvature made positive definite."""
+    """Solve curvature · x = gradient, after making the curvature positive definite."""
     values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
     values = np.maximum(np.abs(values), 1e-8 * max(float(np.abs(values).max()), 1e-300))
     return np.asarray(vectors @ ((vectors.T @ gradient) / values))
 
 
 def polish(problem: JointProblem, found: Found) -> Found:
-    """The optimum with common terms of rank one, from the one with any rank, by the factors of all matrices."""
+    """Return the optimum in which the matrices of common terms have rank one, starting from a fit with any rank.
+
+    The unknowns are the search coordinates and factors F of the matrices, Σ = FFᵀ.
+    """
     from scipy.optimize import least_squares as levenberg_marquardt
 
     if not any(term.kind == "common" for term in problem.terms):
@@ -204,7 +224,10 @@ def polish(problem: JointProblem, found: Found) -> Found:
 
 
 class _Factors:
-    """Covariance matrices as products of factors: diagonal for own terms, columns for common ones, whole for shared."""
+    """Nonlinear least-squares problem with covariance matrices written as Σ = FFᵀ.
+
+    The factor F is diagonal for independent terms, one column for common terms, and a full matrix for shared terms.
+    """
 
     def __init__(self, problem: JointProblem) -> None:
         self.problem, self.low, self.high = problem, *problem.limits
@@ -223,7 +246,7 @@ class _Factors:
         return np.concatenate(parts)
 
     def split(self, x: Vector) -> tuple[Vector, list[Matrix]]:
-        """Coordinates, and the factor (d, r) of each matrix."""
+        """Split the vector of unknowns into the search coordinates and the factor (d, r) of each matrix."""
         d = self.problem.d
         u = np.clip(x[: self.low.size], self.low, self.high)
         parts = np.split(x[self.low.size :], np.cumsum(self.sizes)[:-1])

@@ -1,4 +1,4 @@
-"""Several units that measure the same motion, as the groups of their like axes."""
+"""Group the signals of several units that measure the same motion by axis."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from gmwm.joint.synchronous import synchronous_signals
 from gmwm.signals import Imu, Signal
 
 ALONE = "virtual"
-"""Name of the axis of signals whose names state none."""
+"""Name of the axis if the names of the signals do not state one."""
 _MEMBER = re.compile(r"(?P<axis>.+?)\s*\[(?P<unit>[^\]]+)\]")
 _EXPECTED = "several recordings, or a mapping of names such as gyro_x[0] to signals"
 
 
 def like_axes(x: Any, rate: float | None) -> dict[str, dict[str, Signal]]:
-    """Group the signals of an array by axis: for each axis, the signals of all units by name.
+    """Group the signals of an array of units by axis. The result has the signals of all units by name, for each axis.
 
     Parameters
     ----------
     x : mapping or sequence
-        Recordings of the units, by name or in their order; or signals by names such as gyro_x[2]. Signals whose names
-        have no brackets are all of one axis.
+        A mapping of names to recordings of the units, a sequence of recordings, or a mapping of names such as gyro_x[2]
+        to signals. If the names have no brackets, all signals belong to one axis.
     rate : float or None
         Sampling rate (Hz), for plain arrays.
 
     Raises
     ------
     DataError
-        If an axis has fewer than two signals, they differ in unit, rate, length or gaps, or `x` is something else.
+        If `x` has another type, if an axis has fewer than two signals, or if the signals of an axis differ in unit,
+        rate, length or gaps.
     """
     groups = _groups(x)
     found = {}
@@ -70,7 +71,7 @@ def _groups(x: Any) -> dict[str, dict[str, Any]]:
 
 
 def _of_units(units: Mapping[str, Imu]) -> dict[str, dict[str, Signal]]:
-    """The axes that all units have."""
+    """Group the signals of the axes that all units have."""
     first, *others = units.values()
     axes = [axis for axis in first.axes if all(axis in other.axes for other in others)]
     if not axes:
@@ -81,7 +82,7 @@ def _of_units(units: Mapping[str, Imu]) -> dict[str, dict[str, Signal]]:
 
 
 def _common_axis(x: Mapping[str, Any]) -> str:
-    """The axis of all signals, if they state one."""
+    """Return the axis that the signals state, or a default name if they state none."""
     stated: Iterable[str] = {item.axis if isinstance(item, Signal) else "" for item in x.values()}
     known = set(stated) - {""} | (set(x) & set(AXES))
     if len(known) > 1:

@@ -1,8 +1,9 @@
-"""Kalman smoother of several signals with shared noise.
+"""Kalman smoother for several signals with shared noise.
 
-The unknown level of each signal is a regressor with a flat prior, as in `gmwm.likelihood`. Filter and smoother run for
-the recordings and for a unit level of each signal at once, with the same gains; the levels follow by generalised least
-squares. A random walk starts at 0, because its unknown start is a part of the levels.
+The unknown constant level of each signal is a regression coefficient with a flat prior, as in `gmwm.likelihood`. Filter
+and smoother are applied to the data and, with the same gains, to a signal with the constant value 1 for each axis. The
+levels then follow from generalised least squares. A random walk starts at 0, because its unknown initial value is part
+of the level.
 
 Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., sections 4.4 and 5.7.
 """
@@ -30,28 +31,32 @@ if TYPE_CHECKING:
     from gmwm.joint.joint_result import JointFit
 
 SETTLED = 1e-14
-"""Relative change of the covariance of the states, per sample, below which it is constant
-(tests/joint/test_smoothing.py)."""
+"""If the covariance of the states changes by less than this relative amount from one sample to the next, it is treated
+as constant (tests/joint/test_smoothing.py)."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Gain:
-    """Matrices of one step of the filter, for the signals that are observed then.
+    """Matrices of one step of the filter, for the m signals that are observed at this sample.
 
     Attributes
     ----------
     before : (p, p) array
         Covariance P of the states before the step.
     seen : (m, p) array
-        H of the observed signals.
+        Rows H of the observed signals.
     precision : (m, m) array
-        Inverse of the covariance of the innovations.
+        Inverse S⁻¹ of the covariance of the innovations.
     rest : (p, p) array
-        F − F K H.
+        F − F K H, with K the Kalman gain.
     information : (p, p) array
         Hᵀ S⁻¹ H.
     weight : (p, m) array
         Hᵀ S⁻¹.
+    gain : (p, m) array
+        F K.
+    after : (p, p) array
+        Covariance of the states before the next step.
     """
 
     before: Matrix
@@ -67,7 +72,7 @@ class _Gain:
 def smooth_joint(
     fit: JointFit, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None = None
 ) -> dict[str, Tracks]:
-    """Smooth the latent processes of the signals of a joint fit: see `JointFit.smooth`."""
+    """Estimate the latent processes of the signals of a joint fit; see `JointFit.smooth`."""
     records = _records(fit, x, rate)
     space, models = fit.state_space(), fit.models
     values = np.column_stack([record.values - record.centre for record in records.values()])
@@ -82,12 +87,12 @@ def smooth_joint(
 
 
 def _records(fit: JointFit, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None) -> dict[str, Record]:
-    """Return the recordings of the axes of a fit.
+    """Return the data of each axis of a fit.
 
     Raises
     ------
     DataError, OptionError
-        If an axis is missing, a rate differs from the rate of the fit, or the signals are not synchronous.
+        If an axis is missing, if a rate differs from the rate of the fit, or if the signals are not synchronous.
     """
     given = x.signals if isinstance(x, Imu) else dict(x)
     if missing := [axis for axis in fit.axes if axis not in given]:
@@ -115,11 +120,12 @@ def _records(fit: JointFit, x: Imu | Mapping[str, Signal | ArrayLike], rate: flo
 def _tracks(
     smoother: _Smoother, space: JointStateSpace, k: int, *, record: Record, model: Model, slow: set[str]
 ) -> Tracks:
-    """Return the tracks of signal number k."""
+    """Return the estimated latent processes of signal number k."""
     states = {term: np.array([one == term for one in space.terms]) for term in dict.fromkeys(space.terms)}
     rows = {term: space.H[k] * mine for term, mine in states.items() if np.any(space.H[k] * mine)}
     terms = list(rows)
-    # As for one signal, the unknown level is a part of the random walk; without one it is a track of its own.
+    # As in a fit of one signal, the unknown level is part of the random walk. Without a random walk, the level is
+    # reported separately.
     level = next((term for term in terms if np.any(space.diffuse & states[term])), LEVEL)
     nothing = np.zeros(space.H.shape[1])
     rows.setdefault(level, nothing)
@@ -138,8 +144,11 @@ def _tracks(
 
 
 def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) -> tuple[Vector, Vector]:
-    """Return the white noise of a signal: the part of the samples that the other terms do not explain; its prior where
-    a sample is missing."""
+    """Return the mean and variance (N,) of the white noise of a signal.
+
+    The mean is the part of a sample that the other terms do not explain. For a missing sample, it is 0 with the
+    variance of the model.
+    """
     mean, variance = smoother.track(space.H[k], k)
     there = np.isfinite(record.values)
     rest = np.where(there, record.values, 0.0) - np.where(there, mean + record.centre, 0.0)
@@ -147,14 +156,14 @@ def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) 
 
 
 class _Smoother:
-    """The smoothed states of a recording (N, d), for the data and for a unit level of each signal."""
+    """Smoothed states of a recording (N, d), and of a signal with the constant value 1 for each axis."""
 
     def __init__(self, space: JointStateSpace, values: Matrix) -> None:
         self._space = space
         n, d = values.shape
         p = space.H.shape[1]
         present = np.isfinite(values)
-        # The data, and a level of each signal: columns of the same filter.
+        # The data and a constant for each signal are columns that are filtered together.
         y = np.concatenate([np.where(present, values, 0.0)[:, :, None], np.broadcast_to(np.eye(d), (n, d, d))], axis=2)
         start = np.array(space.P0)
         start[space.diffuse] = start[:, space.diffuse] = 0.0
@@ -175,7 +184,8 @@ class _Smoother:
         self._levels = self._spread @ products[1:, 0]
 
     def track(self, row: Vector, level: int | None) -> tuple[Vector, Vector]:
-        """Return mean and variance (N,) of a sum of states (p,), with the level of a signal added."""
+        """Return the mean and variance (N,) of a weighted sum of states, plus the level of one signal if it is
+        given."""
         seen = np.einsum("p,tpk->tk", row, self._means)
         slopes = -seen[:, 1:]
         if level is not None:
@@ -184,7 +194,10 @@ class _Smoother:
         return seen[:, 0] + slopes @ self._levels, own + np.einsum("ta,ab,tb->t", slopes, self._spread, slopes)
 
     def _gains(self, start: Matrix, present: np.ndarray) -> tuple[list[_Gain], np.ndarray]:
-        """Return the different gains, and the gain of each sample; they are constant once the covariance is."""
+        """Return the list of different gains, and the index of the gain of each sample.
+
+        The gain is constant when the covariance of the states has become constant.
+        """
         gains: list[_Gain] = []
         which = np.empty(len(present), dtype=np.int64)
         covariance, settled = start, False
@@ -213,7 +226,8 @@ class _Smoother:
         )  # fmt: skip
 
     def _backward(self, gains: list[_Gain], innovations: list[Matrix]) -> tuple[list[Matrix], np.ndarray]:
-        """Smooth the means in place; return the different covariances, and the covariance of each sample."""
+        """Replace the filtered means by smoothed ones. Return the list of different covariances, and the index for each
+        sample."""
         p, columns = self._means.shape[1:]
         r, information = np.zeros((p, columns)), np.zeros((p, p))
         variances: list[Matrix] = []

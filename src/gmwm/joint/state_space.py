@@ -15,29 +15,31 @@ from gmwm.processes.base import Process
 from gmwm.statespace import StateSpace
 
 RANK = 1e-6
-"""Share of the trace below which an eigenvalue of a covariance matrix has no state (tests/joint/test_joint_fit.py)."""
+"""An eigenvalue of a covariance matrix below this share of the trace is treated as zero and gets no state
+(tests/joint/test_joint_fit.py)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointStateSpace:
-    """A discrete-time linear Gaussian state-space model of d signals with p states, in steps of one sample.
+    """Discrete-time linear Gaussian state-space model of d signals with p states and a time step of one sample.
 
     x_{t+1} = F x_t + w_t, Var w = Q;  y_t = H x_t + v_t, Var v = R.
 
     Attributes
     ----------
     F, Q, P0 : (p, p) arrays
-        Transition, covariance of the process noise per sample, and covariance of the states at the start.
+        Transition matrix, covariance of the process noise per sample, and initial covariance of the states.
     H : (d, p) array
-        Observation matrix. It holds the factors of the covariance matrices, so all states are independent.
+        Observation matrix. It contains factors of the covariance matrices of the terms, so the states of different
+        columns are independent.
     R : (d, d) array
-        Covariance of the measurement noise of one sample, for example of white noise that the signals share.
+        Covariance of the measurement noise of one sample; it is not diagonal if the signals share white noise.
     diffuse : (p,) array of bool
-        States without a stationary distribution.
+        Mask of the states without a stationary distribution.
     axes : tuple of str
-        The signals.
+        Names of the signals.
     terms : tuple of str
-        The term of each state.
+        Name of the term to which each state belongs.
     """
 
     F: Matrix
@@ -54,7 +56,7 @@ class JointStateSpace:
             freeze(getattr(self, name))
 
     def along(self, weights: ArrayLike) -> StateSpace:
-        """The state space of a weighted sum of the signals.
+        """Return the state space of a weighted sum of the signals.
 
         Parameters
         ----------
@@ -71,21 +73,24 @@ class JointStateSpace:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointContinuousStateSpace:
-    """A continuous-time linear Gaussian state-space model of d signals with p states.
+    """Continuous-time linear Gaussian state-space model of d signals with p states.
 
     dx/dt = A x + w with w white of spectral density Qc; y = H x + v with v white of spectral density Rc.
 
     Attributes
     ----------
     A, Qc, P0 : (p, p) arrays
+        System matrix, two-sided spectral density of the process noise, and initial covariance of the states.
     H : (d, p) array
+        Observation matrix.
     Rc : (d, d) array
         Two-sided spectral density of the measurement noise, in unit²/Hz.
     diffuse : (p,) array of bool
+        Mask of the states without a stationary distribution.
     axes, terms : tuple of str
-        The signals, and the term of each state.
+        Names of the signals, and the name of the term to which each state belongs.
     left_out : tuple of str
-        Terms without a continuous-time model.
+        Terms that have no continuous-time model and are not part of the matrices.
     """
 
     A: Matrix
@@ -103,7 +108,7 @@ class JointContinuousStateSpace:
             freeze(getattr(self, name))
 
     def along(self, weights: ArrayLike) -> ContinuousStateSpace:
-        """The continuous-time model of a weighted sum of the signals.
+        """Return the continuous-time model of a weighted sum of the signals.
 
         Parameters
         ----------
@@ -116,7 +121,10 @@ class JointContinuousStateSpace:
         )  # fmt: skip
 
     def discrete(self, rate: float) -> JointStateSpace:
-        """Discretise the model at a rate (Hz), as `ContinuousStateSpace.discrete` does; without `left_out` terms."""
+        """Return the discrete-time model at a sampling rate (Hz), without the terms in `left_out`.
+
+        `ContinuousStateSpace.discrete` describes the method.
+        """
         space = self.along(np.zeros(len(self.axes))).discrete(rate)
         return JointStateSpace(
             F=space.F, Q=space.Q, H=self.H, R=self.Rc * rate, P0=self.P0, diffuse=self.diffuse, axes=self.axes,
@@ -130,7 +138,7 @@ class JointContinuousStateSpace:
 
 
 def factor(sigma: Matrix) -> Matrix:
-    """L (d, r) with L Lᵀ = Σ and the rank r of Σ; the sign of a column makes its largest entry positive."""
+    """Return L (d, r) with L Lᵀ = Σ, where r is the rank of Σ. The largest entry of each column is positive."""
     values, vectors = np.linalg.eigh(sigma)
     kept = values > RANK * max(float(values.sum()), 0.0)
     out = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, kept][:, ::-1]
@@ -140,7 +148,10 @@ def factor(sigma: Matrix) -> Matrix:
 def discrete(
     processes: Sequence[Process], sigmas: Matrix, rate: float, *, axes: tuple[str, ...], labels: Sequence[str]
 ) -> JointStateSpace:
-    """F_p ⊗ I, Q_p ⊗ I, H_p ⊗ L_p and R_p Σ_p of all terms, with L_p L_pᵀ = Σ_p."""
+    """Return the discrete-time state space of all terms p, with blocks F_p ⊗ I, Q_p ⊗ I, H_p ⊗ L_p and R = Σ_p R_p Σ_p.
+
+    L_p L_pᵀ = Σ_p is the covariance matrix of term p.
+    """
     parts = [(process.state_space(rate), factor(sigma)) for process, sigma in zip(processes, sigmas, strict=True)]
     d = len(axes)
     return JointStateSpace(
@@ -154,7 +165,7 @@ def discrete(
 def continuous(
     processes: Sequence[Process], sigmas: Matrix, rate: float, *, axes: tuple[str, ...], labels: Sequence[str]
 ) -> JointContinuousStateSpace:
-    """The same in continuous time."""
+    """Return the continuous-time state space of all terms, with the blocks of `discrete`."""
     made = {label: process.continuous(rate) for label, process in zip(labels, processes, strict=True)}
     known = [
         (label, space, sigma) for (label, space), sigma in zip(made.items(), sigmas, strict=True) if space is not None
@@ -171,7 +182,7 @@ def continuous(
 
 
 def _kronecker(parts: Sequence[tuple[Any, Matrix]], d: int, names: tuple[str, ...]) -> dict[str, Any]:
-    """Block-diagonal matrices by name, with H and the start of the states."""
+    """Return the block-diagonal matrices with the given names, and P0, H and the mask of diffuse states."""
     from scipy.linalg import block_diag
 
     wide = [(space, root) for space, root in parts if space.states and root.size]

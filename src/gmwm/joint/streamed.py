@@ -1,6 +1,6 @@
-"""Wavelet variances and cross-covariances of the axes of a recording that is read in chunks.
+"""Estimate wavelet variances and cross-covariances of a recording that is read in chunks.
 
-With γ̂_ab = (ν̂²_{a+b} − ν̂²_{a−b})/4, a cross-covariance needs the accumulators of wavelet variances only.
+A cross-covariance is γ̂_ab = (ν̂²_{a+b} − ν̂²_{a−b})/4, so accumulators of wavelet variances are sufficient.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class Curves(NamedTuple):
     ----------
     own : mapping of axis to WaveletVariance
     moments : mapping of pair to (J,) array
-        γ̂_j of each pair.
+        Cross-covariances γ̂_j of each pair.
     first : mapping of axis to Signal
-        The first samples, or all.
+        The first batch of samples of each axis, or the whole signals.
     """
 
     own: Mapping[str, WaveletVariance]
@@ -45,11 +45,11 @@ class Curves(NamedTuple):
 
 
 def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float) -> Curves:
-    """Read a recording, and measure its axes and the sums of pairs of axes.
+    """Read a recording, and return the wavelet variances of its axes and the cross-covariances of all pairs.
 
-    The axes are scaled to the same size before they are added. Classical estimates do not depend on the scale, and need
-    one pass. Robust estimates depend on it: the axes are measured first, to find their scales, and then the sums and
-    the differences of the scaled axes. This takes up to four passes.
+    The axes are scaled to similar size before they are added. Classical estimates do not depend on these scales and
+    need one pass. Robust estimates depend on them, so the axes are measured first to find the scales, and the sums and
+    differences of the scaled axes are measured afterwards. This takes up to four passes.
     """
     pairs, signs = pairs_of(list(axes)), (1.0, -1.0) if robust else (1.0,)
     sums = {f"{a} {sign:+g} {b}": (a, b, sign) for a, b in pairs for sign in signs}
@@ -82,7 +82,7 @@ def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, effici
 
 
 def _robust(source: _Sums, curves: Mapping[str, AxisCurves]) -> dict[str, WaveletVariance]:
-    """Measure robust curves, in one or two passes."""
+    """Return robust wavelet variances, from one or two passes over the recording."""
     source.measure(curves)
     if again := {name: one for name, one in curves.items() if one.begin_again()}:
         source.measure(again)
@@ -90,12 +90,12 @@ def _robust(source: _Sums, curves: Mapping[str, AxisCurves]) -> dict[str, Wavele
 
 
 class _Sums:
-    """Adds the batches of a recording, and sums of its axes, to curves.
+    """Reads a recording in batches, and adds its axes and their sums to accumulators of wavelet variances.
 
     Attributes
     ----------
     scale : dict of axis to float
-        Factor of each axis in the sums, from the first batch.
+        Factor of each axis in the sums, computed from the first batch.
     first : dict of axis to Signal
         The first batch.
     """
@@ -106,10 +106,10 @@ class _Sums:
         self.first: dict[str, Signal] = {}
 
     def measure(self, curves: Mapping[str, AxisCurves]) -> None:
-        """Add all batches, with short gaps filled."""
+        """Add all batches to the accumulators, with short gaps filled."""
         for batch in filled(map(self._chosen, self._batches), together=True):
             self._add(batch, curves)
-            del batch  # before the next one is gathered
+            del batch  # frees memory before the next batch is read
 
     def _add(self, batch: Batch, curves: Mapping[str, AxisCurves]) -> None:
         def add(name: str, one: AxisCurves) -> None:
@@ -123,7 +123,7 @@ class _Sums:
         in_threads(add, curves)
 
     def _chosen(self, batch: Batch) -> Batch:
-        """Return the chosen axes of a batch; the first one determines the scales."""
+        """Return the chosen axes of a batch. The first batch determines the scale factors."""
         signals = {axis: batch.signals[axis] for axis in self._axes}
         if not self.first:
             self.first = signals
@@ -132,6 +132,6 @@ class _Sums:
 
 
 def _size(values: Vector) -> float:
-    """Return the reciprocal of the size of the differences between neighbouring samples."""
+    """Return the reciprocal of the RMS difference between neighbouring samples, or 1 if this is 0."""
     size = float(np.sqrt(np.mean(np.diff(values) ** 2))) if values.size > 1 else 0.0
     return 1 / size if size > 0 else 1.0

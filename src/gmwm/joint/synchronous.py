@@ -1,4 +1,4 @@
-"""Signals that were sampled together."""
+"""Check that signals were sampled together, and select axes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gmwm.units import SI_UNIT
 
 
 def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dict[str, Signal]:
-    """The signals by name, checked to be synchronous; with `fill`, short gaps are filled.
+    """Return the signals by name, after a check that they are synchronous. With `fill`, short gaps are filled.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dic
     found: dict[str, Signal] = {}
     for name, item in x.items():
         if not isinstance(item, Signal):
-            # As in `Imu.from_arrays`, arrays of the axes of an IMU are in SI units; "gyro_x[2]" is one of an array.
+            # As in `Imu.from_arrays`, arrays of the axes of an IMU are in SI units. "gyro_x[2]" is an axis of unit 2.
             axis = name.partition("[")[0].strip()
             unit = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
             item = Signal(as_vector(item, name), as_rate(rate), unit, name)
@@ -54,12 +54,12 @@ def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dic
 
 
 def chosen_names(names: Sequence[str], axes: str | Sequence[str] | None) -> list[str]:
-    """The signals that `axes` selects, by name or by sensor; all by default.
+    """Return the names of the signals that `axes` selects by name or by sensor; all by default.
 
     Raises
     ------
     OptionError
-        If one does not exist, or fewer than two are left.
+        If a selected axis does not exist, or if fewer than two signals are selected.
     """
     if axes is None:
         return list(names)

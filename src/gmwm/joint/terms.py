@@ -1,4 +1,4 @@
-"""Terms of a model of several signals: own, common or shared noise, each with the shape of one process."""
+"""Terms of a joint model of several signals: independent, common or shared noise of one process."""
 
 from __future__ import annotations
 
@@ -14,21 +14,23 @@ from gmwm.processes.model import Model, ModelLike
 from gmwm.processes.parameter import Branch
 
 Kind = Literal["own", "common", "shared"]
-"""Own noise has a diagonal Σ, common noise Σ = ℓℓᵀ, and shared noise any Σ ⪰ 0."""
+"""Kind of a term by its covariance matrix Σ between the signals: diagonal ("own", independent noise), Σ = ℓℓᵀ
+("common"), or any positive semidefinite matrix ("shared")."""
 _SHARED = re.compile(r"\s*(?:(\d+)\s*\*\s*)?(own|common|shared)\s*\((.*)\)\s*(?:\*\s*(\d+)\s*)?", re.DOTALL)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointTerm:
-    """One term of a model of several signals.
+    """One term of a joint model of several signals.
 
     Attributes
     ----------
     label : str
-        Name of the term in results: "RW", "GM[1]", or "common(GM)" beside an own "GM".
+        Name of the term in results, such as "RW" or "GM[1]"; "common(GM)" if the model also has a term "GM".
     kind : "own", "common" or "shared"
+        Kind of the term; see `Kind`.
     process : Process
-        The process; its shape parameter may have a value or be fixed.
+        Process of the term. Its shape parameter may have a starting value or be fixed.
     """
 
     label: str
@@ -37,7 +39,7 @@ class JointTerm:
 
     @property
     def branch(self) -> Branch | None:
-        """The curve along which the shape parameter is searched; None if the shape has no free parameter."""
+        """Map from the search coordinate to the shape parameter; None if the shape has no free parameter."""
         names = [p.name for p in self.process.nonlinear_parameters()]
         if not names or self.process.is_fixed(names[0]):
             return None
@@ -48,12 +50,12 @@ class JointTerm:
 
 
 def joint_terms(model: ModelLike) -> tuple[JointTerm, ...]:
-    """Parse a model of several signals, such as "common(RW) + 2*GM + WN".
+    """Parse a joint model of several signals, such as "common(RW) + 2*GM + WN".
 
     Raises
     ------
     ModelError
-        If the text cannot be read, or a term cannot be shared.
+        If the text cannot be parsed, or if a process cannot be a term of a joint model.
     """
     parts = [str(model)] if not isinstance(model, str) else _summands(model)
     found: list[tuple[Kind, Process]] = []
@@ -74,7 +76,7 @@ def _keys(found: list[tuple[Kind, Process]]) -> list[tuple[Kind, str]]:
 
 
 def _summands(text: str) -> list[str]:
-    """The summands of a text, without breaking it inside parentheses."""
+    """Split the text of a model at each plus sign outside parentheses and numbers."""
     parts, depth, start = [], 0, 0
     for k, letter in enumerate(text):
         depth += {"(": 1, ")": -1}.get(letter, 0)
@@ -85,7 +87,8 @@ def _summands(text: str) -> list[str]:
 
 
 def _require_shape(process: Process) -> None:
-    """Raise a ModelError unless the process has one shape, or a shape along one curve, and no mean."""
+    """Raise a ModelError unless the process is random noise with at most one unknown shape parameter and no fixed
+    scale."""
     free = [p.name for p in process.nonlinear_parameters() if not process.is_fixed(p.name)]
     scale = process.scale_parameter().name
     kind = type(process)
@@ -117,12 +120,12 @@ def _labelled(found: list[tuple[Kind, Process]]) -> tuple[JointTerm, ...]:
 
 
 def with_kind(terms: tuple[JointTerm, ...], place: int, kind: Kind) -> tuple[JointTerm, ...]:
-    """The terms with another kind at one place."""
+    """Return the terms with the kind of term number `place` changed."""
     return (*terms[:place], replace(terms[place], kind=kind), *terms[place + 1 :])
 
 
 def summed(parts: list[Process]) -> Model:
-    """The model of one signal: processes of one shape, own and common, add up."""
+    """Return the model of one signal as the sum of processes. Processes with the same shape are merged."""
     found: dict[Any, Process] = {}
     for process in parts:
         key = (type(process), *process.nonlinear.tolist())
