@@ -1,4 +1,5 @@
-"""Exact Gaussian likelihood, maximum-likelihood fits, residuals and latent processes, by the Kalman filter."""
+"""Exact Gaussian likelihood, maximum-likelihood fits, residuals and estimates of latent processes with a Kalman
+filter."""
 
 from gmwm.likelihood.estimator import fit_ml
 from gmwm.likelihood.innovations import Residuals, residuals

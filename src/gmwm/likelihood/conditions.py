@@ -1,7 +1,8 @@
-"""Regression on conditions in the likelihood: generalised least squares with the covariance of the fitted model.
+"""Regression on conditions (such as temperature) within a maximum-likelihood fit.
 
-The coefficients have a flat distribution and are integrated out, as the level of the recording is. The likelihood of
-the noise is then the restricted one (REML), which accounts for the degrees of freedom that the columns take.
+The coefficients follow from generalised least squares with the covariance of the fitted noise model. Like the level of
+the recording, they have a flat prior and are integrated out. The result is the restricted likelihood (REML), which
+accounts for the degrees of freedom that the regression columns use.
 """
 
 from __future__ import annotations
@@ -22,21 +23,24 @@ from gmwm.regression.result import Regression
 from gmwm.signals import Signal
 
 _STEP = 0.05
-"""Step of a coordinate for the derivative of a standard error, which is used only for its degrees of freedom."""
+"""Step of a coordinate for the numerical derivative of the covariance of the coefficients. The derivative is used only
+for the degrees of freedom of the standard errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Regressed:
-    """A recording with the columns of a regression.
+    """A recording together with the columns of a regression on conditions.
 
     Attributes
     ----------
     signal : Signal
+        The recording.
     covariates : Covariates
+        The conditions.
     first : Regression
-        The regression by wavelet levels, whose time constant of a warm-up is used.
+        A first regression by wavelet levels. Its estimate of the time constant of a warm-up is used in the columns.
     record : Record
-        The recording with the columns.
+        The recording for the Kalman filter, with the columns.
     """
 
     signal: Signal
@@ -66,8 +70,7 @@ class Regressed:
         return cls(signal, covariates, first, record)
 
     def regression(self, problem: Problem, found: Maximum) -> Regression:
-        """Return the coefficients at a maximum of the likelihood, with the degrees of freedom of their standard
-        errors."""
+        """Return the regression at a maximum of the likelihood: coefficients, covariance and degrees of freedom."""
         estimates, covariance = self._at(problem, found.z)
         relative = np.zeros((len(estimates) + 1, len(found.active)))
         inverse = np.linalg.inv(covariance)
@@ -88,7 +91,7 @@ class Regressed:
         )  # fmt: skip
 
     def _at(self, problem: Problem, z: Vector) -> tuple[Vector, np.ndarray]:
-        """Return the coefficients (p,) and their covariance (p, p) at coordinates."""
+        """Return the coefficients (p,) and their covariance (p, p) for the noise model at coordinates z."""
         level = problem.value(problem.at_point(z))[1]
         own, scales = slice(len(level.values) - len(self.first), None), self.record.scales
         return level.values[own] / scales, level.covariance[own, own] / np.outer(scales, scales)

@@ -1,4 +1,4 @@
-"""Test of a maximum-likelihood fit by the wavelet variance of the recording."""
+"""Test whether a maximum-likelihood fit describes the wavelet variance of its recording."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ from gmwm.likelihood.result import LikelihoodFit
 from gmwm.remarks import Quantity, Remark
 
 LEVEL = 1e-3
-"""Level of the test. It is conservative: the parameters are not fitted to the curve (tests/likelihood/test_misfit.py).
+"""Significance level of the test. The fit does not minimise the distance to the wavelet variance, so the level is small
+(tests/likelihood/test_misfit.py measures the rate of false alarms).
 """
 
 
 def misfit(fit: LikelihoodFit) -> Remark | None:
-    """Return the remark that a model does not describe the wavelet variance of its recording; None if it does.
+    """Return a remark if a model does not describe the wavelet variance of its recording, otherwise None.
 
-    Most of the information in the samples is about the fastest process. Errors at long scales therefore hardly affect
-    the likelihood, and the residuals are white. If the model is right, η_j ν̂²_j / ν²_j(θ̂) is about chi-square with
-    η_j = 2 ν⁴_j / V_jj degrees of freedom at each level. The least p-value of all levels is adjusted by Holm's method.
+    Most of the information in the samples is about the fastest process. A model error at long scales therefore hardly
+    affects the likelihood or the whiteness of the residuals. If the model is right, η_j ν̂²_j / ν²_j(θ̂) has
+    approximately a chi-square distribution with η_j = 2 ν⁴_j / V_jj degrees of freedom at each level j. Here ν̂² is the
+    measured wavelet variance, ν²(θ̂) the one of the fitted model, and V the covariance of ν̂² under the model. The
+    smallest p-value of all levels is adjusted by Holm's method.
     """
     from scipy.special import gammainc, gammaincc
 
@@ -30,7 +33,7 @@ def misfit(fit: LikelihoodFit) -> Remark | None:
         kept = usable_levels(wv)
         spread = variances(fit.model, Design.of(wv).only(kept))
     except (DataError, MissingTheoryError):
-        return None  # the recording is too short for a curve, or a process has no covariance
+        return None  # the recording is too short for a wavelet variance, or a process has no covariance
     implied, measured = fit.implied[kept], wv.variance[kept]
     if not np.any(kept) or not np.all(implied > 0):
         return None

@@ -1,4 +1,4 @@
-"""Maximum likelihood: `Model.loglikelihood` and `gmwm.fit_ml`."""
+"""Log-likelihood and maximum-likelihood fit of a model: `Model.loglikelihood` and `gmwm.fit_ml`."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from gmwm.signals import Signal
 def loglikelihood(
     model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> float:
-    """Compute the exact Gaussian log-likelihood of a recording under a model with values.
+    """Compute the exact Gaussian log-likelihood of a recording under a model with known parameter values.
 
     log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t], with v_t the innovations of a Kalman filter and S_t their
-    variances. Unknown levels (the mean of the recording, the level of a random walk) have a flat distribution and are
-    integrated out, as in an exact diffuse initialisation. The slope of a drift is known, because it has a value.
+    variances. Unknown levels (the mean of the recording, the initial value of a random walk) have a flat prior and are
+    integrated out, as in an exact diffuse initialisation. The slope of a drift has the value that the model states.
 
     Parameters
     ----------
@@ -102,31 +102,31 @@ def fit_ml(
 ) -> LikelihoodFit:
     """Fit a sum of noise processes to a recording by maximum likelihood.
 
-    The likelihood is the exact Gaussian one of `loglikelihood`. Its gradient and the information matrix come from
-    another pass of the Kalman filter with derivatives. Fisher scoring finds the local maximum next to the starting
-    values, which by default come from a wavelet fit.
+    The fit maximises the exact Gaussian likelihood, see `Model.loglikelihood`. A second pass of the Kalman filter, with
+    derivatives, gives its gradient and the information matrix. Fisher scoring finds the local maximum near the starting
+    values, which by default come from a fit to the wavelet variance.
 
-    The estimates are efficient if the model is right and the noise is Gaussian. Outliers can change them without limit.
-    If the model is wrong, the fit describes the fastest process best, because most of the information
-    in the samples is about it
-    (docs/validation/likelihood.md).
+    The estimates are efficient if the model is right and the noise is Gaussian. A single outlier can change them by any
+    amount. If the model is wrong, the fit mainly describes the fastest process, because most of the information in the
+    samples is about this process (docs/validation/likelihood.md).
 
     Parameters
     ----------
     model : Model, Process or str
-        The model to fit; values in ``fixed(…)`` are held. Every term needs a state-space form.
+        The model to fit. Values in ``fixed(…)`` are not estimated. Every term needs a state-space form.
     data : Signal or (N,) array
         The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
     rate : float, optional
         Sampling rate (Hz); needed only if `data` is an array.
     start : Fit, LikelihoodFit, Model or str, optional
-        Starting values: the same model with values. By default the model is first fitted to the wavelet variance.
+        Starting values, as a fit or a model with the same terms. By default, the model is first fitted to the wavelet
+        variance.
     mean : float, optional
         Mean of the recording if it is known. By default it is unknown and integrated out.
     against : str, (N,) array, Signal, or mapping of name to these, optional
         Conditions whose effect is estimated with the noise, by generalised least squares; see `gmwm.fit`. The
-        coefficients are integrated out (restricted likelihood), and `fit.regression` has them. Likelihoods are
-        comparable only with the same columns.
+        coefficients are integrated out (restricted likelihood); their estimates are in `fit.regression`. Likelihoods
+        are comparable only between fits with the same conditions.
     progress : callable, optional
         Called after each evaluation with the number of evaluations and the log-likelihood.
 
@@ -138,7 +138,7 @@ def fit_ml(
     Raises
     ------
     ModelError
-        If no parameter is free, `start` is another model, or the model predicts a sample exactly.
+        If no parameter is free, if `start` has other terms than the model, or if the model predicts a sample exactly.
     MissingTheoryError
         If a term has no state-space form.
     DataError, OptionError
@@ -147,8 +147,8 @@ def fit_ml(
     Warns
     -----
     FitWarning
-        If the data do not support a term, a term acts as another process, the search did not converge, or the model
-        does not describe the wavelet variance of the recording.
+        If the data do not support a term or cannot distinguish it from another process, if the search did not converge,
+        or if the model does not describe the wavelet variance of the recording.
 
     References
     ----------
@@ -233,7 +233,7 @@ def _started(
 
 
 def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
-    """Make the `LikelihoodFit` of a maximum, with its terms sorted."""
+    """Create a `LikelihoodFit` from a maximum of the likelihood, with the terms in standard order."""
     best = problem.at_point(found.z)
     value, level = problem.value(best)
     drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
@@ -280,7 +280,7 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
 def _remarks(
     model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: Problem
 ) -> Iterator[Remark]:
-    """Yield remarks about each term and about the search."""
+    """Yield the remarks about the terms of a fit and about the search."""
     axis = problem.record.axis
     for term, name in acts_as.items():
         yield Remark.of("acts-as", axis, term=term, process=name, known="no")
@@ -301,9 +301,11 @@ def _renamed(name: str, terms: dict[str, str]) -> str:
 
 
 def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
-    """Return the mean of the recording and its standard error; None if it is known, or is the level of a random walk.
+    """Return the estimated mean of the recording and its standard error.
 
-    If the random walk is estimated as zero, its level is the mean.
+    Both are None if the mean is known, or if a random walk of the model includes it.
+
+    If the variance of the random walk is estimated as zero, its constant level is the mean.
     """
     if problem.mean is None:
         zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
@@ -315,7 +317,8 @@ def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, f
 
 
 def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
-    """Return the terms whose shape parameter is at an end of its domain, and the process that each acts as there."""
+    """Return the terms whose shape parameter is at an end of its domain, with the process that each is equivalent to
+    there."""
     out = {}
     for k in found.at_end:
         coordinate = problem.coordinates[k]
@@ -332,7 +335,7 @@ def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, s
 
 
 def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> tuple[list[str], Matrix]:
-    """Return names and covariance of the parameters that are estimated inside their domains."""
+    """Return the names and the covariance of the parameters that are not estimated at a limit of their domain."""
     active = list(found.active)
     turned = jacobian(problem, best)
     names, rows = [], []
@@ -372,7 +375,7 @@ def _same(found: Maximum, active: list[int]) -> bool:
 
 
 def inverted(information: Matrix) -> Matrix:
-    """Invert the information matrix; the inverse is infinite for coordinates in directions without information."""
+    """Invert the information matrix. Coordinates about which the data have no information get an infinite variance."""
     size = np.sqrt(np.diag(information))
     known = size > 0
     size = np.where(known, size, 1.0)
@@ -385,7 +388,8 @@ def inverted(information: Matrix) -> Matrix:
 
 
 def jacobian(problem: Problem, model: Model) -> dict[str, Vector]:
-    """Derivatives ∂θ/∂z (q,) of each parameter with respect to the coordinates, by name of the parameter."""
+    """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name of the
+    parameter."""
     out: dict[str, Vector] = {}
     q = len(problem.coordinates)
     for k, coordinate in enumerate(problem.coordinates):

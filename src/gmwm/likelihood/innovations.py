@@ -1,4 +1,7 @@
-"""Residuals of a model: standardised innovations, which are white and normal with variance 1 if the model is right."""
+"""Residuals of a model: the standardised innovations of the Kalman filter.
+
+If the model is right, they are white and normally distributed with variance 1.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +30,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """Result of a test of the residuals.
+    """Result of a test of whiteness or normality of the residuals.
 
     Attributes
     ----------
     statistic : float
+        The test statistic.
     degrees_of_freedom : float
         Degrees of freedom of the chi-square distribution of the statistic if the model is right.
     p_value : float
@@ -48,13 +52,16 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Residuals(Summarised):
-    """Standardised innovations z_t = v_t/√S_t of a recording, with tests for whiteness and normality.
+    """Standardised innovations z_t = v_t/√S_t of a recording, with tests of whiteness and normality.
+
+    v_t is the error of the one-step prediction of a Kalman filter, and S_t is its variance.
 
     Attributes
     ----------
     model : Model
+        The model with its values.
     values : (N,) array
-        Residuals, without unit; NaN where a sample is missing.
+        Residuals (dimensionless); NaN where a sample is missing.
     rate : float
         Sampling rate (Hz).
     times : (N,) array
@@ -64,8 +71,8 @@ class Residuals(Summarised):
     estimated : int
         Number of parameters that were estimated from this recording.
     spent : (L,) array or None
-        Degrees of freedom that these parameters take from the autocorrelation at lags 1 … L. If None, each parameter
-        counts as one.
+        Degrees of freedom that the estimation of these parameters takes from the autocorrelation at each lag 1 … L. If
+        None, each parameter takes one in total.
     """
 
     model: Model
@@ -89,25 +96,32 @@ class Residuals(Summarised):
 
     @property
     def usual_lags(self) -> int:
-        """Default number of lags: 10 log₁₀ N, and at least 5 more than there are estimated parameters."""
+        """Default number of lags: 10 log₁₀ N, but at least the number of estimated parameters plus 5."""
         return min(max(int(10 * math.log10(self.observed.size)), self.estimated + 5), self.observed.size - 1)
 
     def acf(self, lags: int | None = None) -> Vector:
-        """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample are left out."""
+        """Return the autocorrelation (L + 1,) of the residuals at lags 0 … L. Pairs with a missing sample are left
+        out."""
         return autocorrelation(self.values, self._as_lags(lags))
 
     def acf_error(self, lags: int | None = None) -> Vector:
-        """Standard deviation (L,) of the autocorrelation of white noise at lags 1 … L: √pairs/N."""
+        """Return the standard deviation (L,) that the autocorrelation of white noise has at lags 1 … L.
+
+        At each lag it is √m/N, where m is the number of pairs of observed samples at this lag.
+        """
         return np.sqrt(observed_pairs(self.values, self._as_lags(lags))) / self.observed.size
 
     def ljung_box(self, lags: int | None = None) -> Check:
-        """Test the residuals for autocorrelation up to a lag (Ljung-Box): Q = n(n + 2) Σ r_k²/(n − k).
+        """Test the residuals for autocorrelation at the first lags with the Ljung-Box statistic Q = n(n + 2) Σ r_k²/(n
+        − k).
 
-        If samples are missing, n − k is the number of pairs at lag k, and a lag without pairs does not count.
+        n is the number of residuals, and r_k is their autocorrelation at lag k. If samples are missing, the number of
+        observed pairs at lag k replaces n − k, and a lag without pairs does not count.
 
-        Q has a χ² distribution. Its degrees of freedom are the number of lags minus the degrees of freedom that the
-        estimated parameters take from them (`spent`). A parameter that acts at these lags takes one, a parameter of a
-        slow process takes less, and a common scale takes none.
+        If the model is right, Q has approximately a χ² distribution. Its degrees of freedom are the number of lags
+        minus the degrees of freedom that the estimation of the parameters takes (`spent`). A parameter that determines
+        the autocorrelation at these lags takes one, a parameter of a slow process takes less than one, and a common
+        scale of all terms takes none.
 
         Parameters
         ----------
@@ -121,7 +135,7 @@ class Residuals(Summarised):
         Raises
         ------
         OptionError
-            If `lags` is not a whole number in its range, or not larger than the number of estimated parameters.
+            If `lags` is not a whole number in its range, or is not larger than the number of estimated parameters.
 
         References
         ----------
@@ -161,20 +175,20 @@ class Residuals(Summarised):
         return Check(statistic=statistic, degrees_of_freedom=2, p_value=float(chi2.sf(statistic, 2)))
 
     def quantiles(self, points: int = 400) -> tuple[Vector, Vector]:
-        """Normal and observed quantiles (points,) for a normal probability plot, denser in the tails."""
+        """Return normal quantiles and quantiles of the residuals, (points,) each, for a normal probability plot."""
         from scipy.special import ndtr, ndtri
 
         ordered = np.sort(self.observed)
         n = ordered.size
         count = min(points, n)
-        # Equal steps of the normal quantile, not of the probability, show the tails.
+        # Equal steps of the normal quantile, instead of the probability, give enough points in the tails.
         reach = float(ndtri((n - 0.5) / n))
         place = np.clip(np.round(ndtr(np.linspace(-reach, reach, count)) * n - 0.5).astype(np.int64), 0, n - 1)
         place = np.unique(place)
         return np.asarray(ndtri((place + 0.5) / n)), ordered[place]
 
     def summary(self, lags: int | None = None) -> str:
-        """Describe the residuals and the two tests in text, with `lags` as for `ljung_box`."""
+        """Describe the residuals and the two tests in text. `lags` is the number of lags for `ljung_box`."""
         white, normal, z = self.ljung_box(lags), self.normality(), self.observed
         spread = float(np.std(z))
         return "\n".join(
@@ -188,7 +202,7 @@ class Residuals(Summarised):
         )
 
     def to_dict(self, lags: int | None = None) -> dict[str, Any]:
-        """Return the tests as numbers, ready for JSON, with `lags` as for `ljung_box`."""
+        """Return the results of the tests as numbers for JSON. `lags` is the number of lags for `ljung_box`."""
         white, normal = self.ljung_box(lags), self.normality()
         return {
             "samples": int(self.observed.size),
@@ -199,7 +213,7 @@ class Residuals(Summarised):
         }
 
     def plot(self, lags: int | None = None, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the residuals over time, against normal quantiles, and their autocorrelation.
+        """Draw the residuals over time, their normal probability plot, and their autocorrelation.
 
         The titles give the results of the tests.
 
@@ -251,7 +265,7 @@ def residuals(
     mean: float | None = None,
     estimated: int | None = None,
 ) -> Residuals:
-    """Compute the standardised innovations of a recording: see `Model.residuals`."""
+    """Compute the standardised innovations of a recording; see `Model.residuals`."""
     problem = posed(model, data, rate, mean)
     values, _ = standardised(problem, problem.model)
     wanted = getattr(model, "model", None)
@@ -276,16 +290,19 @@ def residuals(
 _LAGS = 1000
 """Largest number of lags of `spent`; it is larger than the default number of lags of all tests of the package."""
 _ENOUGH = 65_536
-"""Largest number of samples from which `spent` is computed; the result depends on the model and hardly on the
-length."""
+"""Largest number of samples from which `spent` is computed. The result hardly depends on the length of the
+recording."""
 
 
 def spent(problem: Problem) -> Vector:
-    """Degrees of freedom (L,) that estimated parameters take from the autocorrelation of residuals at lags 1 … L.
+    """Return the degrees of freedom (L,) that the estimation of parameters takes from the autocorrelation at lags 1 …
+    L.
 
-    At the estimate, r̂ ≈ r − D(θ̂ − θ) with D = ∂r/∂θ has the covariance (1 − N D I⁻¹ Dᵀ)/N, with I the information
-    matrix. At lag k the parameters take N D_k I⁻¹ D_kᵀ; over all lags this is one for each parameter except a common
-    scale. The formula holds for efficient estimates. D is computed by differences.
+    Let r be the autocorrelation of the N residuals for the true parameters θ, and r̂ the one for the estimate θ̂. With
+    D = ∂r/∂θ, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N, where I is the information matrix. At lag k,
+    the parameters therefore take N D_k I⁻¹ D_kᵀ degrees of freedom. The sum over all lags is one for each parameter,
+    except for a common scale of all terms. The formula holds for efficient estimates. D is computed by finite
+    differences.
 
     Source: Box and Pierce (1970), JASA 65, 1509-1526, section 3.
     """

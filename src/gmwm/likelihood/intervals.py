@@ -1,4 +1,4 @@
-"""Confidence intervals of maximum-likelihood estimates: from the information matrix, or from the profile likelihood."""
+"""Confidence intervals of maximum-likelihood estimates, from the information matrix or from the profile likelihood."""
 
 from __future__ import annotations
 
@@ -22,19 +22,22 @@ if TYPE_CHECKING:
 
 Method = Literal["wald", "profile"]
 _NEAR = 2e-3
-"""Relative accuracy of the root of the deviance at an end of a profile interval, for about three correct digits."""
+"""Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has about three
+correct digits."""
 _NEAR_A_LIMIT = 1e-2
-"""Relative accuracy of the root of the deviance at an upper limit, for about two correct digits."""
+"""Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as zero. The
+limit then has about two correct digits."""
 _GAIN = 1e-3
-"""Accuracy of the maximised log-likelihood in a profile. The profile falls by about 2 at a 95 % interval."""
+"""Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2 below
+its maximum."""
 _ROUNDS = 25
-"""Largest number of iterations. The tolerances above end almost all searches earlier. A profile that increases without
-bound in the other parameters ends here: test_a_profile_ends_where_the_other_parameters_run_away in
-tests/likelihood/test_fit_ml.py."""
+"""Largest number of iterations for one end of an interval. The tolerances above end almost all searches earlier. The
+limit is needed if the other parameters diverge along the profile; see
+test_a_profile_ends_where_the_other_parameters_run_away in tests/likelihood/test_fit_ml.py."""
 
 
 def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
-    """Compute a confidence interval for every estimated parameter: see `LikelihoodFit.confidence_intervals`."""
+    """Compute a confidence interval for every estimated parameter; see `LikelihoodFit.confidence_intervals`."""
     z = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2)
     one_of(method, "method", get_args(Method))
     errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
@@ -73,7 +76,7 @@ class _Profile:
         self.fit, self.z = fit, z
 
     def has(self, name: str) -> bool:
-        """Return whether the parameter depends on one coordinate only.
+        """Return whether a profile interval exists for a parameter, which must depend on one coordinate only.
 
         Raises
         ------
@@ -93,7 +96,8 @@ class _Profile:
         return row is not None and np.count_nonzero(row) == 1
 
     def interval(self, name: str, parameter: Parameter) -> Interval:
-        """Return the interval at whose ends the root of the deviance is z."""
+        """Return the interval at whose ends the square root of the deviance is z, the quantile of the confidence
+        level."""
         row = self._row(name)
         assert row is not None
         k = int(np.flatnonzero(row)[0])
@@ -110,7 +114,7 @@ class _Profile:
         return f"{self.fit.model.terms[c.term]}.{process.scale_parameter().name}" == name
 
     def _row(self, name: str) -> Vector | None:
-        # At a scale of zero the derivative is zero, so the coordinate of a scale is found by its name.
+        # The derivative with respect to a scale is zero if the scale is zero, so its coordinate is found by name.
         for k, c in enumerate(self.problem.coordinates):
             if c.shape is None and self._is(k, name):
                 row = np.zeros(len(self.problem.coordinates))
@@ -119,7 +123,8 @@ class _Profile:
         return jacobian(self.problem, self.fit.model).get(name)
 
     def _end(self, k: int, name: str, side: int) -> float | None:
-        """Return the parameter at which its profile has fallen by z²/2 on one side; None if it never falls so far."""
+        """Return the value at which the profile is z²/2 below its maximum on one side, or None if there is no such
+        value."""
         best = self.problem.at(self.fit.model)
         low, high = self.problem.bounds[k]
         if self.problem.coordinates[k].shape is None and side < 0:
@@ -144,7 +149,7 @@ class _Profile:
             else:
                 outer = (step, root)
             if np.all(np.isfinite(at)) and np.all(np.isfinite(best)):
-                along = (at - best) / step  # the others move on in proportion
+                along = (at - best) / step  # the other coordinates are extrapolated linearly
             if outer is None:
                 step *= min(max(self.z / max(root, 1e-3), 1.1), 3.0)
             else:
@@ -153,8 +158,10 @@ class _Profile:
         return self._parameter(best[k] + step, k, name)
 
     def _along(self, best: Vector, k: int) -> Vector:
-        """Return the direction of the profile at the maximum, d = I⁻¹e / (I⁻¹)_kk; set `reach` to the standard
-        error."""
+        """Return the direction of the profile of coordinate k at the maximum, and set `reach` to its standard error.
+
+        The direction is I⁻¹e_k / (I⁻¹)_kk, with I the information matrix and e_k the unit vector of the coordinate.
+        """
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
@@ -169,13 +176,17 @@ class _Profile:
         return along
 
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
-        """Return the scale at which the profile has fallen by z²/2, for a term that is zero at the maximum."""
+        """Return the upper limit of the scale of a term that is zero at the maximum.
+
+        At this scale, the profile is z²/2 below the maximum.
+        """
         at = best.copy()
         at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
         found = self.problem.evaluate(at, [k])
         if found is None:
             return None
-        # For small s and with the others held, the log-likelihood falls by c s + ½ k s²; it falls less if they move.
+        # For a small scale s and constant other parameters, the log-likelihood decreases by c s + ½ k s². The decrease
+        # of the profile is smaller, because the other parameters are optimised.
         size = math.exp(at[k])
         c, curvature = max(-float(found.gradient[0]) / size, 0.0), float(found.information[0, 0]) / size**2
         coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
@@ -193,8 +204,11 @@ class _Profile:
         return self._parameter(coordinate, k, name)
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
-        """Return the root of the deviance, √(2 (maximum − profile at this coordinate)), and the maximum with the
-        coordinate held."""
+        """Return the square root of the deviance, and the coordinates of the maximum with coordinate k held at its
+        value.
+
+        The deviance is twice the difference between the maximum of the log-likelihood and its profile at coordinate k.
+        """
         found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
         if found is None:
             return math.inf, z

@@ -18,15 +18,16 @@ from gmwm.processes.model import Model
 from gmwm.processes.parameter import Branch
 
 LEAST_DECAY = 1e-3
-"""Inverse of the longest correlation time, in lengths of the recording, that is treated as finite: e^(−1e-3) changes no
-variance by more than 0.1 %, less than any standard error of a scale."""
+"""Duration of the recording divided by the longest correlation time that the search allows. With this correlation time,
+the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no variance by more than 0.1 %,
+which is less than the standard error of any scale."""
 _FAR = 12.0
-"""Limit of any other coordinate: a factor of 160 000."""
+"""Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000."""
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Regression coefficients by label, and their covariance (m, m)."""
+    """Labels of the m regression coefficients, with their values (m,) and covariance (m, m)."""
 
     labels: tuple[str, ...]
     values: Vector
@@ -35,7 +36,8 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The log-likelihood at a point, with its gradient (q,) and the information matrix (q, q) in the coordinates."""
+    """The log-likelihood of a model, with its gradient (q,) and information matrix (q, q) with respect to q
+    coordinates."""
 
     value: float
     gradient: Vector
@@ -45,7 +47,7 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A likelihood problem: a model with starting values, and a recording.
+    """A likelihood as a function of coordinates, for a model with starting values and a recording.
 
     Attributes
     ----------
@@ -68,14 +70,14 @@ class Problem:
 
     @cached_property
     def regressors(self) -> list[Regressor]:
-        """The regressors: unknown levels and drifts, and the columns of the recording."""
+        """The regressors: unknown levels, drifts, and the columns of a regression on conditions."""
         own = self.record
         found = regressors(self.model, self.rate, own.values.size, self.mean)
         return [*found, *(Regressor(c, name, flat=True) for c, name in zip(own.columns, own.names, strict=True))]
 
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The free coordinates: scale and shape of each random term, except those that are held."""
+        """The free coordinates: the scale and the shape parameters of each random term, except fixed ones."""
         found: list[Coordinate] = []
         for k, process in enumerate(self.model.processes):
             if is_ramp(process, self.rate):
@@ -113,7 +115,7 @@ class Problem:
 
     @cached_property
     def centre(self) -> float:
-        """The number that is subtracted from the recording: its mean if this is known, otherwise a number near it."""
+        """The constant that is subtracted from the recording: the known mean, or otherwise the mean of the samples."""
         if self.mean is not None:
             return self.mean
         return self.record.centre
@@ -125,7 +127,7 @@ class Problem:
         return self.at(self.model)
 
     def at(self, model: Model) -> Vector:
-        """Return the coordinates of the values of a model."""
+        """Return the coordinates (q,) of the parameter values of a model."""
         out = []
         for coordinate in self.coordinates:
             process = model.processes[coordinate.term]
@@ -137,7 +139,8 @@ class Problem:
         return np.array(out)
 
     def at_point(self, z: Vector) -> Model:
-        """Return the model at coordinates; a scale of −inf is 0."""
+        """Return the model with the parameter values at coordinates z (q,). The coordinate −inf of a scale stands for
+        0."""
         processes = list(self.model.processes)
         by_term: dict[int, dict[int, float]] = {}
         for coordinate, value in zip(self.coordinates, z.tolist(), strict=True):
@@ -170,8 +173,11 @@ class Problem:
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """Return the scale coordinate k at which its term is at most `share` of the model's wavelet variance at every
-        level."""
+        """Return a value for scale coordinate k at which its term is negligible.
+
+        The wavelet variance of the term is then at most the fraction `share` of the wavelet variance of the model, at
+        every level.
+        """
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
         own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
@@ -185,11 +191,11 @@ class Problem:
     # --- likelihood -----------------------------------------------------------------------------------
 
     def value(self, model: Model) -> tuple[float, Level]:
-        """Return the log-likelihood of a model with values, and its regression coefficients."""
+        """Return the log-likelihood of a model with values, and the estimated regression coefficients."""
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
     def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
-        """Return the log-likelihood with gradient and information matrix in the `active` coordinates; None if
+        """Return the log-likelihood, gradient and information matrix for the `active` coordinates, or None if
         undefined."""
         try:
             model = self.at_point(z)
@@ -199,7 +205,7 @@ class Problem:
         try:
             system = assemble(model, self.rate)
             d = slopes(model, system, wanted, self.rate)
-        except MissingTheoryError:  # power-law noise has a state space for some exponents only
+        except MissingTheoryError:  # power-law noise has a state space only for some exponents
             return None
         value, level = _likelihood(system, self.series, self.regressors)
         if not math.isfinite(value):
@@ -246,8 +252,9 @@ def _inverse(gram: Matrix) -> Matrix:
 
 
 def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
-    """Return the standardised innovations (N,), NaN where a sample is missing, and the number of fitted regression
-    coefficients.
+    """Return the standardised innovations (N,) and the number of fitted regression coefficients.
+
+    The innovations are NaN where a sample is missing.
 
     The coefficients are estimated from the whole recording.
     """
@@ -262,7 +269,7 @@ def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
 
 
 def nothing_to_chance(model: Model) -> ModelError:
-    """Make the error for a model that predicts a sample exactly."""
+    """Create the error for a model that predicts a sample exactly."""
     return ModelError(
         f"{model} predicts some sample exactly from the samples before, so it has no likelihood",
         advice="Add white noise, or another term that is not zero.",
@@ -270,7 +277,7 @@ def nothing_to_chance(model: Model) -> ModelError:
 
 
 def as_mean(mean: float | None) -> float | None:
-    """Check the known mean of a recording; None if it is unknown."""
+    """Check the known mean of a recording, and return it as a float, or None if it is unknown."""
     if mean is None:
         return None
     if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):

@@ -1,4 +1,4 @@
-"""A recording for the Kalman filter: samples at equal steps, NaN where one is missing."""
+"""Recordings in the form that the Kalman filter needs: equally spaced samples with NaN for missing ones."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 
 _ROOM = 10_000_000
-"""Largest number of missing samples that gaps may add to a recording of any length: 80 MB. Pinned by
-tests/likelihood/test_loglikelihood.py, test_gaps_that_need_too_much_memory_are_refused."""
+"""Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
+see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
+tests/likelihood/test_loglikelihood.py."""
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """The samples of one axis at equal steps.
+    """Equally spaced samples of one axis, with optional columns of a regression.
 
     Attributes
     ----------
@@ -35,9 +36,9 @@ class Record:
     centre : float
         A number near the values, subtracted before squares are computed to avoid cancellation.
     columns : (p, N) array
-        Columns of a regression on conditions, of unit standard deviation; none by default.
+        Columns of a regression on conditions, scaled to standard deviation 1; none by default.
     scales : (p,) array
-        Standard deviations of the columns before.
+        Standard deviations of the columns before they were scaled.
     names : tuple of str
         Names of the columns.
     """
@@ -56,7 +57,7 @@ class Record:
         freeze(self.values)
 
     def without(self, coefficients: Sequence[float]) -> Record:
-        """Return the recording without the effect of its columns."""
+        """Return the recording minus the effect of its columns with the given (unscaled) coefficients."""
         effect = (np.array(coefficients) * self.scales) @ self.columns
         return Record(self.values - effect, self.rate, self.unit, self.axis, start=self.start, centre=self.centre)
 
@@ -73,7 +74,7 @@ class Record:
     def signal(self) -> Signal:
         """Return the recording as a signal with its short gaps filled, for its wavelet variance.
 
-        If most samples lie in segments that are too short, missing samples are interpolated linearly instead.
+        If most samples are in segments that are too short, missing samples are interpolated linearly instead.
         """
         signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
         kept = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
@@ -90,8 +91,8 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
     Parameters
     ----------
     data : Signal or (N,) array
-        Gaps between the segments of a signal become missing samples. Their number follows from the time stamps, and is
-        one where the clock was set back. In an array, NaN or a masked value is a missing sample.
+        Gaps between the segments of a signal become missing samples. Their number follows from the time stamps; if the
+        clock was set back, it is 1. In an array, NaN or a masked value is a missing sample.
     rate : float, optional
         Sampling rate (Hz); needed only if `data` is an array.
     name : str
@@ -104,11 +105,11 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
     Raises
     ------
     DataError
-        If fewer than 8 samples are observed, a value is infinite, or the gaps are much longer than the recording.
+        If fewer than 8 samples are observed, if a value is infinite, or if the gaps are much longer than the recording.
     ModelError
         If all samples are equal.
     OptionError
-        If the rate is missing, or contradicts the rate of a signal.
+        If the rate is missing, or differs from the rate of the signal.
     """
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:

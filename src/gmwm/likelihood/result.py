@@ -37,12 +37,13 @@ _SOURCE = "Pass the values that `LikelihoodFit.to_dict()` returned."
 
 @dataclass(frozen=True, kw_only=True)
 class LikelihoodDiagnostics:
-    """Diagnostics of a maximum-likelihood fit: terms that the data do not determine, the search, and remarks.
+    """Diagnostics of a maximum-likelihood fit: terms that the data do not determine, course of the search, and remarks.
 
     Attributes
     ----------
     acts_as : mapping of term to process name
-        Terms at an end of their domain, which the data cannot distinguish from another process.
+        Terms whose shape parameter is at an end of its domain, so that the data cannot distinguish them from the named
+        process.
     not_supported : tuple of str
         Terms that are estimated as zero.
     evaluations : int
@@ -72,31 +73,31 @@ class LikelihoodFit(KalmanMethods):
     model : Model
         The model with its estimates. Repeated terms are sorted by correlation time, the shortest first.
     parameters : mapping of name to value
-        Estimates by name: "WN.sigma2", "GM.beta", and "GM[1].beta" for repeated terms. SI units and per sample, β in
-        1/s.
+        Estimates by name, such as "WN.sigma2", "GM.beta", and "GM[1].beta" for repeated terms. They are in SI units;
+        `units()` returns the unit of each.
     loglikelihood : float
         Log-likelihood at the estimate.
     level, level_error : float or None, in the unit of the recording
-        Mean of the recording and its standard error; None if it was known or is the level of a random walk.
+        Mean of the recording and its standard error; None if the mean was known or a random walk includes it.
     mean : float or None
         The mean that was passed as known.
     samples, missing : int
         Number of observed and of missing samples.
     names : tuple of str
-        Names of the p parameters that are estimated inside their domains.
+        Names of the p parameters that have a standard error: those that are not estimated at a limit of their domain.
     covariance : (p, p) array
-        Covariance of these parameters, the inverse of the information matrix; infinite if the data do not determine
-        one.
+        Covariance of these parameters, from the inverse information matrix. The variance is infinite for a parameter
+        that the data do not determine.
     rate : float
         Sampling rate (Hz).
     unit, axis : str
         Unit of the recording and name of the axis.
     diagnostics : LikelihoodDiagnostics
-        Terms that act as another process or that the data do not support, and the search.
+        Terms that act as another process or that the data do not support, and how the search ended.
     record : Record or None
         The recording; None if the fit was read from a file.
     regression : Regression or None
-        The effect of conditions that was estimated with the noise; None without `against`.
+        Effect of conditions that was estimated together with the noise; None without `against`.
 
     Examples
     --------
@@ -132,7 +133,7 @@ class LikelihoodFit(KalmanMethods):
 
     @cached_property
     def wavelet_variance(self) -> WaveletVariance:
-        """Wavelet variance of the recording, without the effect of conditions.
+        """Wavelet variance of the recording after the effect of conditions is subtracted.
 
         Raises
         ------
@@ -150,25 +151,25 @@ class LikelihoodFit(KalmanMethods):
 
     @cached_property
     def implied(self) -> Vector:
-        """Wavelet variance (J,) of the fitted model, at the levels of `wavelet_variance`."""
+        """Wavelet variance (J,) of the fitted model at the levels of `wavelet_variance`."""
         wv = self.wavelet_variance
         return freeze(self.model.wavelet_variance(wv.levels, wv.rate, wv.filter))
 
     @cached_property
     def decomposition(self) -> dict[str, Vector]:
-        """Wavelet variance (J,) of each term, by label."""
+        """Wavelet variance (J,) of each term of the fitted model, by label of the term."""
         wv = self.wavelet_variance
         return self.model.decomposition(wv.levels, wv.rate, wv.filter)
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard error of each parameter that is estimated inside its domain, by name."""
+        """Standard error of each parameter in `names`, by name."""
         errors = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
         return Named(errors, "standard error of", why_no_error(self.model, errors, self.diagnostics.acts_as))
 
     @property
     def estimated(self) -> int:
-        """Number of free parameters, including those estimated as zero."""
+        """Number of free parameters, including parameters estimated as zero."""
         return len(self.model.names) - len(self.model.fixed_names)
 
     @property
@@ -184,14 +185,15 @@ class LikelihoodFit(KalmanMethods):
     def confidence_intervals(self, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
         """Compute a confidence interval (low, high) for every estimated parameter, by name.
 
-        - "wald": θ̂ ± z SE on the scale that keeps the ends inside the domain (logarithm, artanh), with SE from the
-          information matrix.
-        - "profile": where twice the log-likelihood, maximised over all other parameters, has fallen by z². It is valid
-          where the log-likelihood is not a parabola, and takes about ten more fits for each parameter.
+        - "wald": θ̂ ± z SE after a transformation (logarithm or artanh) that keeps the ends inside the domain of the
+        parameter. SE is the standard error from the information matrix, and z is the normal quantile. - "profile": the
+        interval in which twice the log-likelihood, maximised over all other parameters, is at most z² below its
+        maximum. It is also valid if the log-likelihood is not a parabola, and takes about ten more fits for each
+        parameter.
 
-        Either method gives the profile interval to a scale that is zero, or whose standard error reaches zero, unless
-        the shape of its term is free too: from 0 to an upper limit if zero cannot be excluded. A parameter that the
-        data do not determine has (0, inf).
+        With both methods, a scale parameter that is estimated as zero, or whose Wald interval includes zero, gets the
+        profile interval, unless its term also has a free shape. This interval starts at 0 if the data do not exclude
+        zero. A positive parameter that the data do not determine has the interval (0, inf).
 
         Parameters
         ----------
@@ -203,7 +205,7 @@ class LikelihoodFit(KalmanMethods):
         Returns
         -------
         dict of name to (low, high)
-            In the unit of the parameter.
+            The interval of each parameter, in its unit.
 
         Raises
         ------
@@ -241,8 +243,9 @@ class LikelihoodFit(KalmanMethods):
         Returns
         -------
         str
-            Model, number of samples and rate; log-likelihood and criteria; the tests of the residuals; each parameter
-            with estimate, interval, relative standard error and unit; and the warnings.
+            The text states the model, the number of samples and the rate, the log-likelihood and the information
+            criteria, the tests of the residuals, the estimate, interval, relative standard error and unit of each
+            parameter, and the remarks.
 
         Raises
         ------
@@ -264,7 +267,7 @@ class LikelihoodFit(KalmanMethods):
         ax: Axes | None = None,
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
-        """Draw the wavelet variance of the recording, the curve that the model implies, and the curve of each term.
+        """Draw the wavelet variances of the recording, of the fitted model and of each term.
 
         Parameters
         ----------
@@ -273,13 +276,13 @@ class LikelihoodFit(KalmanMethods):
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
         decomposition : bool, optional
-            Whether to draw the terms. Default: True, but False with `label` or `color`.
+            Whether to draw the terms. The default is False if `label` or `color` is given, otherwise True.
         label : str, optional
-            Name in the legend, for several fits on the same `ax`, as for `Fit.plot`.
+            Name of the fit in the legend, to draw several fits on the same `ax`.
         color : str, optional
-            A colour of Matplotlib such as "#D55E00"; by default the next colour that earlier fits do not have.
+            A Matplotlib colour such as "#D55E00"; by default the next colour that no fit on `ax` uses.
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; a new figure by default.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -301,11 +304,11 @@ class LikelihoodFit(KalmanMethods):
         )
 
     def units(self) -> dict[str, str]:
-        """Unit of every parameter, by name."""
+        """Return the unit of every parameter, by name."""
         return self.model.units(self.unit)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fit as numbers, lists and strings, ready for JSON, without the recording."""
+        """Return the fit as numbers, lists and strings for JSON, without the recording."""
         d = self.diagnostics
         return {
             "method": "maximum likelihood",
@@ -336,7 +339,9 @@ class LikelihoodFit(KalmanMethods):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> LikelihoodFit:
-        """Read a fit from the values of `to_dict`, also after JSON, without its recording.
+        """Create a fit from the values that `to_dict` returned, also after a round trip through JSON.
+
+        The result does not contain the recording.
 
         Raises
         ------
@@ -391,7 +396,7 @@ class LikelihoodFit(KalmanMethods):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Remarks about the terms and the search. Read them before using the fit."""
+        """Remarks about the terms and the search. Read them before you use the fit."""
         return self.diagnostics.remarks
 
     def _repr_html_(self) -> str:

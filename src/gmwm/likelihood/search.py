@@ -1,4 +1,4 @@
-"""Maximise a likelihood by damped Fisher scoring, on the terms that the recording supports."""
+"""Maximise a likelihood by damped Fisher scoring, and set terms to zero that the recording does not support."""
 
 from __future__ import annotations
 
@@ -12,24 +12,26 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.likelihood.problem import Evaluation, Problem
 
 LONGEST = 2.0
-"""Longest step in a coordinate: a factor of seven in a scale."""
+"""Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven."""
 TOLERANCE = 1e-9
-"""Expected gain of the log-likelihood below which the search ends."""
+"""The search ends when the expected increase of the log-likelihood is below this value."""
 _ROUNDS = 200
 """Largest number of steps. A search that reaches it is reported as not converged."""
-# The constants below decide which terms are tried at zero; tests/likelihood/test_fit_ml.py pins them: a term that the
-# data do not support is estimated as zero, and a term that they do support is found again.
+# The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
+# pins them: terms without support in the data are estimated as zero, and supported terms are found again.
 _WORTH = 0.01
-"""Expected gain of the log-likelihood above which a term at zero is tried again."""
+"""A term that is zero is added again if the expected increase of the log-likelihood is above this value."""
 _PLACES = 12
-"""Number of shapes at which such a term is tried."""
+"""Number of values of the shape parameter at which a term that is zero is tried."""
 _BEYOND = 1.6
-"""Extension of the range of shapes beyond the range of a wavelet fit, because the likelihood also shows processes that
-decay within one sample: a factor of 5 in β."""
+"""Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can also
+detect processes that decay within one sample."""
 _FAINT = 0.05
-"""Information about the logarithm of a scale below which zero is tried: the relative standard error exceeds 4."""
+"""A scale is set to zero on trial if the information about its logarithm is below this value. The relative standard
+error is then above 4."""
 _GONE = 1e-7
-"""Change of the log-likelihood with the logarithm of a scale below which the term is treated as zero."""
+"""A term is set to zero if the derivative of the log-likelihood with respect to the logarithm of its scale, and the
+information about it, are below this value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +43,9 @@ class Maximum:
     z : (q,) array
         Coordinates; −inf for the scale of a term that is zero.
     active : tuple of int
-        Coordinates that are neither at a bound nor of a term that is zero.
+        Numbers of the coordinates that are not at a bound and do not belong to a term that is zero.
     at_end : mapping of coordinate to side
-        Shapes at a bound: −1 for the lower, 1 for the upper.
+        Shape coordinates that are at a bound, with −1 for the lower bound and 1 for the upper one.
     evaluation : Evaluation
         The last evaluation of the likelihood.
     evaluations : int
@@ -64,19 +66,20 @@ Progress = Callable[[int, float], None]
 
 
 class Search:
-    """A search for a local maximum.
+    """A search for a local maximum of a likelihood.
 
     Parameters
     ----------
     problem : Problem
+        The likelihood.
     held : tuple of int
-        Coordinates that do not move.
+        Numbers of the coordinates that do not change.
     progress : callable, optional
-        Called after each evaluation.
+        Function that is called after each evaluation with the number of evaluations and the log-likelihood.
     tolerance : float
-        The search ends when the expected gain of the log-likelihood is smaller.
+        The search ends when the expected increase of the log-likelihood is smaller than this.
     revive : bool
-        Try terms that became zero once more at the end.
+        Whether to try at the end to add terms again that became zero.
     """
 
     def __init__(
@@ -93,7 +96,7 @@ class Search:
         self.held = frozenset(held)
         self.progress = progress
         self.count = 0
-        self.gone: set[int] = set()  # terms
+        self.gone: set[int] = set()  # numbers of the terms that are zero
         self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
 
     def run(self, start: Vector) -> Maximum | None:
@@ -104,7 +107,8 @@ class Search:
         if found is None:
             return None
         z, found = self._tidy(z, found)
-        # A term at zero may be supported after the others have moved, and then another one too: two passes.
+        # A term that was set to zero may be supported when other terms have changed. Adding it may make another term
+        # supported, so there are two passes.
         for term in [*sorted(self.gone)] * 2 if self.revive else ():
             tried = self._back(z, found, term) if term in self.gone else None
             if tried is not None:
@@ -141,7 +145,10 @@ class Search:
         return found
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
-        """Take steps d = (I + μ diag I)⁻¹ g until the expected gain is below the tolerance or the rounding error."""
+        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ).
+
+        The steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error.
+        """
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -184,7 +191,8 @@ class Search:
         return z, now, converged
 
     def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
-        """Return the step of the active coordinates inside their bounds, and its expected gain."""
+        """Return a step of the active coordinates inside their bounds, and the expected increase of the
+        log-likelihood."""
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
@@ -192,7 +200,7 @@ class Search:
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
-        """Set terms to zero whose scale no longer changes the likelihood; return whether there are any."""
+        """Mark terms as zero whose scale no longer affects the likelihood, and return whether there are any."""
         gone = set()
         for term, k in self.scales.items():
             if k not in active:
@@ -231,8 +239,10 @@ class Search:
         return z
 
     def _apart(self, z: Vector) -> Vector:
-        """Separate terms of one process that start with the same shape: they have equal gradients and would remain
-        equal."""
+        """Separate the starting values of repeated terms with the same shape.
+
+        Terms with equal values have equal gradients and would remain equal during the search.
+        """
         z = z.copy()
         seen: list[tuple[type, Vector]] = []
         for term, process in enumerate(self.problem.model.processes):
@@ -246,10 +256,11 @@ class Search:
         return z
 
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """Return the maximum with a term that was zero, if the likelihood increases with it; otherwise None.
+        """Return the maximum with a term added that was zero, or None if the likelihood does not increase.
 
-        The term is added with a negligible scale. From its gradient g and information I on the logarithm of the scale,
-        the expected gain is g²/2I. If the shape has one parameter, it is tried over its whole range.
+        The term is first added with a negligible scale. With the gradient g and the information I for the logarithm of
+        the scale, the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole
+        range of this parameter is tried.
         """
         k = self.scales.get(term)
         if k is None or k in self.held:
@@ -263,7 +274,7 @@ class Search:
             slope, information = float(tried.gradient[0]), float(tried.information[0, 0])
             if slope * slope / (2.0 * information) > most:
                 most, best = slope * slope / (2.0 * information), at
-                # The maximum of the parabola in the scale itself.
+                # Move to the maximum of the quadratic approximation in the scale itself.
                 best[k] += min(max(math.log(slope / information), 0.0), 9.0)
         if best is None:
             return None
@@ -276,8 +287,10 @@ class Search:
         return None
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
-        """Return points at which to try a term: over the range of its shape if it has one shape parameter, otherwise at
-        its values."""
+        """Return points (q,) at which to try a term.
+
+        They cover the range of its shape parameter if it has one; otherwise the present shape is the only point.
+        """
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
@@ -295,7 +308,8 @@ class Search:
 def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
     """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method.
 
-    A coordinate that leaves the box is held at its bound, and released if the gradient there points inwards.
+    g is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at
+    its bound, and released if the gradient there points inwards.
     """
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0, size, 1.0)
@@ -319,7 +333,7 @@ def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damp
 
 
 def solved(matrix: Matrix, vector: Vector) -> Vector:
-    """Compute M⁻¹ v for a matrix with unit diagonal; directions with eigenvalues near zero are left out."""
+    """Return M⁻¹ v for a matrix M with unit diagonal. Directions with eigenvalues near zero are left out."""
     if not vector.size:
         return vector
     values, vectors = np.linalg.eigh(matrix)

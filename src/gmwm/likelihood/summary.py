@@ -31,8 +31,10 @@ def in_words(
     residuals: Residuals | None = None,
     missing: Remark | None = None,
 ) -> str:
-    """Write the summary from intervals and residuals that are already computed, with a remark if there are no
-    intervals."""
+    """Write the summary of a fit from intervals and residuals that are already computed.
+
+    `missing` is a remark that states why there are no intervals.
+    """
     words = texts(without_axis(missing, *fit.remarks))
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
@@ -48,7 +50,8 @@ def as_html(fit: LikelihoodFit) -> str:
 def intervals_if_known(
     fit: LikelihoodFit, level: float, method: Method = "wald"
 ) -> tuple[dict[str, Interval], Remark | None]:
-    """Return the intervals; if they cannot be computed, return none and a remark with the reason."""
+    """Return the confidence intervals and None. If they cannot be computed, return no intervals and a remark with the
+    reason."""
     try:
         return confidence_intervals(fit, level, method), None
     except ModelError as error:
@@ -56,8 +59,10 @@ def intervals_if_known(
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:
-    """Return the residuals of the fitted recording, without the effect of conditions; None if the fit was read from a
-    file."""
+    """Return the residuals of the fitted recording, or None if the fit was read from a file.
+
+    The effect of conditions is subtracted from the recording.
+    """
     if fit.record is None:
         return None
     record = fit.record if fit.regression is None else fit.record.without(fit.regression.estimates)
@@ -65,7 +70,7 @@ def own_residuals(fit: LikelihoodFit) -> Residuals | None:
 
 
 def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval]) -> dict[str, Any]:
-    """Return intervals and standard errors as numbers, ready for JSON; None if there is no number."""
+    """Return confidence intervals and standard errors as numbers for JSON. Infinite values become None."""
     return {
         "confidence": level,
         "confidence_intervals": {
@@ -142,8 +147,10 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
 
 
 def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[str, str]:
-    """Return a short text for each parameter: estimate and relative standard error, upper limit, or what its term acts
-    as."""
+    """Return a short text for each parameter of a fit.
+
+    The text is the estimate with its relative standard error, an upper limit, or the process that the term acts as.
+    """
     shown = {}
     for row in rows(fit, intervals):
         value = fit.parameters[row.name]

@@ -1,8 +1,9 @@
-"""Make the state-space matrices of a model for the Kalman filter, their derivatives, and regressors.
+"""State-space matrices of a model for the Kalman filter, their derivatives, and regressors for unknown levels.
 
-An unknown without a distribution is a regressor: the constant of a recording (an offset, gravity), which is also the
-unknown level of a random walk; and a drift, whose slope is a parameter. Their coefficients follow by least squares
-after the filter has run, exactly as if their variance were infinite.
+Unknown quantities without a probability distribution are coefficients of regressors. One is the constant level of the
+recording (an offset or gravity), which includes the initial value of a random walk. Another is the slope of a drift.
+The coefficients follow from least squares after the filter has run. The result is the same as with an infinite prior
+variance.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from gmwm.processes.model import Model
 from gmwm.statespace import StateSpace, powers
 
 LEVEL = "level"
-"""Label of the constant mean of the recording. A model with a random walk has no such mean, because the walk includes
-it."""
+"""Label of the constant level of the recording. A model with a random walk does not have this label, because the random
+walk includes the level."""
 STEP = 0.02
-"""Step of a coordinate for derivatives of matrices by differences of order 6, whose error is about STEP⁶ = 6e-11;
-tests/likelihood/test_score.py compares with other derivatives."""
+"""Step of a coordinate for numerical derivatives of the matrices by sixth-order differences. Their error is about STEP⁶
+= 6e-11; tests/likelihood/test_score.py checks them against other derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +36,10 @@ class Regressor:
     course : (N,) array
         The function at each sample.
     label : str
-        LEVEL, or the label of its term.
+        LEVEL, the label of the term, or the name of a condition.
     flat : bool
-        Whether the coefficient is integrated out (a level) or estimated (a drift).
+        True if the coefficient is integrated out (a level or a condition), False if it is a parameter of the model (a
+        drift).
     """
 
     course: Vector
@@ -47,7 +49,19 @@ class Regressor:
 
 @dataclass(frozen=True, eq=False)
 class TermBlock:
-    """The block of one term in the joint state: its label, process and state space, and the range of its states."""
+    """One term of a model in the joint state vector.
+
+    Attributes
+    ----------
+    label : str
+        Label of the term.
+    process : Process
+        The process with its values.
+    space : StateSpace
+        Its state space.
+    first, last : int
+        The states of the term are first … last − 1.
+    """
 
     label: str
     process: Process
@@ -58,7 +72,7 @@ class TermBlock:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The random terms of a model with values, as one state space with a proper initial covariance."""
+    """The random terms of a model with values as one state space with a finite initial covariance."""
 
     blocks: tuple[TermBlock, ...]
     F: Matrix
@@ -69,7 +83,7 @@ class System:
 
     @property
     def matrices(self) -> tuple[Matrix, Matrix, Vector, float, Matrix]:
-        """F, Q, H, R and P0, in the order of the kernels."""
+        """F, Q, H, R and P0, in the order of the arguments of the C++ functions."""
         return self.F, self.Q, self.H, self.R, self.P0
 
 
@@ -79,6 +93,7 @@ def require_state(process: Process) -> None:
     Raises
     ------
     MissingTheoryError
+        If the process does not define `state_space`.
     """
     if not process.has("state_space"):
         raise MissingTheoryError(
@@ -88,7 +103,7 @@ def require_state(process: Process) -> None:
 
 
 def is_ramp(process: Process, rate: float) -> bool:
-    """Return whether a process is deterministic except for its scale, as a drift is."""
+    """Return whether a process is deterministic except for its scale, like a drift."""
     one = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
     if not one.has("state_space"):
         return False
@@ -97,7 +112,7 @@ def is_ramp(process: Process, rate: float) -> bool:
 
 
 def _certain(space: StateSpace) -> bool:
-    """Return whether a state space has no noise at its values."""
+    """Return whether a state space has no noise and a known initial state."""
     return not (np.any(space.Q) or np.any(space.R) or np.any(space.P0))
 
 
@@ -129,7 +144,10 @@ def assemble(model: Model, rate: float) -> System:
 
 
 def _start(space: StateSpace) -> Matrix:
-    """Return P0, with the variance of one step for states of unknown level; the level itself is a regressor."""
+    """Return the initial covariance of the states.
+
+    A state of unknown initial level has the variance of one step, because the level itself is a regressor.
+    """
     start = np.array(space.P0)
     unknown = space.diffuse
     start[unknown, :] = 0.0
@@ -149,7 +167,8 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
                 ramps.append(Regressor(np.asarray(course, dtype=np.float64), label, flat=False))
             continue
         space = process.state_space(rate)
-        # A term that is held at zero has no level; a free one may become positive and then needs it.
+        # A term whose scale is fixed at zero has no level. A free scale may become positive, and the term then needs a
+        # level.
         wanders = process.scale > 0 or not process.is_fixed(process.scale_parameter().name)
         for state in np.flatnonzero(space.diffuse) if wanders else ():
             course = _course(space, int(state), samples)
@@ -162,7 +181,7 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
 
 
 def _course(space: StateSpace, state: int, samples: int) -> Vector:
-    """Return the response H Fᵗ e of the output to a state that starts at 1."""
+    """Return the response H Fᵗ e (N,) of the output to an initial state vector e with a 1 for one state."""
     start = np.zeros(space.states)
     start[state] = 1.0
     if np.array_equal(space.F @ start, start):
@@ -177,8 +196,11 @@ class Slopes:
     Attributes
     ----------
     F, Q, P0 : (q, p, p) arrays
+        Derivatives of the transition matrix, the process noise and the initial covariance.
     H : (q, p) array
+        Derivatives of the observation row.
     R : (q,) array
+        Derivatives of the variance of the measurement noise.
     """
 
     F: Matrix
@@ -190,14 +212,22 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A free coordinate: the logarithm of a term's scale coefficient, or one coordinate of its shape."""
+    """A free coordinate of the likelihood.
+
+    Attributes
+    ----------
+    term : int
+        Number of the term in the model.
+    shape : int or None
+        Number of the shape coordinate of the term; None for the logarithm of its scale.
+    """
 
     term: int
     shape: int | None = None
 
 
 def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
-    """Compute the derivatives of a system with respect to the coordinates of its model."""
+    """Compute the derivatives of the state-space matrices of a model with respect to its coordinates."""
     p, q = system.H.size, len(coordinates)
     out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))
     by_label = {block.label: block for block in system.blocks}
@@ -224,14 +254,14 @@ def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate
 
 
 def moved(process: Process, shape: int, distance: float) -> Process:
-    """Return the process with one coordinate of its shape moved by `distance`."""
+    """Return a process with one shape coordinate changed by `distance`."""
     z = type(process).coordinates(process.nonlinear.reshape(1, -1))
     z[0, shape] += distance
     return at_shape(process, z[0])
 
 
 def at_shape(process: Process, z: Vector) -> Process:
-    """Return the process with the coordinates z of its shape."""
+    """Return a process with the shape parameters at coordinates z."""
     values = type(process).at_coordinates(np.asarray(z, dtype=np.float64).reshape(1, -1))[0].tolist()
     names = [p.name for p in process.nonlinear_parameters()]
     return process.with_values(**dict(zip(names, values, strict=True)))

@@ -1,4 +1,4 @@
-"""Estimates of the latent processes of a recording by the Kalman filter: filtered, smoothed or predicted."""
+"""Estimate the latent processes of a recording with a Kalman filter, a smoother, or a prediction."""
 
 from __future__ import annotations
 
@@ -38,22 +38,23 @@ Modelled = Fit | LikelihoodFit | Model | Process | str
 """A fit, or a model with values."""
 
 BIAS = "bias"
-"""Label of the bias: the sum of the level of the recording and of all slow terms, as navigation filters define it."""
+"""Label of the bias, which is the sum of the level of the recording and of all slow terms, as in navigation filters."""
 FARTHEST = 10_000_000
-"""Largest number of predicted samples. Each takes some hundred bytes, 1 GB in all."""
+"""Largest number of predicted samples. Each takes about 100 bytes, so this number takes 1 GB."""
 RATES_ALIKE = 1e-3
-"""Relative difference below which two rates are treated as equal, because rates from time stamps vary between
-recordings. Estimates per sample change by the same 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
+"""Two rates are treated as equal if their relative difference is below this value, because rates from time stamps vary
+between recordings. Parameters per sample then change by at most 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Tracks:
-    """Estimates of the latent processes of a recording, with their standard deviations.
+    """Estimated time series of the latent processes of a recording, with standard deviations.
 
     Attributes
     ----------
     kind : "filter", "smooth" or "predict"
-        Estimates from the samples so far, from all samples, or after the end of the recording.
+        Kind of estimate: from the samples up to each time, from all samples, or a prediction after the end of the
+        recording.
     model : Model
         The model with its values.
     rate : float
@@ -63,12 +64,12 @@ class Tracks:
     times : (N,) array
         Times of the samples (s).
     data : (N,) array
-        The recording; NaN where a sample is missing, as all predicted samples are.
+        The recording; NaN for missing and for predicted samples.
     mean, error : mapping of label to (N,) array
-        Expected value and standard deviation given the data, in the unit of the recording. Labels are the terms;
-        "level", the constant mean, if no random walk includes it; and "bias", the sum of the level and of all terms
-        with a correlation time of more than one sample. While the data do not determine a process, its error is
-        infinite and its mean NaN.
+        Expected value and standard deviation given the data, in the unit of the recording. The labels are the terms,
+        "level" for the constant mean (if no random walk includes it), and "bias" for the sum of the level and of all
+        terms with a correlation time of more than one sample. While the data do not determine a process, its error is
+        infinite and its mean is NaN.
 
     Examples
     --------
@@ -108,12 +109,13 @@ class Tracks:
         return tuple(self.mean)
 
     def band(self, label: str = BIAS, level: float = 0.95) -> tuple[Vector, Vector]:
-        """Return the ends (N,) of the interval that contains the process at a sample with a given probability.
+        """Return the lower and upper ends (N,) of the interval that contains the process at each sample with a given
+        probability.
 
         Parameters
         ----------
         label : str
-            A label of `labels`.
+            One of `labels`.
         level : float
             Probability, from 0.5 to below 1. The parameters of the model are treated as known.
 
@@ -145,21 +147,21 @@ class Tracks:
     ) -> MatplotlibFigure:
         """Draw the recording with its bias and, below it, the bias or other tracks with their confidence bands.
 
-        The line of the recording is broken where samples are missing; a track is not. Samples with an infinite standard
-        deviation are not drawn. A prediction has no recording to draw.
+        The line of the recording has gaps where samples are missing; the tracks do not. Samples with an infinite
+        standard deviation are not drawn. For a prediction, only the tracks are drawn.
 
         Parameters
         ----------
         labels : str or sequence of str, optional
             The tracks to draw, one panel each; the bias by default.
         truth : mapping of label to (N,) array, or (N,) array, optional
-            The true paths, in the unit of the recording, if they are known; one array is the true bias.
+            The true values, in the unit of the recording, if they are known. A single array is the true bias.
         level : float
-            Probability that the band contains the process at a given sample, with the parameters taken as known.
+            Probability that the band contains the process at a given sample, if the parameters of the model are exact.
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+            rad/s and m/s², or deg/h and mg. Other units are not converted.
         ax : matplotlib Axes, optional
-            Where to draw one track without the recording; a new figure by default.
+            Axes on which to draw one track without the recording; a new figure by default.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -170,10 +172,10 @@ class Tracks:
         Raises
         ------
         OptionError
-            If a label or an option is unknown, a true path has another length than the track, or the picture cannot be
-            drawn on `ax`.
+            If a label or an option is unknown, if `truth` has another length than the tracks, or if the picture cannot
+            be drawn on `ax`.
         DataError
-            If a true path is not a vector of real numbers.
+            If `truth` is not a vector of real numbers.
 
         Examples
         --------
@@ -195,14 +197,14 @@ class Tracks:
 def filter_tracks(
     model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
-    """Estimate the latent processes from the samples so far: see `Model.kalman_filter`."""
+    """Estimate the latent processes at each time from the samples up to this time; see `Model.kalman_filter`."""
     return _tracks("filter", model, data=data, rate=rate, mean=mean)
 
 
 def smooth_tracks(
     model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
-    """Estimate the latent processes from all samples: see `Model.smooth`."""
+    """Estimate the latent processes from all samples; see `Model.smooth`."""
     return _tracks("smooth", model, data=data, rate=rate, mean=mean)
 
 
@@ -214,7 +216,7 @@ def predict_tracks(
     *,
     mean: float | None = None,
 ) -> Tracks:
-    """Predict the latent processes after the end of a recording: see `Model.predict`."""
+    """Predict the latent processes after the end of a recording; see `Model.predict`."""
     steps = as_whole_number(steps, "steps", 1)
     if steps > FARTHEST:
         raise OptionError(
@@ -259,7 +261,7 @@ def _tracks(
 
 
 def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
-    """Pose the problem of a model with values and a recording, with `steps` missing samples after its end."""
+    """Create the likelihood problem of a model with values and a recording, with `steps` missing samples appended."""
     if isinstance(model, Fit | LikelihoodFit):
         known = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
         given = data.rate if isinstance(data, Signal) else rate
@@ -295,7 +297,8 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
 
 
 def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
-    """Return the labels of the tracks, and their weights of the states (g, p) and of the regressors (g, m)."""
+    """Return the labels of the g tracks, and the weights of the states (g, p) and of the regressors (g, m) in each
+    track."""
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
@@ -322,14 +325,17 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
 
 
 def wanders(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias: its correlation time is longer than a sample, and it is not a
-    sinusoid."""
+    """Return whether a process is part of the bias.
+
+    This holds if its correlation time is longer than one sample and it is not a sinusoid.
+    """
     time = process.correlation_time(rate)
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
 def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
-    """Add what was subtracted before: a known mean or the centre of the recording, and drifts with their values."""
+    """Add to the tracks what was subtracted from the recording: its centre or known mean, and drifts with known
+    slopes."""
     bias = found[BIAS][0]
     bias += problem.centre
     levelled = [r.label for r in problem.regressors if r.flat]
