@@ -1,6 +1,6 @@
 """Noise processes and their sums. This package contains the theory only and uses no data.
 
-The modules imported here define the processes; their order is the order in which processes are shown.
+The modules imported here define the processes. The order of the imports is the order in which processes are listed.
 """
 
 from gmwm.processes.noise import WN as WN, QN as QN  # isort: skip

@@ -14,11 +14,17 @@ from gmwm.processes.linear_recursion import PHI, SEASONAL_PHI, SEASONAL_THETA, T
 
 
 class _Arma(Lagged, abstract=True, listed=False):
-    """Methods that AR, MA, ARMA and SARMA processes share: special cases, and the class that contains two others."""
+    """Methods that AR, MA, ARMA and SARMA processes share.
+
+    They return the special cases of a class, and the class that contains two given classes as special cases.
+    """
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
-        """Return the single term: autoregressions add up to an ARMA, moving averages to a moving average."""
+        """Return the text of the single term to write instead of `count` terms of this class.
+
+        A sum of independent autoregressions is an ARMA process, and a sum of moving averages is a moving average.
+        """
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
         if p + seasonal_p == 0 or seasonal_p + seasonal_q > 0:
             return cls.name
@@ -26,14 +32,14 @@ class _Arma(Lagged, abstract=True, listed=False):
 
     @classmethod
     def smaller(cls) -> tuple[type[Process], ...]:
-        """Classes of lower orders, largest first, without white noise."""
+        """Return the classes of lower orders, largest orders first; white noise, with all orders 0, is not included."""
         p, q, seasonal_p, seasonal_q, period = cls.full_orders()
         lower = product(*(range(order, -1, -1) for order in (p, q, seasonal_p, seasonal_q)))
         return tuple(_of_orders(at, period) for at in lower if any(at) and at != (p, q, seasonal_p, seasonal_q))
 
     @classmethod
     def joined(cls, other: type[Process]) -> type[Process] | None:
-        """Return the class with the larger of each order; None if the periods differ."""
+        """Return the class whose orders are the larger ones of both classes; None if the periods differ."""
         if not issubclass(other, _Arma):
             return None
         one, two = cls.full_orders(), other.full_orders()

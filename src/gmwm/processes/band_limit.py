@@ -12,15 +12,17 @@ from gmwm._arrays import Vector
 from gmwm.processes.physical import Physical
 
 SHORT = 1.0
-"""Correlation time (s) below which the density at low frequencies is N: the standard defines N at τ = 1 s."""
+"""Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N. N is then the square root
+of the density at low frequencies."""
 HALF = 0.5
+"""Share of the power that defines the bandwidth and the width of a peak."""
 PEAK = 2.0
 """Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
 _PIECES = 64
 _ROUNDS = 9
-"""Number of rounds in the search for a crossing. Each divides the interval by 64, so its final length is 2⁻⁵⁴ of the
-first."""
+"""Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
+times as long as the first."""
 STEP = 1e-5
 """Relative step of one-sided differences. Their relative error is of the same size
 (tests/processes/test_band_limit.py)."""
@@ -41,9 +43,9 @@ def band_numbers(
     rate : float
         Sampling rate (Hz).
     slopes : mapping of parameter name to float
-        ∂ ln N / ∂ ln θ.
+        Derivative ∂ ln N / ∂ ln θ for each parameter θ.
     free : mapping of parameter name to function
-        The density with one shape parameter θ larger by a factor of 1 + 1e-5.
+        For each shape parameter θ that is not fixed, the density of the process with θ multiplied by 1 + `STEP`.
     """
     values = _band(density, rate)
     moved = {name: _band(other, rate) for name, other in free.items()}
@@ -70,13 +72,16 @@ def _at_zero(density: Density) -> float:
 
 
 def _band(density: Density, rate: float) -> dict[str, float]:
-    """Return the bandwidth (Hz), and the frequency (Hz) and quality factor of the resonance, as far as they exist."""
+    """Return the bandwidth f_b (Hz), the resonance frequency f_r (Hz) and the quality factor Q_r, by symbol.
+
+    A quantity that does not exist is left out.
+    """
     found = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
     values, low = density(grid), _at_zero(density)
     last = int(np.flatnonzero(values >= HALF * low)[-1])
     if last < _POINTS - 1:
-        # Above the bandwidth the density stays below half of that at low frequencies.
+        # Above the bandwidth, the density stays below half of its value at low frequencies.
         found["f_b"] = _crossing(density, HALF * low, grid[last], grid[last + 1])
     centre = _peak(density, grid, values)
     top = float(density(np.array([centre]))[0])
@@ -89,9 +94,10 @@ def _band(density: Density, rate: float) -> dict[str, float]:
 
 
 def _peak(density: Density, grid: Vector, values: Vector) -> float:
-    """Return the frequency of the highest maximum: the vertex of a parabola on a fine grid around it.
+    """Return the frequency (Hz) of the highest maximum of a density with these `values` on a grid.
 
-    A yet finer grid would show rounding errors, because the maximum is flat.
+    The density is evaluated on a finer grid around the maximum and interpolated by a parabola. A still finer grid
+    would find rounding errors, because the density is flat at its maximum.
     """
     place = int(np.clip(np.argmax(values), 1, _POINTS - 2))
     fine = np.linspace(grid[place - 1], grid[place + 1], _POINTS)
@@ -104,7 +110,10 @@ def _peak(density: Density, grid: Vector, values: Vector) -> float:
 
 
 def _quality(density: Density, rate: float, centre: float, top: float) -> float | None:
-    """Return the quality factor: the resonance frequency divided by the width of the peak at half its power."""
+    """Return the quality factor, which is the resonance frequency divided by the width of the peak at half its power.
+
+    It is None if the density does not fall to half the power on both sides of the peak.
+    """
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
     below = grid[density(grid) < HALF * top]
     low, high = below[below < centre], below[below > centre]
@@ -116,7 +125,10 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
 
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
-    """Return the frequency at which the density equals `level`, between `inside`, where it is above, and `outside`."""
+    """Return the frequency (Hz) between `inside` and `outside` at which the density falls below `level`.
+
+    The density is above the level at the frequency `inside` and below it at `outside`.
+    """
     for _ in range(_ROUNDS):
         grid = np.linspace(inside, outside, _PIECES + 1)
         first = int(np.argmax(np.append(density(grid[1:-1]) < level, True))) + 1

@@ -1,8 +1,8 @@
 """Base class of all noise processes.
 
 The wavelet variance of a process is a scale coefficient times a shape, which depends on the nonlinear parameters.
-A subclass defines at least one piece of theory; the defaults here derive the rest. Each subclass enters the registry,
-which the parser, the command line, the documentation and the law tests use.
+A subclass defines at least one piece of theory; the defaults here derive the rest. Each subclass is added to the
+registry, which the parser, the command line, the documentation and the tests in `tests/laws` use.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Theory = Literal[
     "allan_variance",
 ]
 
-# What each piece of theory can be derived from; the first source that the process defines is used.
+# The sources from which each piece of theory can be derived. The first source that the process defines is used.
 _SOURCES: dict[str, tuple[str, ...]] = {
     "wavelet_variance": ("running_sum_covariance", "state_space", "autocovariance"),
     "running_sum_covariance": ("state_space", "autocovariance"),
@@ -107,19 +107,20 @@ class Process(ABC):
     """
 
     name: ClassVar[str]
-    """Short name, as written in a model: "GM"."""
+    """Short name that model texts use, such as "GM"."""
     title: ClassVar[str]
-    """Full name: "Gauss-Markov process"."""
+    """Full name, such as "Gauss-Markov process"."""
     parameters: ClassVar[tuple[Parameter, ...]]
     """Parameters, in the order of the fields."""
     repeatable: ClassVar[bool] = False
-    """Whether a sum can contain several terms of this process. This requires shape parameters, which can differ."""
+    """Whether a sum can contain several terms of this process. The terms must differ in a shape parameter."""
     stationary: ClassVar[bool] = True
-    """Whether the process has an autocovariance."""
+    """Whether the process is stationary, so that it has an autocovariance."""
     approximate: ClassVar[bool] = False
-    """Whether `state_space` is an approximation (see `ladder`), from which nothing else is derived."""
+    """Whether `state_space` is an approximation (see the module `ladder`), from which no other theory is derived."""
     parametrises: ClassVar[str | None] = None
-    """Name of the process, if several classes parametrise it; a model may use only one of these classes."""
+    """Common name of classes that describe one process by different parameters, such as `AR1` and `GM`; None otherwise.
+    A model may use only one of these classes."""
 
     def __init_subclass__(cls, *, register: bool = True, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -186,7 +187,7 @@ class Process(ABC):
 
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:
-        """Make the error for a parameter `name` that the process does not have."""
+        """Return the error for a parameter `name` that the process does not have."""
         known = ", ".join(p.name for p in cls.parameters)
         return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {known}", argument=name, got=name)
 
@@ -202,14 +203,14 @@ class Process(ABC):
 
     @classmethod
     def scale_from(cls, value: float) -> float:
-        """Scale coefficient for a value of the scale parameter: value**scale_power."""
+        """Return the scale coefficient value**scale_power for a value of the scale parameter."""
         power = cls.scale_parameter().scale_power
         assert power is not None
         return math.pow(value, power)
 
     @classmethod
     def value_from(cls, scale: float) -> float:
-        """Nonnegative value of the scale parameter for a scale coefficient."""
+        """Return the value (at least 0) of the scale parameter that gives the scale coefficient `scale`."""
         power = cls.scale_parameter().scale_power
         assert power is not None
         return math.pow(scale, 1.0 / power)
@@ -225,7 +226,7 @@ class Process(ABC):
         """Return the single term to write instead of `count` terms of a process that is not `repeatable`."""
         return f"{cls.name}()"
 
-    # --- which processes are cases of which, for the choice among models ----------------------------------
+    # --- special cases of processes, which the choice among models uses ---------------------------------
 
     @classmethod
     def smaller(cls) -> tuple[type[Process], ...]:
@@ -234,14 +235,15 @@ class Process(ABC):
 
     @classmethod
     def joined(cls, other: type[Process]) -> type[Process] | None:
-        """Return the smallest class that contains this class and `other`; None if only their sum does."""
+        """Return the smallest class that has this class and `other` as special cases; None if there is no such
+        class."""
         return cls if cls is other else None
 
     # --- the shape, which estimation uses -------------------------------------------------------------
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance for scale coefficient 1.
+        """Compute the wavelet variance for scale coefficient 1.
 
         Parameters
         ----------
@@ -252,7 +254,7 @@ class Process(ABC):
         rate : float
             Sampling rate (Hz).
         filter : WaveletFilter
-            An override with a closed form for some filters calls `super().shape` for the others.
+            Wavelet filter. A subclass that has closed forms for some filters calls `super().shape` for the others.
 
         Returns
         -------
@@ -268,7 +270,8 @@ class Process(ABC):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative (n, J, q) of `shape` with respect to each nonlinear parameter; by differences of order 6."""
+        """Compute the derivatives (n, J, q) of `shape` with respect to the parameters; by central differences of order
+        6."""
         wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
         result = np.zeros((len(theta), wanted.size, theta.shape[1]))
         room = cls.room(theta)
@@ -283,9 +286,9 @@ class Process(ABC):
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """Return curves that cover the domain of a single nonlinear parameter, so that a global optimum can be proven.
+        """Return curves that cover the domain of a single nonlinear parameter.
 
-        None by default: then starting values come from `scan`, for any number of parameters.
+        A fit along them can be proven to be the global optimum. Without curves, starting values come from `scan`.
         """
         return ()
 
@@ -293,33 +296,33 @@ class Process(ABC):
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Distance (n, q) of each nonlinear parameter from the end of its domain; not positive outside the domain."""
+        """Compute the distance (n, q) of each nonlinear parameter from the nearest end of its domain; ≤ 0 outside."""
         columns = [p.room(nonlinear[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
         return np.stack(columns, axis=1) if columns else np.empty((len(nonlinear), 0))
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """Unconstrained coordinates (n, q) of nonlinear parameters; by default one parameter at a time."""
+        """Transform nonlinear parameters (n, q) to unconstrained coordinates (n, q), by default each one separately."""
         columns = [p.coordinate(nonlinear[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
         return np.stack(columns, axis=1) if columns else np.empty((len(nonlinear), 0))
 
     @classmethod
     def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
-        """Nonlinear parameters (n, q) at coordinates `z` (n, q). Analytic, because derivatives use complex steps."""
+        """Compute the nonlinear parameters (n, q) at coordinates `z` (n, q), which are complex for derivatives."""
         columns = [p.at_coordinate(z[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
         return np.stack(columns, axis=1) if columns else np.empty((len(z), 0))
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Range (q, 2) of the coordinates for starting values; estimates may lie outside it."""
+        """Return the lowest and highest coordinates (q, 2) of starting values. Estimates may lie outside this range."""
         return np.array([p.scanned(samples, rate) for p in cls.nonlinear_parameters()]).reshape(-1, 2)
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw starting values, (draws, 1 + q) with the scale coefficient first, as in Algorithm 3 of the paper.
+        """Draw starting values (draws, 1 + q), with the scale coefficient first.
 
-        For a process that the paper does not treat, the coordinates are uniform over `scan`, and the share of the
-        process in the sum of the wavelet variances is uniform.
+        The draws follow Algorithm 3 of Balamuta et al. (see `Sampled`). For other processes, the coordinates are
+        uniform over the range of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
 
         Parameters
         ----------
@@ -340,14 +343,15 @@ class Process(ABC):
     # --- theory; every parameter needs a value ---------------------------------------------------------
 
     def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
-        """Wavelet variance ν_j² (u²), (J,)."""
+        """Compute the wavelet variance ν_j² (J,) in u²."""
         shape = self.shape(self.nonlinear.reshape(1, -1), levels, as_rate(rate), find_filter(filter))
         return np.asarray(self.scale * shape[0], dtype=np.float64)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance K(m) of the running sum (u²), up to a linear function that second differences remove.
+        """Compute the generalised covariance K(m) of the running sum (u²) at lags m.
 
-        For a stationary process K(m) = −½ Var(sum of |m| samples); ν_j² = [6K(0) − 8K(h) + 2K(2h)]/τ².
+        It is defined up to a linear function of |m|. For a stationary process K(m) = −½ Var(sum of |m| samples). The
+        Haar wavelet variance is ν_j² = [6K(0) − 8K(h) + 2K(2h)]/τ², with τ = 2^j and h = τ/2 samples.
         """
         m, rate = np.abs(as_lags(lags)), as_rate(rate)
         self._require("running_sum_covariance")
@@ -368,14 +372,15 @@ class Process(ABC):
         return -0.5 * np.concatenate(([0.0], np.cumsum(steps)))[m]
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Autocovariance r(k) in u² at integer `lags`."""
+        """Compute the autocovariance r(k) in u² at integer `lags` k."""
         self._require("autocovariance")
         return self.state_space(as_rate(rate)).autocovariance(as_lags(lags))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance A(m) at integer `lags` (u²), up to a constant that wavelet filters remove.
+        """Compute the generalised covariance A(m) in u² at integer `lags` m.
 
-        For a stationary process A(m) = r(m) or r(m) − r(0), else −½ Var(X_{t+m} − X_t).
+        It is defined up to a constant, which wavelet filters remove. For a stationary process A(m) is r(m) or
+        r(m) − r(0), with the autocovariance r; otherwise A(m) = −½ Var(X_{t+m} − X_t).
         """
         self._require("generalised_covariance")
         if self.has("autocovariance"):
@@ -385,9 +390,10 @@ class Process(ABC):
         return np.asarray((here - before) - (after - here))
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
+        """Compute the Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
 
-        σ²(n) = [3K(0) − 4K(n) + K(2n)]/n², with K of `running_sum_covariance`; twice ν² at the scale 2n.
+        σ²(n) = [3K(0) − 4K(n) + K(2n)]/n², where K is the `running_sum_covariance`. For n = 2^(j−1) it is twice the
+        Haar wavelet variance ν_j².
         """
         n = as_clusters(clusters)
         self._require("allan_variance")
@@ -395,27 +401,27 @@ class Process(ABC):
         return np.asarray((3.0 * k0 - 4.0 * k1 + k2) / np.square(n, dtype=np.float64))
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Two-sided power spectral density (u²/Hz) of the sampled process at |f| ≤ rate/2 (Hz).
+        """Compute the two-sided power spectral density (u²/Hz) of the sampled process at |f| ≤ rate/2 (Hz).
 
-        S(f) = Δt Σ_k r(k) exp(−2πi f k Δt); its integral over [−rate/2, rate/2] is the variance.
+        S(f) = Δt Σ_k r(k) exp(−2πi f k Δt), Δt = 1/rate; its integral over [−rate/2, rate/2] is the variance.
         """
         self._require("psd")
         rate = as_rate(rate)
         return self.state_space(rate).psd(as_frequencies(frequencies, rate), rate)
 
     def state_space(self, rate: float) -> StateSpace:
-        """State space in discrete time: F, Q, H, R, m0 and P0."""
+        """Return the state space in discrete time, with the matrices F, Q, H, R, m0 and P0."""
         raise self.missing("state_space")
 
     def continuous(self, rate: float) -> ContinuousStateSpace | None:
-        """State space in continuous time, which `rate` discretises to `state_space`; None if there is none."""
+        """Return the state space in continuous time, whose discretisation at `rate` is `state_space`; None if none."""
         return ContinuousStateSpace.of(self.state_space(rate), rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of Haar wavelet coefficients: (n,) in u², for n pairs of levels and lags u.
+        """Compute the covariances 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) (n,) of Haar wavelet coefficients, in u².
 
-        `at` holds, each (n,), the half-scales 2^(j−1) ≤ 2^(k−1) of the pairs as `fine` and `coarse`, and the `lag` u.
-        By default from the autocovariance at the lags up to `memory`.
+        Each of the n entries of `at` has a pair of levels j ≤ k, given by the half-scales `fine` = 2^(j−1) and
+        `coarse` = 2^(k−1), and a `lag` u. The default uses the autocovariance at the lags up to `memory`.
         """
         lags = self.memory(rate) if self._gives("memory") else None
         if lags is None:
@@ -423,10 +429,10 @@ class Process(ABC):
         return haar_covariance.short_memory(at, self.autocovariance(np.arange(lags + 1), rate))
 
     def memory(self, rate: float) -> int | None:
-        """Lag L beyond which the autocovariance is zero or negligible, apart from exponentials of `decays`.
+        """Return the lag L beyond which the autocovariance is negligible, apart from exponentials with rates `decays`.
 
-        0 for a process whose `coefficient_covariance` is a closed form; None if the autocovariance lasts too long (see
-        `short_memory.LONGEST`) or this is unknown. V is then a sum over all lags, which takes seconds at 10^6 samples.
+        It is 0 if `coefficient_covariance` is a closed form, and None if L is unknown or exceeds
+        `short_memory.LONGEST`. For None, the covariance of wavelet variances takes seconds at 10^6 samples.
         """
         return 0 if self._gives("coefficient_covariance") else None
 
@@ -434,31 +440,30 @@ class Process(ABC):
     def error_cumulant(self) -> float:
         """Fourth cumulant κ₄ (u⁴) of the errors e_t of a process X_t = e_t − e_{t−1}; 0 if they are Gaussian.
 
-        For uniform errors it is −1.2 Var² e: squared wavelet coefficients then vary less than for a Gaussian signal.
+        For uniform errors it is −1.2 (Var e)². The squares of the wavelet coefficients then vary less than for a
+        Gaussian signal.
         """
         return 0.0
 
     def line(self, rate: float) -> tuple[float, float] | None:
-        """Power P (u²) and frequency (cycles per sample) of a sinusoid of random phase; None for noise.
-
-        The wavelet coefficients of a sinusoid are not Gaussian; the covariance of their squares has its own formula.
-        """
+        """Return the power (u²) and frequency (cycles per sample) of a sinusoid; None for Gaussian noise."""
         return None
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """Decay rates λ per sample of the exponentials in `coefficient_covariance`; negative for alternating signs."""
+        """Return the decay rates (per sample) of the exponentials in `coefficient_covariance`; < 0 for alternating
+        signs."""
         return ()
 
     def mean(self, t: ArrayLike) -> Vector:
-        """Mean (u) at sample numbers t; 0 except for a drift."""
+        """Return the mean (u) at sample numbers t; it is 0 for every process except a drift."""
         return np.zeros(np.shape(t))
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Simulate Gaussian sample paths: (n,), or (paths, n).
+        """Simulate Gaussian sample paths, an array (n,) or (paths, n).
 
-        By default from the state space, or from the autocovariance by circulant embedding.
+        The default uses the state space if it is exact, and otherwise the autocovariance and circulant embedding.
         """
         self._require("simulate")
         (n, count), rate, generator = as_paths(n, paths), as_rate(rate), as_rng(rng)
@@ -472,37 +477,31 @@ class Process(ABC):
         return out.reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
-        """Correlation time (s): 0 for white noise, inf for nonstationary processes, None if it is unknown."""
+        """Return the correlation time (s); 0 for white noise, inf for nonstationary processes, None if unknown."""
         return None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return remarks on parameters that were estimated from `samples` samples at `rate` (Hz).
+        """Return remarks on parameter values that were estimated from a recording.
 
         Parameters
         ----------
         term : str
-            Name of the process in its model, such as "GM[1]".
+            Label of the process in its model, such as "GM[1]".
         samples : int
         rate : float
-            Samples per second (Hz).
+            Sampling rate (Hz).
         """
         return ()
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Continuous-time coefficients of the process as datasheets state them; none by default.
-
-        Each has its derivatives with respect to the logarithms of the parameters, which give its confidence interval.
-        """
+        """Return the continuous-time coefficients of the process as datasheets state them; none by default."""
         return ()
 
     # --- defined theory -------------------------------------------------------------------------------
 
     @classmethod
     def has(cls, theory: str) -> bool:
-        """Return whether the process defines this theory, in closed form or derived.
-
-        `theory` is the name of one of the methods above, from "wavelet_variance" to "simulate".
-        """
+        """Return whether the process defines the method `theory`, such as "simulate", directly or by derivation."""
         if theory not in _SOURCES:
             raise OptionError(argument="theory", expected=f"one of {', '.join(_SOURCES)}", got=theory)
         possible = cls.stationary or theory not in _NEEDS_STATIONARITY
@@ -510,7 +509,7 @@ class Process(ABC):
 
     @classmethod
     def _derives(cls, source: str) -> bool:
-        # Theory can be derived from what is defined and exact.
+        # Theory is derived only from sources that the process defines and that are exact.
         return cls.has(source) and not (source == "state_space" and cls.approximate)
 
     @classmethod
@@ -523,7 +522,7 @@ class Process(ABC):
             raise self.missing(theory)
 
     def missing(self, theory: str) -> MissingTheoryError:
-        """Make the error for theory that the process does not define; the advice lists what it defines."""
+        """Return the error for theory that the process does not define; the advice lists the theory that it defines."""
         defined = [name for name in _SOURCES if self.has(name)]
         defined += ["mean"] if function_of(type(self).mean) is not Process.mean else []
         what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
@@ -539,7 +538,7 @@ class Process(ABC):
     def _variance_under(
         self, filter: WaveletFilter, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float
     ) -> Vector:
-        """Wavelet variance under any filter, derived from the theory that the process defines."""
+        """Compute the wavelet variance (J,) under any filter from the theory that the process defines."""
         if filter is HAAR:
             return self._haar_variance(levels, rate)
         if self._derives("state_space") and self.stationary:
@@ -562,8 +561,8 @@ class Process(ABC):
         return filtered.autocovariance_variance(covariance, filter, levels)
 
     def _haar_variance(self, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float) -> Vector:
-        """Wavelet variance under the Haar filter, from a state space if there is one: differences of K can cancel,
-        block sums cannot."""
+        """Compute the wavelet variance (J,) under the Haar filter."""
+        # An exact state space is preferred: differences of K lose digits by cancellation, its block sums do not.
         if self._derives("state_space"):
             return self.state_space(rate).haar_variance(levels)
         h = 2 ** (levels - 1)

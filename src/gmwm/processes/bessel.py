@@ -1,11 +1,15 @@
 """Matérn correlation, its complement and its derivatives, near machine precision at any distance.
 
-    M(x) = 2^(1−ν)/Γ(ν) x^ν K_ν(x)
+The Matérn correlation of smoothness ν at the distance x is
 
-is close to 1 near x = 0, where the wavelet variance of a slow process depends on 1 − M. There 1 − M is the sum of a
-series in y = x²/4 and a series in y^k times y^ν. If ν is near an integer, the poles of both series cancel; the terms
-are combined in pairs and their differences are computed analytically. For larger x, the trapezoidal rule computes
-K_ν(x) = ∫ e^(−x cosh t) cosh νt dt, with an error that decreases like e^(−c/step).
+    M(x) = 2^(1−ν)/Γ(ν) x^ν K_ν(x),
+
+with the modified Bessel function K_ν. Near x = 0 it is close to 1, and the wavelet variance of a slow process depends
+on
+1 − M. There 1 − M is computed as the sum of a power series in y = x²/4 and of y^ν times another power series in y. If ν
+is near an integer, the poles of both series cancel; the terms are combined in pairs and their differences are computed
+analytically. For larger x, the integral K_ν(x) = ∫ e^(−x cosh t) cosh νt dt over t > 0 is computed by the trapezoidal
+rule. Its error decreases exponentially with the number of nodes.
 """
 
 from __future__ import annotations
@@ -24,9 +28,9 @@ LARGEST = 50.0
 """Upper limit of ν; beyond it, the process is almost infinitely smooth."""
 _PAIRS = 24
 _POWERS = 52
-"""Number of terms of the series in ε, |ε| ≤ ½, with coefficients of at most 1."""
+"""Number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1."""
 _STEP = 1e-30
-"""Size of complex steps, which have no truncation error at this size."""
+"""Size of the steps of complex-step derivatives. At this size the truncation error is negligible."""
 _NODES = 40
 _FAR = 1200.0
 """Distance beyond which the correlation underflows, for any ν up to 50."""
@@ -38,8 +42,15 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Matern:
-    """Matérn correlation M, its complement 1 − M, and the derivatives of 1 − M with respect to ln x and ν at distances
-    x (n,)."""
+    """Values of the Matérn correlation M at distances x, each (n,).
+
+    Attributes
+    ----------
+    correlation, lost : (n,) array
+        M and its complement 1 − M.
+    by_distance, by_smoothness : (n,) array
+        Derivatives of 1 − M with respect to ln x and to the smoothness ν.
+    """
 
     correlation: Vector
     lost: Vector
@@ -48,7 +59,7 @@ class Matern:
 
 
 def matern(x: Vector, nu: float) -> Matern:
-    """Compute the correlation at distances x ≥ 0 for smoothness 0 < ν < `LARGEST`."""
+    """Compute the Matérn correlation and its derivatives at distances x ≥ 0 for a smoothness 0 < ν < `LARGEST`."""
     edge = 2.0 * math.sqrt(max(1.0, nu / 2.0))
     parts = [np.zeros_like(x) for _ in range(4)]
     parts[0][x == 0] = 1.0
@@ -105,8 +116,10 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 
 def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]:
-    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) for 1 ≤ k < n, and its derivative with respect to ln x; y =
-    e^`log`."""
+    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative with respect to ln x.
+
+    `log` is ln y = 2 ln(x/2).
+    """
     total, slope = np.zeros(log.size, dtype=np.complex128), np.zeros(log.size, dtype=np.complex128)
     term = complex(1.0)
     for k in range(1, whole):
@@ -118,7 +131,7 @@ def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]
 
 
 def _pairs(log: float) -> int:
-    """Return the number of pairs after which y^i / i!² is negligible for the largest y, e^`log`."""
+    """Return the number of terms y^i / i!² that are not negligible for the largest y, whose logarithm is `log`."""
     size = np.arange(_PAIRS) * max(log, 0.0) - 2.0 * _LOG_FACTORIALS[:_PAIRS]
     return int(np.count_nonzero(size > -_GONE))
 

@@ -1,8 +1,9 @@
 """Exact Gaussian paths for any stationary autocovariance, by circulant embedding.
 
-The mirrored autocovariance r(0), …, r(M) is the first row of a circulant matrix, and its Fourier transform gives the
-eigenvalues of this matrix. If no eigenvalue is negative, white noise filtered by the square roots of the eigenvalues
-has this covariance matrix (Davies and Harte 1987, Dietrich and Newsam 1997). The cost is O(N log N) for N samples.
+The autocovariance r(0), …, r(M), followed by its mirror image r(M − 1), …, r(1), is the first row of a circulant
+matrix. The Fourier transform of this row gives the eigenvalues. If no eigenvalue is negative, white noise whose Fourier
+transform is multiplied by their square roots has the autocovariance r (Davies and Harte 1987, Dietrich and Newsam
+1997). The cost is O(N log N) for N samples.
 """
 
 from __future__ import annotations
@@ -17,21 +18,20 @@ from gmwm._arrays import Vector
 from gmwm.errors import MissingTheoryError
 
 ROUNDING = 1e-9
-"""Size of negative eigenvalues, relative to the largest one, below which they are rounding errors or have no visible
-effect."""
+"""Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding errors."""
 LARGEST = 1 << 21
-"""Largest M, which is half the size of the largest circulant matrix."""
+"""Largest M. The circulant matrix has 2M rows."""
 
 
 def half_period(n: int) -> int:
-    """Return the smallest power of two M ≥ n, for paths of n samples."""
+    """Return M for paths of n samples: the smallest power of two that is at least n and at least 2."""
     return 1 << max(n - 1, 1).bit_length()
 
 
 def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
-    """Compute the square roots of the eigenvalues (M + 1,) of the circulant matrix of r(0) … r(M), M = `half`.
+    """Compute the square roots (M + 1,) of the eigenvalues of the circulant matrix of r(0), …, r(M), with M = `half`.
 
-    For the autocovariances of all callers, negative eigenvalues are rounding errors. They are set to zero.
+    Negative eigenvalues are set to zero: for the autocovariances of all callers they are rounding errors.
     """
     return np.asarray(np.sqrt(np.maximum(_eigenvalues(autocovariance, half), 0.0)))
 
@@ -42,12 +42,13 @@ def _eigenvalues(autocovariance: Callable[[Vector], Vector], half: int) -> Vecto
 
 
 def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vector:
-    """Compute `amplitudes` for any autocovariance: M is doubled until no eigenvalue is negative.
+    """Compute `amplitudes` for n samples of any autocovariance; M is doubled until no eigenvalue is negative.
 
     Raises
     ------
     MissingTheoryError
-        If negative eigenvalues remain at 2^22 samples: the function is not an autocovariance, or it decays too slowly.
+        If negative eigenvalues remain for a matrix of 2^22 rows. Either the function is not an autocovariance, or it
+        decays too slowly.
     """
     half = half_period(n)
     while half <= LARGEST:
@@ -63,7 +64,7 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
 
 
 def paths(roots: Vector, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Draw Gaussian paths (count, n), n ≤ M + 1, from the square roots of the eigenvalues of the circulant matrix."""
+    """Draw Gaussian paths (count, n) from the square roots (M + 1,) of the eigenvalues; n is at most M + 1."""
     half = roots.size - 1
     out = np.empty((count, n))
     weight = roots * math.sqrt(half)

@@ -19,7 +19,7 @@ def function_of(method: Any) -> Any:
 
 
 def check_members(cls: type[Process], wavelet_variance_sources: tuple[str, ...]) -> None:
-    """Refuse a class without a name, a title, parameters, one scale parameter or theory."""
+    """Raise ModelError unless the class has a name, a title, parameters, one scale parameter and a wavelet variance."""
     if missing := [name for name in ("name", "title", "parameters") if not hasattr(cls, name)]:
         raise ModelError(
             f"{cls.__name__} must define name, title and parameters; {missing[0]} is missing", argument=missing[0]
@@ -34,8 +34,10 @@ def check_members(cls: type[Process], wavelet_variance_sources: tuple[str, ...])
 
 
 def check_name(cls: type[Process], registry: Mapping[str, type[Process]]) -> None:
-    """Refuse a name that another class has, also with other upper or lower case. A class defined again replaces the
-    older one."""
+    """Raise ModelError if another class has the same name; upper and lower case are not distinguished.
+
+    A class that is defined again, as in a notebook, replaces its older definition.
+    """
     older = next((known for name, known in registry.items() if name.casefold() == cls.name.casefold()), None)
     if older is None:
         return
@@ -51,7 +53,7 @@ def check_name(cls: type[Process], registry: Mapping[str, type[Process]]) -> Non
 
 
 def check_calls(cls: type[Process], base: type[Process]) -> None:
-    """Refuse a method that cannot be called with the arguments of the method of `Process` that it overrides."""
+    """Raise ModelError if a method does not accept the arguments of the method of `Process` that it overrides."""
     for name, method in vars(cls).items():
         expected = getattr(base, name, None)
         if name.startswith("_") or not isfunction(function_of(method)) or not callable(expected):

@@ -24,7 +24,7 @@ from gmwm.statespace import StateSpace
 class DR(Process):
     """Drift (rate ramp): the deterministic mean X_t = ωt.
 
-    ν_j² = ω²τ_j²/16, with τ_j = 2^j samples. It does not depend on the sign of ω.
+    ν_j² = ω²τ_j²/16, with τ_j = 2^j samples. The wavelet variance does not depend on the sign of ω.
 
     Parameters
     ----------
@@ -47,46 +47,46 @@ class DR(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance at ω² = 1: τ²/16 for the Haar filter."""
+        """Compute the wavelet variance for ω² = 1, which is τ²/16 for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.drift_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, 2 * as_levels(levels) - 4), (len(nonlinear), 1))
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw ω ~ U(R/100, R/2) with R = (max x − min x)/N; returns ω²."""
+        """Draw ω uniformly from R/100 to R/2, with R = (max x − min x)/N, and return ω² (draws, 1)."""
         return np.square(rng.uniform(0.01 * occasion.spread, 0.5 * occasion.spread, (draws, 1)))
 
     def mean(self, t: ArrayLike) -> Vector:
-        """ωt at sample numbers t."""
+        """Return the mean ωt (u) at sample numbers t."""
         return np.asarray(self.value("omega") * np.asarray(t, dtype=np.float64))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Return 0: a drift is deterministic."""
+        """Return zeros, because a drift is deterministic."""
         return np.zeros(np.shape(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Return zeros (n,): a drift is deterministic, so wavelet coefficients have no random error."""
+        """Return zeros (n,), because the wavelet coefficients of a drift have no random error."""
         return np.zeros_like(at.lag)
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space with the states (value, slope), without noise and known at t = 0."""
+        """Return a state space with the states (value, slope), without process noise, that are known at t = 0."""
         slope = self.value("omega")
         return StateSpace(F=[[1.0, 1.0], [0.0, 1.0]], Q=np.zeros((2, 2)), H=[1.0, 0.0], m0=[0.0, slope])
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Return the same ramp in every path: (n,), or (paths, n)."""
+        """Return the ramp as an array (n,), or (paths, n) with the same ramp in every path."""
         as_paths(n, paths), as_rate(rate), as_rng(rng)
         return np.broadcast_to(self.mean(np.arange(n)), shape_of_paths(n, paths)).copy()
 
     def correlation_time(self, rate: float) -> float:
-        """Return inf: a drift is not stationary."""
+        """Return inf, because a drift is not stationary."""
         return math.inf
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Return ω²n²/2 (u²)."""
+        """Compute the Allan variance ω²n²/2 (u²) of clusters of n samples."""
         return np.asarray(0.5 * self.scale * np.square(as_clusters(clusters), dtype=np.float64))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:

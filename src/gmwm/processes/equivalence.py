@@ -1,4 +1,4 @@
-"""Replace a process by another one that the data cannot distinguish from it."""
+"""Find a simple process that the data cannot distinguish from a given process."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ def likeness(
     filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
 ) -> Process | None:
-    """Return the process of the kind `name` with the wavelet variance closest to `process`.
+    """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`.
 
-    Its scale is c = sᵀΩν² / sᵀΩs, with its wavelet variance s at scale 1. If `process` acts as this kind, the data
-    cannot distinguish the two curves.
+    Its scale coefficient is c = sᵀΩν² / sᵀΩs, where s is its wavelet variance for scale coefficient 1. For example, a
+    Gauss-Markov process whose correlation time is much longer than the recording is replaced by a random walk.
 
     Parameters
     ----------
     process : Process
-        A process with all its values, for example a Gauss-Markov process whose correlation time exceeds the recording.
+        Process whose parameters all have values.
     name : str
         Name of a registered process without shape parameters.
     levels : (J,) int array
@@ -40,7 +40,7 @@ def likeness(
     Returns
     -------
     Process or None
-        None if there is no such process.
+        None if `name` is not registered, has shape parameters, or has a wavelet variance of zero at all levels.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""Haar wavelet variance of autocovariances φ^|k|, φ = ±e^(−λ), and its derivatives, at full accuracy.
+"""Haar wavelet variance of processes with the autocovariance φ^|k|, φ = ±e^(−λ), and its derivatives.
 
-The kernels in `cpp/src/exponential.cpp` have relative errors of about 1e-16 from λ = 1e-300 to white noise.
+The kernels in `cpp/src/exponential.cpp` have relative errors of about 1e-16 for every λ from 1e-300 to white noise.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ WHITE = 700.0
 
 
 def gm_shape(lam: Array, h: Array) -> Array:
-    """Wavelet variance ν² for the autocovariance e^(−λ|k|), at half-scales h: (n,), (J,) → (n, J)."""
+    """Compute the wavelet variances (n, J) for the autocovariances e^(−λ|k|) with λ (n,), at half-scales h (J,)."""
     return _rows(_core.exponential_shapes, lam, h)
 
 
 def gm_slope(lam: Array, h: Array) -> Array:
-    """Derivative ∂ν²/∂λ for the autocovariance e^(−λ|k|): (n,), (J,) → (n, J)."""
+    """Compute the derivatives with respect to λ (n, J) of the wavelet variances of `gm_shape`."""
     return _rows(_core.exponential_slopes, lam, h)
 
 
 def ar1_shape(phi: Array, h: Array) -> Array:
-    """Wavelet variance ν² of an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
+    """Compute the wavelet variances (n, J) of AR1 processes with φ (n,) and innovation variance 1, at half-scales h."""
     return _rows(_core.autoregressive_shapes, phi, h)
 
 
 def ar1_slope(phi: Array, h: Array) -> Array:
-    """Derivative ∂ν²/∂φ for an AR(1) process with innovation variance 1: (n,), (J,) → (n, J)."""
+    """Compute the derivatives with respect to φ (n, J) of the wavelet variances of `ar1_shape`."""
     return _rows(_core.autoregressive_slopes, phi, h)
 
 
@@ -47,7 +47,7 @@ def _rows(kernel: Callable[[Array, Array, Array], None], parameters: Array, h: A
 
 
 def log_decay(phi: Array) -> Array:
-    """Compute λ = −ln|φ|, accurate for |φ| near 1, up to a limit where e^(−λ) is below the rounding error of 1."""
+    """Compute λ = −ln|φ|, accurately for |φ| near 1. The result is limited to `WHITE`."""
     size = np.maximum(np.abs(phi), np.exp(-WHITE))
     near_one = size > 0.5
     return np.where(near_one, -np.log1p(np.where(near_one, size, 1.0) - 1.0), -np.log(size))
@@ -66,7 +66,7 @@ def _polynomial(coefficients: Array, x: Array) -> Array:
 
 
 def _piecewise(x: Array, series: Callable[[Array], Any], direct: Callable[[Array], Any]) -> Array:
-    """Evaluate `series` below 1 and `direct` above, each only at the arguments that need it."""
+    """Evaluate `series` at arguments below 1, and `direct` at the other arguments."""
     small = x < 1.0
     result = np.empty_like(x)
     result[small] = series(x[small])
@@ -92,8 +92,10 @@ def _s(lam: Array) -> Array:
 
 
 def block_variance(lam: float, m: Array) -> Array:
-    """Compute the variance [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)) of a sum of m samples with autocovariance
-    e^(−λ|k|)."""
+    """Compute the variance of a sum of m samples with the autocovariance e^(−λ|k|).
+
+    It is [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)).
+    """
     v = np.array([min(lam, WHITE)])
     # Dividing by e^λ and λ² avoids overflow for large λ and cancellation for small λ.
     x = np.asarray(m, dtype=np.float64) * v

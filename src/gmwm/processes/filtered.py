@@ -1,15 +1,16 @@
 """Wavelet variance of processes under any wavelet filter, at full accuracy at all levels.
 
-The level-j wavelet filter satisfies h_j(z) = g(z) h_{j−1}(z²). For white noise ε filtered by 1/(1 − φz), the same
-recursion follows from 1 − φz = (1 − φ²z²)/(1 + φz):
+The wavelet filter h_j of level j and the smoothing filter g satisfy h_j(z) = g(z) h_{j−1}(z²). White noise filtered by
+1/(1 − φz) is a first-order Markov process; φ = 1 gives a random walk and φ = 0 white noise. With 1 − φz =
+(1 − φ²z²)/(1 + φz), its wavelet coefficients follow the same recursion:
 
-    h_j(z)/(1 − φz) = g(z)(1 + φz) · [h_{j−1}(w)/(1 − φ²w)], w = z²,
+    h_j(z)/(1 − φz) = g(z)(1 + φz) · [h_{j−1}(w)/(1 − φ²w)],   w = z².
 
-φ = 1 is a random walk and φ = 0 is white noise. For quantization noise, (1 − z) h_j(z) =
-g(z)/(1 + z) · (1 − w) h_{j−1}(w). The variance Σ |coefficients|² is computed level by level from autocorrelations of
-short filters: u_{j+1}(m) = Σ_k u_j(k) t(k − 2m) and ν_j² = Σ_m u_j(m) a_j(m), where t is the autocorrelation of the
-factor in front and a_j that of the bracket at level 1. This avoids differences of large numbers for any filter length
-and any φ.
+For quantization noise, (1 − z) h_j(z) = g(z)/(1 + z) · [(1 − w) h_{j−1}(w)]. The wavelet variance is the sum of the
+squared coefficients of these series. It is computed level by level from autocorrelations of short filters,
+u_{j+1}(m) = Σ_k u_j(k) t(k − 2m) and ν_j² = Σ_m u_j(m) a_j(m). Here t is the autocorrelation of the factor in front of
+the bracket, and a_j is the autocorrelation of the bracket at level 1. This avoids differences of large numbers for any
+filter length and any φ.
 """
 
 from __future__ import annotations
@@ -31,13 +32,16 @@ Levels = NDArray[np.int64]
 
 
 def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Wavelet variance of white noise of variance 1: ν_j² = r(0) = 2^−j (J,)."""
+    """Compute the wavelet variances ν_j² = 2^−j (J,) of white noise of variance 1, which are the same for any
+    filter."""
     return np.asarray(np.ldexp(1.0, -levels))
 
 
 def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Wavelet variance ν_j² = 2[r(0) − r(1)] of e_t − e_{t−1}, Var e = 1 (J,); r is the autocorrelation of the level
-    filter."""
+    """Compute the wavelet variances (J,) of quantization noise e_t − e_{t−1} with Var e = 1.
+
+    ν_j² = 2[r_j(0) − r_j(1)], where r_j is the autocorrelation of the wavelet filter of level j.
+    """
     step = _transition(_autocorrelation(without_zero(filter)), filter.length)
     base = _folded(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
     u = np.zeros(base.size)
@@ -50,10 +54,10 @@ def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
 
 
 def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Levels, Vector]]:
-    """Return the filters (1 − z) h_j(z) from the errors e_t to W_j of X_t = e_t − e_{t−1}: positions and taps.
+    """Return the positions and taps of the filters (1 − z) h_j(z) at levels 1 … `level`.
 
-    The list covers levels 1 … `level`, up to the last filter with at most `most` taps. The Haar filter has three taps
-    at every level.
+    These filters give the wavelet coefficients of X_t = e_t − e_{t−1} from the errors e_t. The list ends before the
+    first filter with more than `most` taps. For the Haar filter there are three taps at every level.
     """
     taps = np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])
     places, factor = np.flatnonzero(taps), without_zero(filter)
@@ -68,13 +72,15 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
 
 
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Wavelet variance ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,); 0 for two or more
-    vanishing moments."""
+    """Compute the wavelet variances (J,) of a drift of slope 1; 0 for a filter with two or more vanishing moments.
+
+    ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})².
+    """
     return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
 
 
 def without_zero(filter: WaveletFilter) -> Vector:
-    """Divide the smoothing filter: g(z)/(1 + z). The division is exact because g has a zero at z = −1."""
+    """Return the taps of g(z)/(1 + z), where g is the smoothing filter, which has a zero at z = −1."""
     sign = (-1.0) ** np.arange(filter.length)
     return np.asarray((np.cumsum(filter.scaling / np.sqrt(2.0) * sign) * sign)[:-1])
 
@@ -82,32 +88,33 @@ def without_zero(filter: WaveletFilter) -> Vector:
 # --- first-order Markov processes and the random walk -------------------------------------------------
 
 _NEAR_MINUS_ONE = 0.1
-"""λ below which φ = −e^(−λ) uses the method for φ near −1; both methods are accurate at this λ."""
+"""λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
+accurate."""
 
 _BLOCK = 2**18
 """Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here."""
 
 
 def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Wavelet variance ν_j² of a random walk with innovation variance 1 (J,)."""
+    """Compute the wavelet variances (J,) of a random walk with innovation variance 1."""
     return np.asarray(_driven(np.zeros(1), np.ones(1), filter, levels, slopes=False)[0][0])
 
 
 def gm_shape(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """Wavelet variance ν² for the autocovariance e^(−λ|k|): (n,) → (n, J)."""
+    """Compute the wavelet variances (n, J) for the autocovariances e^(−λ|k|) with λ (n,)."""
     lam = np.minimum(lam, WHITE)
     return -np.expm1(-2.0 * lam)[:, None] * _driven(lam, np.ones_like(lam), filter, levels, slopes=False)[0]
 
 
 def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """Derivative ∂ν²/∂λ for the autocovariance e^(−λ|k|): (n,) → (n, J)."""
+    """Compute the derivatives with respect to λ (n, J) of the wavelet variances of `gm_shape`."""
     lam = np.minimum(lam, WHITE)
     values, slopes = _driven(lam, np.ones_like(lam), filter, levels, slopes=True)
     return 2.0 * np.exp(-2.0 * lam)[:, None] * values - np.expm1(-2.0 * lam)[:, None] * slopes
 
 
 def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """Wavelet variance ν² of an AR(1) process with innovation variance 1: (n,) → (n, J)."""
+    """Compute the wavelet variances (n, J) of AR1 processes with φ (n,) and innovation variance 1."""
     lam = log_decay(phi)
     near = (phi < 0) & (lam < _NEAR_MINUS_ONE)
     values = np.empty((phi.size, levels.size))
@@ -117,10 +124,10 @@ def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 
 
 def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
-    """Compute the variance of h_j(z)/(1 − φz) driven by unit white noise, φ = ±e^(−λ), and its derivative with respect
-    to λ for φ > 0.
+    """Compute the variances (n, J) of unit white noise filtered by h_j(z)/(1 − φz), with φ = ±e^(−λ).
 
-    Both are (n, J). The recursion propagates u_j (K, n), with one column for each φ.
+    The second array (n, J) has their derivatives with respect to λ, which are computed for φ > 0 if `slopes`. The
+    recursion propagates u_j (K, n), with one column for each φ.
     """
     even, odd, spread = _markov_steps(filter)
     most = _BLOCK // spread.size
@@ -150,10 +157,11 @@ def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *,
 
 
 def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
-    """Compute Σ_k v_k s(k) (n,) and its derivative with respect to φ; s is the autocovariance of (1 − z)/(1 − φz).
+    """Compute Σ_k v_k s(k) (n,) and its derivative with respect to φ (n,).
 
-    s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is applied
-    analytically, so there is no cancellation for φ → 1. `below` is 1 − φ and `above` is 1 + φ.
+    s is the autocovariance of unit white noise filtered by (1 − z)/(1 − φz): s(0) = 2/(1 + φ) and
+    s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is applied analytically, so there is no
+    cancellation for φ → 1. `below` is 1 − φ and `above` is 1 + φ.
     """
     polynomial, slope = np.zeros_like(phi), np.zeros_like(phi)
     for k in range(len(v) - 1, 0, -1):
@@ -165,10 +173,10 @@ def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tupl
 
 @lru_cache(maxsize=64)
 def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
-    """Return the matrices E and O of the step from one level to the next, u → [(1 + φ²) E + φ O] u for g(z)(1 + φz),
-    and the matrix that maps u to Σ_m u(m) r_q(m − l).
+    """Return the matrices E and O of the step u → [(1 + φ²) E + φ O] u to the next level, and a matrix C.
 
-    q(z) = h(z)/(1 − z) is the wavelet filter without the factor 1 − z.
+    The step belongs to the factor g(z)(1 + φz). C maps u to Σ_m u(m) r_q(m − l), where r_q is the autocorrelation of
+    q(z) = h(z)/(1 − z), the wavelet filter without its factor 1 − z.
     """
     reach = filter.length
     plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
@@ -179,7 +187,8 @@ def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
 
 @lru_cache(maxsize=64)
 def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
-    """Compute r_j(0), 2r_j(1), …, 2r_j(L) of the level filters j = 1 … J: (J, L + 1)."""
+    """Compute r_j(0), 2r_j(1), …, 2r_j(L) (J, L + 1), where r_j is the autocorrelation of the wavelet filter of level
+    j."""
     k, m = np.arange(filter.length + 1)[:, None], np.arange(filter.length + 1)
     plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
     step = _at(plain, k - 2 * m) + np.where(m > 0, _at(plain, k + 2 * m), 0.0)
@@ -190,7 +199,7 @@ def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
 
 
 def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """Wavelet variance ν² of an AR(1) process with φ = −ψ = −e^(−λ) and innovation variance 1, λ small: (n,) → (n, J).
+    """Compute the wavelet variances (n, J) of AR1 processes with φ = −ψ = −e^(−λ) and innovation variance 1, λ small.
 
     At level 1 the wavelet filter does not cancel the pole of 1/(1 + ψz). From level 2 on, the zero of the smoothing
     filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ),
@@ -227,13 +236,13 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
 
 
 def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
-    """Wavelet variance ν_j² of a stationary state-space process (J,); the cost is O(J(L² + L p²)).
+    """Compute the wavelet variances ν_j² (J,) of a stationary process from its state space.
 
-    The recursion over levels propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Short lags k ≤ L are stored
-    individually. Longer lags are the last component of −(A^k d), where A is the transition over 2^j samples with the
-    accumulated difference as an additional state; this avoids cancellation if the states change slowly. The rounding
-    error grows to 2^j times the machine precision only if the spectrum vanishes at f = 0, as for quantization noise,
-    which has its own closed form.
+    The recursion over levels propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Values at lags k ≤ L, the
+    filter length, are stored individually. Values at longer lags are the last component of −(A^k d). A is the
+    transition over 2^j samples with the accumulated difference as an additional state, which avoids cancellation if the
+    states change slowly. The rounding error grows to 2^j times the machine precision only if the spectrum vanishes at
+    f = 0, as for quantization noise, which has its own closed form. The cost is O(J(L² + L p²)) for p states.
     """
     p, reach = space.states, filter.length
     a = np.zeros((p + 1, p + 1))
@@ -249,7 +258,8 @@ def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Level
         far = np.linalg.matrix_power(a, reach + 1 - offset) @ tail
         sequence = np.append(near, -_last(a, far, 2 * reach))
         values[j] = sequence[np.abs(np.arange(1 - reach, reach))] @ detail
-        # A constant has no effect, and a covariance that has decayed at short lags must not remain as a large constant.
+        # A constant does not change ν². It is subtracted, because a large constant would lose digits after the
+        # covariance has decayed.
         shift = sequence[reach]
         sequence, tail[p] = sequence - shift, tail[p] + shift
         near = np.array([sequence[np.abs(2 * k - np.arange(1 - reach, reach))] @ smooth for k in range(reach + 1)])
@@ -264,7 +274,7 @@ def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Level
 
 
 def _last(a: Matrix, x: Vector, count: int) -> Vector:
-    """Compute the last component of x, Ax, …, A^(count−1)x."""
+    """Compute the last components of the vectors x, Ax, …, A^(count−1)x."""
     out = np.empty(count)
     for k in range(count):
         out[k] = x[-1]
@@ -273,8 +283,11 @@ def _last(a: Matrix, x: Vector, count: int) -> Vector:
 
 
 def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
-    """Wavelet variance ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance, up to a constant, at lags 0 … `lags_needed`
-    − 1."""
+    """Compute the wavelet variances ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance c, known up to a constant.
+
+    `covariance` has the values at the lags 0, 1, …, `lags_needed` − 1. r_j is the autocorrelation of the wavelet filter
+    of level j.
+    """
     smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
     reach = filter.length - 1
     values = np.empty(int(levels[-1]))
@@ -287,7 +300,7 @@ def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: L
 
 
 def lags_needed(filter: WaveletFilter, level: int) -> int:
-    """Return L_j, the number of autocovariance lags, starting at 0, that determine the wavelet variance at `level`."""
+    """Return the number of lags 0, 1, … at which the autocovariance determines the wavelet variance at `level`."""
     return filter.width(level)
 
 
@@ -315,7 +328,8 @@ def _transition(even: Vector, reach: int) -> Matrix:
 
 
 def _convolution(even: Vector, reach: int) -> Matrix:
-    """Return C with (C u)(l) = Σ_m u(m) t(m − l) for even u at 0 … reach, with l and −l added at l = 0, 1, …"""
+    """Return C with (C u)(l) = Σ_m u(m) t(m − l) for even sequences u, given at 0 … reach. For l > 0 the results for l
+    and −l are added."""
     l, m = np.arange(reach + even.size // 2 + 1)[:, None], np.arange(reach + 1)  # noqa: E741
     once = _at(even, m - l) + np.where(m > 0, _at(even, m + l), 0.0)
     return np.where(l > 0, 2.0, 1.0) * once

@@ -1,14 +1,16 @@
 """Covariances of Haar wavelet coefficients, at full accuracy for any level and lag.
 
-With K(m) the generalised covariance of the running sum of a process, h_j = 2^(j−1) and weights c = (1, −2, 1) at
-offsets (0, h, 2h),
+Let K(m) be the generalised covariance of the running sum of a process, and h_j = 2^(j−1) the half-scale of level j.
+Then
 
-    2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a).
+    2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a),
 
-The nine terms cancel almost completely in double precision. If the finer level is differenced first,
-D(m) = Σ_a c_a K(m + a) is a short closed form in y = |m + h_j|, and the sum is D(u) − 2 D(u − h_k) + D(u − 2 h_k);
-`cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers, because Gauss rules compute the sums over
-lags between the kinks.
+where a takes the values 0, h_j, 2h_j and b the values 0, h_k, 2h_k, each with the weights c = (1, −2, 1). The nine
+terms cancel almost completely in double precision. Therefore the second difference over the finer level is computed
+first: D(m) = Σ_a c_a K(m + a) has a short closed form in y = |m + h_j|, and the sum is D(u) − 2 D(u − h_k) + D(u − 2
+h_k). `cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers, because Gauss rules compute the
+sums over lags. A kink is a lag at which the covariance is not smooth, and each rule covers an interval between two
+kinks.
 """
 
 from __future__ import annotations
@@ -29,12 +31,23 @@ Pieces = tuple[Indices, Indices, Indices, Vector]
 
 @dataclass(frozen=True, eq=False)
 class LagGrid:
-    """Half-scales h_j ≤ h_k of pairs of levels and lags u between their coefficients, all (n,).
+    """Pairs of levels j ≤ k and lags u at which covariances of wavelet coefficients are computed.
 
-    `odd` marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
-    `known` keeps the covariances of processes of scale 1 and fixed shape, by class and shape, and `recent` those of the
-    last other shapes. `pieces` are groups of adjacent nodes of
-    a pair of levels without a kink inside: first nodes, patterns, and begins and values of the offsets of the patterns.
+    Attributes
+    ----------
+    fine, coarse : (n,) array
+        Half-scales h_j and h_k (samples).
+    lag : (n,) array
+        Lags u (samples), which can be real numbers.
+    odd : (n,) array, optional
+        Marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
+    known : dict
+        Cached covariances of processes with scale coefficient 1 whose shape is fixed, by class and shape.
+    recent : dict
+        Cached covariances for the shapes that were used last.
+    pieces : tuple of arrays, optional
+        Groups of adjacent nodes of a pair of levels with no kink inside a group: the first node of each group, its
+        pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
     """
 
     fine: Vector
@@ -49,33 +62,38 @@ class LagGrid:
 _WHITE = 40.0
 """λ beyond which e^(−λ) is below the rounding error of 1."""
 _WANDERING = 1e-40
-"""λ below which the process is treated as a random walk with γ² = 2λ, because 1/λ² would overflow."""
+"""λ below which the process is treated as a random walk with innovation variance 2λ, because 1/λ² would overflow."""
 
 
 def white(at: LagGrid) -> Vector:
-    """Covariances for white noise with σ² = 1: K(m) = −|m|/2."""
+    """Compute the covariances (n,) for white noise with σ² = 1, for which K(m) = −|m|/2."""
     return _core.white_differences(at.fine, at.coarse, at.lag)
 
 
 def walk(at: LagGrid) -> Vector:
-    """Covariances for a random walk with γ² = 1: K(m) = (|m|³ − |m|)/12."""
+    """Compute the covariances (n,) for a random walk with γ² = 1, for which K(m) = (|m|³ − |m|)/12."""
     return _core.walk_differences(at.fine, at.coarse, at.lag)
 
 
 def quantization(at: LagGrid) -> Vector:
-    """Covariances for quantization noise with Q² = 1: K(m) = 1 at m = 0 and 0 elsewhere."""
+    """Compute the covariances (n,) for quantization noise with Q² = 1, for which K(0) = 1 and K is 0 elsewhere."""
     return _core.spike_differences(at.fine, at.coarse, at.lag)
 
 
 def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
-    """Covariances for the autocovariance r(0), r(1), …, r(L), 0 beyond: white noise of the same density, with a table
-    near the kinks of its covariance."""
+    """Compute the covariances (n,) for the autocovariance r(0), r(1), …, r(L), which is 0 at longer lags.
+
+    They equal the covariances of white noise of the same spectral density at f = 0, except near the kinks, where a
+    table is used.
+    """
     return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
 
 
 def power(at: LagGrid, exponent: float) -> Vector:
-    """Covariances for a power law with ν_1² = 1: K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), ε = `exponent`; for ε = 0, K(m) =
-    m² ln|m|/(2 ln 2)."""
+    """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`.
+
+    K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0.
+    """
     fine = np.asarray(at.fine, dtype=np.float64)
     size = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))) * fine ** (2.0 + exponent)
     middle = (at.lag + at.fine - at.coarse) / fine
@@ -83,7 +101,7 @@ def power(at: LagGrid, exponent: float) -> Vector:
 
 
 def exponential(at: LagGrid, decay: float) -> Vector:
-    """Covariances for the autocovariance e^(−λ|k|), λ = `decay`."""
+    """Compute the covariances (n,) for the autocovariance e^(−λ|k|) with λ = `decay`."""
     if decay > _WHITE:
         return white(at)
     if decay < _WANDERING:
@@ -94,8 +112,10 @@ def exponential(at: LagGrid, decay: float) -> Vector:
 
 
 def alternating(at: LagGrid, decay: float) -> Vector:
-    """Covariances for the autocovariance (−1)^k e^(−λ|k|), λ = `decay`: a sum of nine terms, without constants that
-    cancel."""
+    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`.
+
+    They are a sum of nine terms, from which the constants that cancel are removed analytically.
+    """
     phi = -np.exp(-decay)
     fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
     # If the grid does not mark odd lags, all nodes are integers.

@@ -1,4 +1,4 @@
-"""The Kalman filter, smoother, predictor and residuals: methods that models and fits share."""
+"""Methods that models and fits share: the Kalman filter, smoother, predictor and residuals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class KalmanMethods:
     def kalman_filter(
         self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
     ) -> Tracks:
-        """Estimate the latent processes at each sample from the samples up to it, as a real-time filter does.
+        """Estimate the latent processes at each sample from this and all earlier samples, as a real-time filter does.
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class KalmanMethods:
         data : Signal or (N,) array
             The recording. Gaps of a signal are missing samples; in an array, NaN marks a missing sample.
         steps : int
-            Number of samples to predict, at most 10 million.
+            Number of samples to predict, from 1 to 10 million.
         rate : float, optional
             Sampling rate (Hz). A model needs it with an array; a fit knows it.
         mean : float, optional
@@ -115,7 +115,7 @@ class KalmanMethods:
         Raises
         ------
         ModelError, MissingTheoryError, DataError, OptionError
-            For the same reasons as `kalman_filter`, and if `steps` is not in its range.
+            For the same reasons as `kalman_filter`, or if `steps` is out of range.
 
         Examples
         --------
@@ -148,13 +148,14 @@ class KalmanMethods:
         mean : float, optional
             Mean of the recording, in its unit, if it is known; unknown by default.
         estimated : int, optional
-            Number of parameters that were estimated from this same recording. Each takes a degree of freedom from the
-            Ljung-Box test. The default is 0 for a model; for a fit it follows from the information matrix.
+            Number of parameters that were estimated from this recording. Each of them reduces the degrees of freedom of
+            the Ljung-Box test by one. The default is 0 for a model; for a fit it follows from the information matrix.
 
         Returns
         -------
         Residuals
-            White and Gaussian with variance 1 if the model is right, with the tests of both.
+            The innovations, with tests of whiteness and of normality. They are white and Gaussian with variance 1 if
+            the model is correct.
 
         Raises
         ------

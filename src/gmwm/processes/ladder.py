@@ -1,15 +1,16 @@
-"""Finite states for power-law noise and Matérn processes: sums of Gauss-Markov processes, one for each factor of 8.
+"""State spaces of power-law noise and Matérn processes, as sums of Gauss-Markov processes.
 
-The spectrum |ω|^(−α), 0 < α < 2, is a mixture of the spectra 2bs²/(b² + ω²) of Gauss-Markov processes with all
-reciprocal correlation times b,
+The correlation times of the Gauss-Markov processes differ by factors of 8. The spectrum |ω|^(−α), 0 < α < 2, is a
+mixture of the spectra 2bs²/(b² + ω²) of Gauss-Markov processes with all reciprocal correlation times b:
 
-    ∫ s²(b) 2b/(b² + ω²) db/b ∝ |ω|^(−α)   for   s²(b) ∝ b^(1−α),
+    ∫ s²(b) 2b/(b² + ω²) db/b ∝ |ω|^(−α)   for   s²(b) ∝ b^(1−α).
 
-and (β² + ω²)^(−p), 0 < p < 1, is one with b² = β² (1 + g), in which g is distributed over all positive numbers. The
-trapezoidal rule over ln b or ln g turns the mixture into a sum. Its relative error decreases as 2 exp(−π²/h) with the
-step h of ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014). Processes
-that are faster than the samples add up to white noise, and those that are slower than the recording act as one process.
-Their sums are geometric series, so that all variances are smooth functions of α and of the smoothness.
+Similarly, (β² + ω²)^(−p), 0 < p < 1, is a mixture of 1/(b² + ω²) with b² = β² (1 + g) over all g > 0. The trapezoidal
+rule over ln b or ln g turns the mixture into a sum. Its relative error decreases as 2 exp(−π²/h) with the step h of
+ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014). Processes that are
+faster than the sampling rate add up to white noise, and processes that are slower than the recording act as one
+process. The variances of both are geometric series, so that all variances are smooth functions of α and of the
+smoothness.
 
 References
 ----------
@@ -40,27 +41,30 @@ STEP = math.log(8.0)
 FASTEST = 4.0
 """Largest b in 1/sample: faster processes are treated as white noise."""
 BAND = 22
-"""The sums follow the Allan deviation up to 2^BAND samples."""
+"""The state space of power-law noise approximates the Allan deviation up to 2^BAND samples."""
 _BEYOND = 5
-"""The slowest process has a correlation time of at least 2^_BEYOND bands, so that it acts as a random walk there."""
+"""The slowest process has a correlation time of at least 2^(BAND + _BEYOND) samples, so that it acts as a random walk
+over 2^BAND samples."""
 SMOOTHEST = 5.0
 """Largest smoothness of a Matérn process. A larger one has more states, which are nearly collinear."""
 _SAMPLED = 0.1
-"""Largest b in 1/sample of the processes in continuous time: samples of faster ones would add too much noise."""
+"""Largest b (1/sample) of the processes in the continuous-time model. White noise replaces faster processes, whose
+samples would add too much noise because they are not averaged over the sampling interval."""
 _ROUNDING = 1e-9
-"""Error of an exact state space that is a rounding error."""
+"""Relative error of the Allan deviation below which a state space counts as exact."""
 _SERIES = 1e-2
-"""b below which the variance of the mean of a step is a series, whose relative error is there below 1e-8."""
+"""b (1/sample) below which the variance of the mean over a sampling interval is computed from a series, with a relative
+error below 1e-8."""
 
 
 @lru_cache(maxsize=256)
 def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
-    """Return the state space of averaged power-law noise with ν_1² = 1 for α = 1 + ε between 0 and 2, at 1 Hz.
+    """Return the state spaces, in discrete and in continuous time, of power-law noise with ν_1² = 1, at 1 Hz.
 
-    The processes are averaged over each sampling interval, as the noise is. The mean depends on the noise within the
-    interval, which is one more state. The states are combinations of the Gauss-Markov processes with this noise, so
-    that F is diagonal. The model in continuous time has white noise instead of the fastest processes, because its steps
-    sample the states and do not average them.
+    In discrete time, the Gauss-Markov processes are averaged over each sampling interval, because the noise is. Their
+    mean depends on the noise within the interval, which is an additional state. The states are combinations of the
+    Gauss-Markov processes with this noise, so that F is diagonal. In continuous time, white noise replaces the fastest
+    processes, because a discretisation samples the states and does not average them.
 
     Parameters
     ----------
@@ -87,7 +91,11 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
 
 
 def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
-    """Return the state space of the means of Gauss-Markov processes over steps of 1, with white noise."""
+    """Return the state space of the sum of Gauss-Markov processes averaged over intervals of length 1, and white noise.
+
+    The processes have the reciprocal correlation times `b` and the variances `s2`; the white noise has the variance
+    `white`.
+    """
     decay, lost = np.exp(-b), -np.expm1(-b)
     mean = lost / b
     direct = 2.0 * (b - lost) / b**2 - mean**2
@@ -113,9 +121,9 @@ def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
 def matern(unit: float, nu: float) -> ContinuousStateSpace:
     """Return the state space of a Matérn process of variance 1, at 1 Hz.
 
-    (β² + ω²)^(−ν−½) is the product of the mixture with 0 < p ≤ 1 and of as many factors 1/(β² + ω²) as needed. Each of
-    them is a Gauss-Markov process that is driven by the one before. For ν = ½, 3/2, 5/2, … the mixture is a single
-    process, and the state space is exact.
+    Its spectrum (β² + ω²)^(−ν−½) is the product of (β² + ω²)^(−p), 0 < p ≤ 1, which is a mixture of Gauss-Markov
+    processes, and of several factors 1/(β² + ω²). Each factor is a Gauss-Markov process that is driven by the output of
+    the factor before. For ν = ½, 3/2, 5/2, … the mixture is a single process, and the state space is exact.
 
     Parameters
     ----------
@@ -131,14 +139,15 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
     top = max((FASTEST / unit) ** 2 - 1.0, 1.0)
     step = 2.0 * STEP
     g = top * np.exp(-step * np.arange(1 + math.ceil(math.log(top / 0.02) / step)))
-    # Powers of the reciprocal correlation time, of variance and spectral density at 0, with a common factor.
+    # The weights of the mixture at the nodes g, up to a common factor.
     sine = math.sin(math.pi * p) / math.pi
     weight = sine * step * g ** (1.0 - p)
-    # sin πp/(e^(h(1 − p)) − 1) has the limit π/h for p = 1, where all weight is at g = 0.
+    # `last` is the weight of all smaller g. sin πp/(e^(h(1 − p)) − 1) has the limit π/h for p = 1, where g is 0.
     last = g[-1] ** (1.0 - p) * (step * sine / math.expm1(step * (1.0 - p)) if p < 1.0 else 1.0)
     b = unit * np.sqrt(1.0 + np.append(g, 0.0))
     drive = np.append(weight, last)
-    # The spectrum of each is drive/(b² + ω²) u, and the white noise has the sum of drive/b² of all faster ones.
+    # Each process has the spectrum drive/(b² + ω²); the density of the white noise is the sum of drive/b² over all
+    # faster processes.
     white = sine * step * g[0] ** -p / math.expm1(step * p) if p < 1.0 else 0.0
     # For p = 1, sin πp is a rounding error.
     kept = drive > 1e-12 * last
@@ -163,14 +172,15 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
 
 
 def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: float) -> float:
-    """Return the summed variance of the processes of the ladder with g > `top`; for such large g, b is β √g."""
+    """Return the total variance of the Gauss-Markov processes with g > `top`, for which b is nearly β √g."""
     return 0.5 * unit * sine * step * math.pow(top, 0.5 - p) / math.expm1(step * (p - 0.5))
 
 
 def started(process: Process, rate: float) -> StateSpace:
     """Return the state space of a process in which power-law noise starts at zero, as a random walk does.
 
-    Power-law noise has no stationary distribution. Its slowest states have a variance that depends on `BAND` only.
+    Power-law noise has no stationary distribution: in its state space, the initial variance of the slowest states
+    depends only on `BAND`.
     """
     space = process.state_space(rate)
     if process.stationary or not process.approximate or not process.scale:
@@ -182,9 +192,9 @@ def started(process: Process, rate: float) -> StateSpace:
 
 
 def state_space_error(process: Process, rate: float) -> float:
-    """Return the largest relative error of the Allan deviation of a state space, at 1, 2, 4, …, 2^22 samples.
+    """Return the largest relative error of the Allan deviation that the state space of a process implies.
 
-    It is 0 if the state space is exact.
+    The error is evaluated at averaging times of 1, 2, 4, …, 2^22 samples. It is 0 if the state space is exact.
 
     >>> from gmwm import FN
     >>> round(state_space_error(FN(b2=1.0), rate=100.0), 4)
@@ -198,7 +208,7 @@ def state_space_error(process: Process, rate: float) -> float:
 
 
 def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
-    """Return a remark on the terms of a model whose state space is an approximation, with its largest error.
+    """Return a remark on the terms of a model whose state space is an approximation, with the largest error.
 
     Parameters
     ----------
@@ -213,7 +223,7 @@ def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...
     errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
     if not errors:
         return ()
-    # Rounded, so that the remarks on axes with the same approximation are one.
+    # The numbers are rounded, so that axes with the same approximation share one remark.
     share = Quantity(float(f"{100.0 * max(errors.values()):.2g}"), "%")
     longest = Quantity(float(f"{2.0**BAND / rate:.3g}"), "s")
     return (Remark.of("state-approximated", axis, terms=tuple(errors), error=share, longest=longest),)

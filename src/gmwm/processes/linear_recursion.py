@@ -1,9 +1,9 @@
 """Theory of linear recursions driven by white noise, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, for any orders.
 
-Every covariance is computed from sums over the recursion. The kernels represent them as polynomials modulo φ(B)Φ(B^s)
-in double-double arithmetic, so roots can be arbitrarily close to the unit circle and levels arbitrarily high. The
-remaining error comes from rounding of the coefficients: a double near 1 determines the distance δ of a root from the
-unit circle with a relative error of 1e-16/δ.
+Every covariance is computed from sums over the recursion. The kernels represent these sums as polynomials modulo
+φ(B)Φ(B^s) in double-double arithmetic, so roots can be arbitrarily close to the unit circle and levels arbitrarily
+high. The remaining error comes from rounding of the coefficients: a number in double precision near 1 determines the
+distance δ of a root from the unit circle with a relative error of 1e-16/δ.
 """
 
 from __future__ import annotations
@@ -39,15 +39,16 @@ SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coef
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
-"""Distance between a root of φ and a root of θ below which the two nearly cancel. Pinned by
+"""Distance between a root of φ and a root of θ below which a remark says that the two nearly cancel. Pinned by
 tests/processes/test_arma.py and tests/estimation/test_arma_fits.py."""
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
-"""Largest coordinate of the search for partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ, tanh 2 = 0.964 for θ and
-Θ. It limits the starting values of a search, not the estimates. Pinned by tests/processes/test_arma.py."""
+"""Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
+and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
 _SLOW = 64
-"""Number of lags; for a real root that decays more slowly, the exponential is computed in closed form."""
+"""Number of lags. If the exponential of a real root lasts longer, its contribution is computed in closed form."""
 _SEPARATE = 0.1
-"""Smallest distance of such a root from all others, relative to its distance from the unit circle."""
+"""Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
+circle."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -65,14 +66,17 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def lags(cls, orders: tuple[int, ...]) -> int:
-        """Return the larger of the degrees of φΦ and θΘ."""
+        """Return the larger of the degrees of φ(B)Φ(B^s) and θ(B)Θ(B^s)."""
         if cls.period_name is None:
             return max(orders)
         p, q, seasonal_p, seasonal_q, period = orders
         return max(p + period * seasonal_p, q + period * seasonal_q)
 
     def check_values(self) -> None:
-        """Raise unless every polynomial whose coefficients all have values is stationary or invertible."""
+        """Raise ModelError if a polynomial is not stationary or not invertible.
+
+        Polynomials with a coefficient without a value are not checked.
+        """
         for polynomial in self.polynomials:
             values = self.coefficients(polynomial.name)
             if not values or None in values:
@@ -92,7 +96,7 @@ class Lagged(Ordered, abstract=True, listed=False):
             )
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Report roots of estimated coefficients that nearly cancel, or that are close to the unit circle."""
+        """Return remarks on roots of estimated polynomials that nearly cancel or are close to the unit circle."""
         if all(self.is_fixed(p.name) for p in self.nonlinear_parameters()):
             return ()
         *_, period = self.full_orders()
@@ -118,7 +122,10 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute the wavelet variance ν² for innovation variance 1; NaN in rows that are not stationary."""
+        """Compute the wavelet variances (n, J) for innovation variance 1.
+
+        Rows of coefficients that are not stationary give NaN.
+        """
         wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((len(rows), int(wanted[-1])))
         _core.arma_shapes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -128,8 +135,10 @@ class Lagged(Ordered, abstract=True, listed=False):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Compute the derivative of ν² with respect to each coefficient for innovation variance 1; NaN in rows that are
-        not stationary."""
+        """Compute the derivatives (n, J, q) of the wavelet variances with respect to the coefficients.
+
+        The innovation variance is 1. Rows of coefficients that are not stationary give NaN.
+        """
         wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((*rows.shape, int(wanted[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -147,9 +156,9 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Return a step size that keeps each polynomial stationary or invertible, by Rouché's theorem.
+        """Return a step (n, q) that keeps each polynomial stationary or invertible, by Rouché's theorem.
 
-        It is half the minimum modulus of the polynomial on the unit circle.
+        The step is half the minimum modulus of the polynomial on the unit circle.
         """
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
@@ -158,7 +167,10 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """Return artanh of the partial autocorrelations of each polynomial, with −θ in place of φ; NaN if undefined."""
+        """Return artanh of the partial autocorrelations (n, q) of each polynomial; NaN if they are undefined.
+
+        For a polynomial θ or Θ, these are the partial autocorrelations of the autoregression with the coefficients −θ.
+        """
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.coordinates(_sign(part) * np.asarray(nonlinear)[:, span])
@@ -166,7 +178,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
-        """Return the coefficients with partial autocorrelations tanh z, by Levinson's recursion."""
+        """Return the coefficients (n, q) whose partial autocorrelations are tanh z, by Levinson's recursion."""
         result = np.empty_like(np.asarray(z))
         for part, span in cls._factors():
             result[:, span] = _sign(part) * rational.at_coordinates(np.asarray(z)[:, span])
@@ -174,7 +186,11 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Limit partial autocorrelations to 1 − 1/N at the first lag of φ, ±0.987 elsewhere, and ±0.964 for θ and Θ."""
+        """Return the ranges (q, 2) of the coordinates of starting values.
+
+        They limit the partial autocorrelations to ±0.987 for φ and Φ and to ±0.964 for θ and Θ. At the first lag, the
+        upper limit is 1 − 1/N for φ and 1 − s/N for Φ in a recording of N samples, if this is larger.
+        """
         ends = np.empty((sum(cls.orders[: len(cls.polynomials)]), 2))
         for part, span in cls._factors():
             ends[span] = (-_FARTHEST, _FARTHEST) if _sign(part) > 0 else (-_FARTHEST_AVERAGE, _FARTHEST_AVERAGE)
@@ -186,18 +202,25 @@ class Lagged(Ordered, abstract=True, listed=False):
     # --- theory ---------------------------------------------------------------------------------------
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute r(k); it satisfies r(k) = Σ φ_i r(k − i) for lags beyond the degree of θ."""
+        """Compute the autocovariance r(k) (u²).
+
+        It satisfies r(k) = Σ φ_i r(k − i) for lags beyond the degree of θ(B)Θ(B^s), with the coefficients φ_i of
+        φ(B)Φ(B^s).
+        """
         as_rate(rate)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=False)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute r(m) − r(0) for a process with slow variation, to avoid cancellation, and r(m) otherwise."""
+        """Compute the generalised covariance (u²).
+
+        It is r(m) − r(0) if r(1) > r(0)/2, which avoids cancellation for slow processes, and r(m) otherwise.
+        """
         as_rate(rate)
         r0, r1 = self._autocovariance(np.arange(2), from_zero=False)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=bool(r1 > 0.5 * r0))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance of the running sum: K(m) = −½ Var(sum of |m| samples)."""
+        """Compute the generalised covariance of the running sum, K(m) = −½ Var(sum of |m| samples)."""
         as_rate(rate)
         m, where = np.unique(np.abs(as_lags(lags)), return_inverse=True)
         out = np.empty(m.size)
@@ -205,28 +228,34 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.asarray(-0.5 * self.scale * out[where].reshape(np.shape(lags)))
 
     def memory(self, rate: float) -> int | None:
-        """Return the lags until the autocovariance, without slow real roots, is negligible; None if these are many."""
+        """Return the lag at which the autocovariance, without the exponentials of slow real roots, becomes negligible.
+
+        It is None if this lag is too large.
+        """
         known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         return None if known is None else known.lags
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """Return −ln |λ| of each slow real root λ, negative for a negative root."""
+        """Return the decay rate −ln |λ| of each slow real root λ, with a minus sign for a negative root."""
         known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         return () if known is None else known.decays
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Covariance (u²) of Haar wavelet coefficients: exponentials of slow real roots, and a table of the rest."""
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
+
+        Slow real roots contribute exponentials in closed form; a table of the autocovariance gives the rest.
+        """
         known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         if known is None:
             raise self.missing("coefficient_covariance")
         return self.scale * known.coefficient_covariance(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Power spectral density S(f) = σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|², z = exp(−2πifΔt)."""
+        """Compute the power spectral density σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|² (u²/Hz), with z = exp(−2πifΔt)."""
         return self._density(self.nonlinear, as_frequencies(frequencies, rate), as_rate(rate))
 
     def _density(self, nonlinear: Vector, frequencies: Vector, rate: float) -> Vector:
-        """Density (u²/Hz) with these coefficients, which may be outside the region of stationarity."""
+        """Compute the spectral density (u²/Hz) for coefficients that need not be stationary or invertible."""
         cycles = frequencies / rate
         density = np.full(cycles.shape, self.scale / rate)
         for part, span in self._factors():
@@ -236,7 +265,10 @@ class Lagged(Ordered, abstract=True, listed=False):
         return density
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return states Z_t, Z_{t−1}, … of the autoregression Z, X_t = θ(B) Θ(B^s) Z_t, with a stationary start."""
+        """Return the state space with the states Z_t, Z_{t−1}, …, which start in their stationary distribution.
+
+        Z is the autoregression φ(B) Φ(B^s) Z_t = ε_t, and X_t = θ(B) Θ(B^s) Z_t.
+        """
         as_rate(rate)
         p, _, seasonal_p, _, period = self.full_orders()
         phi, theta, _, _ = self._recursion()
@@ -252,7 +284,7 @@ class Lagged(Ordered, abstract=True, listed=False):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
+        """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_rate(rate)
         n, count = as_paths(n, paths)
         phi, theta, predictors, deviations = self._recursion()
@@ -261,7 +293,10 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.ascontiguousarray(draws[:, theta.size :]).reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return −1/(f ln |λ|) in s for the largest root λ; 0 for a moving average; None if a value is missing."""
+        """Return the correlation time −Δt/ln |λ| (s), where λ is the root of φ(B)Φ(B^s) with the largest modulus.
+
+        It is 0 for a moving average, and None if an autoregressive coefficient has no value.
+        """
         slowest = 0.0
         for part, _ in self._factors():
             if _sign(part) < 0:
@@ -275,7 +310,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return slowest / as_rate(rate)
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Return N, bandwidth and resonance of noise with a correlation time below 1 s; nothing for slower noise."""
+        """Return the density N, the bandwidth and the resonance if the correlation time is below 1 s, else nothing."""
         time = self.correlation_time(rate)
         if time is None or time >= SHORT or self.scale == 0:
             return ()
@@ -284,8 +319,11 @@ class Lagged(Ordered, abstract=True, listed=False):
         return (replace(density, value=density.value * math.sqrt(self.scale)), *others)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
-        """Return the full φ and θ, the predictors of lower orders, and the standard deviations of their errors for σ² =
-        1."""
+        """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and the predictors that start a simulation.
+
+        The last two arrays are the coefficients of the best linear predictors of lower orders, and the standard
+        deviations of their prediction errors for σ² = 1.
+        """
         p, q, seasonal_p, seasonal_q, period = self.full_orders()
         size = p + period * seasonal_p
         phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))
@@ -304,8 +342,10 @@ class Lagged(Ordered, abstract=True, listed=False):
 def _band_numbers(
     kind: type[Lagged], parameters: tuple[float, ...], free: tuple[str, ...], rate: float
 ) -> tuple[Physical, ...]:
-    """Return N, bandwidth and resonance for innovation variance 1, with derivatives with respect to the free
-    coefficients."""
+    """Return the density N, the bandwidth and the resonance for innovation variance 1.
+
+    They include derivatives with respect to the coefficients `free`, which are not fixed.
+    """
     at, process = np.array(parameters), kind.standard(parameters)
     slopes = {kind.scale_parameter().name: 0.5}
     moved: dict[str, Density] = {}
@@ -322,7 +362,8 @@ def _band_numbers(
 
 @lru_cache(maxsize=64)
 def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ShortMemory | None:
-    """Autocovariance for innovation variance 1; None if it decays too slowly."""
+    """Return the autocovariance for innovation variance 1, as a table and exponentials; None if it decays too
+    slowly."""
     p, q, seasonal_p, seasonal_q, period = orders
     values = np.array(parameters, dtype=np.float64)
     season = values[p + q : p + q + seasonal_p]
@@ -346,7 +387,7 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
 
 
 def _lasting(modulus: float) -> float:
-    """Return the number of lags after which k |λ|^k is negligible. The factor k covers double roots."""
+    """Return the number of lags after which k |λ|^k is negligible for a root λ. The factor k covers double roots."""
     if modulus == 0.0:
         return 0.0
     decay = -math.log(min(modulus, 1.0 - 2.0**-53))

@@ -31,18 +31,18 @@ FEW_TIMES = 30
 """Number of correlation times in a recording below which confidence intervals have less than their nominal coverage;
 see docs/validation, study `short`."""
 SEARCH_BEND = 0.01
-"""The search coordinate is linear in λ below `SEARCH_BEND`/N and logarithmic above it. At this λ a recording of N
-samples cannot distinguish the process from a random walk; see test_search_branches_run_along_the_parameter."""
+"""The search coordinate is linear in λ below `SEARCH_BEND`/N and logarithmic above. At λ = `SEARCH_BEND`/N a recording
+of N samples cannot distinguish the process from a random walk; see test_search_branches_run_along_the_parameter."""
 SEARCH_HIGH = 40.0
 """Largest λ of the search: the autocorrelation at one sample is e^(−40) = 4·10⁻¹⁸, below the rounding error of 1."""
 
 
 @dataclass(frozen=True)
 class _Coordinate:
-    """Search coordinate u with λ = bend·(e^(u − low) − 1 + `least`), bend = `SEARCH_BEND`/N and low = ln bend.
+    """Search coordinate u of λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend.
 
-    It begins at λ = `least`·bend, where the process equals a random walk up to this relative error, and approaches ln λ
-    for λ that a recording can distinguish.
+    At the lower end of the range, λ = `least`·bend, the process is practically a random walk. For larger λ, u
+    approaches ln λ.
     """
 
     bend: float
@@ -66,8 +66,11 @@ class _Coordinate:
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """Return the branch φ = ±e^(−λ). It ends at a larger λ than for Gauss-Markov processes, because doubles near 1 are
-    coarse."""
+    """Return the search branch φ = ±e^(−λ) of an AR1 process.
+
+    Its smallest λ is larger than for Gauss-Markov processes, because the resolution of φ near 1 is limited in double
+    precision.
+    """
     along = _Coordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
@@ -98,13 +101,13 @@ class _Markov(Process, abstract=True):
         """Return the marginal variance s², the sign of φ, and λ."""
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Autocovariance r(k) = s²φ^|k|."""
+        """Compute the autocovariance r(k) = s²φ^|k|."""
         s2, sign, lam = self._pole(as_rate(rate))
         k = np.abs(as_lags(lags))
         return np.asarray(s2 * np.where(k % 2 == 1, sign, 1.0) * np.exp(-lam * k))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance of the running sum: K(m) = −½s²[|m|(1+φ)/(1−φ) − 2φ(1−φ^|m|)/(1−φ)²]."""
+        """Compute the covariance of the running sum, K(m) = −½s²[|m|(1+φ)/(1−φ) − 2φ(1−φ^|m|)/(1−φ)²]."""
         s2, sign, lam = self._pole(as_rate(rate))
         m = np.abs(as_lags(lags)).astype(np.float64)
         if sign > 0:
@@ -114,12 +117,15 @@ class _Markov(Process, abstract=True):
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance A(m) = s²(φ^|m| − 1), which does not cancel for φ near 1; s²φ^|m| for negative φ."""
+        """Compute the generalised covariance A(m) (u²).
+
+        It is s²(φ^|m| − 1) for positive φ, which loses no digits for φ near 1, and s²φ^|m| for negative φ.
+        """
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Covariance (u²) of Haar wavelet coefficients, (n,): exponentials of the distances between block ends."""
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²) in closed form."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * (haar_covariance.exponential(at, lam) if sign > 0 else haar_covariance.alternating(at, lam))
 
@@ -129,8 +135,11 @@ class _Markov(Process, abstract=True):
         return (sign * lam,)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (u²): twice the wavelet variance at the half-scale n in closed form; from block sums for
-        negative φ."""
+        """Compute the Allan variance (u²) of clusters of n samples.
+
+        For positive φ it is twice the wavelet variance at the half-scale n, in closed form. For negative φ it follows
+        from the covariance of the running sum.
+        """
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0:
             return super().allan_variance(clusters, rate)
@@ -139,7 +148,7 @@ class _Markov(Process, abstract=True):
         return np.asarray(2.0 * s2 * shape.reshape(n.shape))
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Power spectral density S(f) = s²(1 − φ²)Δt/(1 − 2φ cos 2πfΔt + φ²)."""
+        """Compute the power spectral density S(f) = s²(1 − φ²)Δt/(1 − 2φ cos 2πfΔt + φ²)."""
         s2, sign, lam = self._pole(as_rate(rate))
         angle = np.pi * as_frequencies(frequencies, rate) / rate
         half = np.sin(angle) if sign > 0 else np.cos(angle)
@@ -147,19 +156,23 @@ class _Markov(Process, abstract=True):
         return np.asarray(-s2 * math.expm1(-2.0 * lam) / (rate * distance))
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space with one state, the process itself, in its stationary distribution."""
+        """Return a state space whose single state is the process, starting in its stationary distribution."""
         s2, sign, lam = self._pole(as_rate(rate))
         return StateSpace(F=sign * math.exp(-lam), Q=-s2 * math.expm1(-2.0 * lam), H=1.0, P0=s2)
 
     def continuous(self, rate: float) -> ContinuousStateSpace | None:
-        """Return A = −λf, Qc = 2λfs², from λ because ln φ loses digits for φ near 1; None if φ ≤ 0."""
+        """Return the state space in continuous time with A = −λ/Δt and Qc = 2λs²/Δt; None if φ ≤ 0.
+
+        It is computed from λ, because ln φ loses digits for φ near 1.
+        """
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0 or not math.isfinite(lam):
             return None
         return ContinuousStateSpace(A=-lam * rate, Qc=2.0 * lam * rate * s2, H=1.0, P0=s2)
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return a remark if the recording has so few correlation times that confidence intervals are too narrow."""
+        """Return a remark if the recording is so short, in correlation times, that confidence intervals are too
+        narrow."""
         _, sign, lam = self._pole(rate)
         times = lam * samples
         if sign < 0 or times >= FEW_TIMES:
@@ -169,7 +182,7 @@ class _Markov(Process, abstract=True):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
+        """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_paths(n, paths)
         s2, sign, lam = self._pole(as_rate(rate))
         draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
@@ -179,14 +192,20 @@ class _Markov(Process, abstract=True):
 
 
 FASTEST_DRAWN = 0.999995
-"""Largest φ of the starting values in Algorithm 3 of the paper."""
+"""Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`)."""
 
 
 def _drawn(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
-    """Draw marginal variances s² and φ (draws, 2) by Algorithm 3 of the paper; `before` is φ₋ of the last term.
+    """Draw marginal variances s² and coefficients φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
 
-    With U ~ U(0, 1/3): in condition 1, φ = (1 − √(1 − 3U))/5; in condition 2, φ ~ U(max(0.9, φ₋), φ_max) and
-    σ² ~ U(0, σ̂_T²(1 − φ²)/100); else φ = (φ_max − φ₋)√(1 − 3U) + φ₋. In all other cases σ² ~ U(½, 1) σ̂_T²(1 − φ)².
+    The condition of a draw is `occasion.first` plus `number`, the number of earlier Markov terms. φ₋ (`before`) is the
+    φ drawn for the last of these terms, or 0, U(a, b) is a uniform random number, and u is drawn from U(0, 1).
+
+    - In condition 1, φ = (1 − √(1 − u))/5.
+    - In condition 2, φ is drawn from U(max(0.9, φ₋), φ_max) and σ² from U(0, σ̂_T²(1 − φ²)/100).
+    - In all other conditions, φ = (φ_max − φ₋)√(1 − u) + φ₋.
+
+    Except in condition 2, σ² is drawn from U(½, 1) σ̂_T²(1 − φ)². The marginal variance is s² = σ²/(1 − φ²).
     """
     condition = occasion.first + number
     last = np.zeros(draws) if before is None else np.maximum(before, 0.0)
@@ -204,7 +223,9 @@ def _drawn(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vec
 class AR1(_Markov):
     """First-order autoregression: X_t = φX_{t−1} + ε_t, Var ε = σ².
 
-    The marginal variance is s² = σ²/(1 − φ²). The module `exponential` has the formula of ν_j².
+    The marginal variance is s² = σ²/(1 − φ²). With τ = 2^j samples, the Haar wavelet variance is
+
+        ν_j² = σ² [τ(1 − φ²)/2 − 3φ + 4φ^(τ/2+1) − φ^(τ+1)] / [½τ²(1 − φ)²(1 − φ²)].
 
     Parameters
     ----------
@@ -231,7 +252,7 @@ class AR1(_Markov):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance for innovation variance 1."""
+        """Compute the wavelet variances (n, J) for innovation variance 1."""
         if filter is not HAAR:
             return filtered.ar1_shape(np.asarray(nonlinear)[:, 0], filter, as_levels(levels))
         return exponential.ar1_shape(np.asarray(nonlinear)[:, 0], _half_scales(levels))
@@ -240,20 +261,23 @@ class AR1(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative ∂ν²/∂φ for innovation variance 1; by finite differences for filters other than Haar."""
+        """Compute the derivatives ∂ν²/∂φ (n, J, 1) for innovation variance 1.
+
+        They are exact for the Haar filter, and finite differences for other filters.
+        """
         if filter is not HAAR:
             return super().shape_jacobian(nonlinear, levels, rate, filter)
         return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """Return two branches, φ = e^(−λ) and φ = −e^(−λ), along u = ln λ."""
-        # For φ → −1 the limit, a random walk of alternating sign, is no process of gmwm.
+        """Return the search branches φ = e^(−λ) and φ = −e^(−λ)."""
+        # For φ → −1 the limit is a random walk of alternating sign, which gmwm does not include.
         return _ar1_branch(samples, 1.0, RW.name), _ar1_branch(samples, -1.0, None)
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ, see `_drawn`."""
+        """Draw σ² and φ (draws, 2) as described at `_drawn`."""
         drawn = _drawn(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
@@ -263,14 +287,17 @@ class AR1(_Markov):
         return self.scale / -math.expm1(-2.0 * lam), math.copysign(1.0, phi), lam
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return −Δt/ln|φ| (s); None if φ has no value."""
+        """Return the correlation time −Δt/ln|φ| (s); None if φ has no value."""
         phi = self.values["phi"]
         if phi is None:
             return None
         return 0.0 if phi == 0 else float(1.0 / (rate * exponential.log_decay(np.array([phi]))[0]))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Return T_c and q_c of the Gauss-Markov process with φ = e^(−Δt/T_c); nothing for φ ≤ 0, which has none."""
+        """Return the correlation time T_c and the driving noise density q_c of the Gauss-Markov process with this φ.
+
+        φ = e^(−Δt/T_c). For φ ≤ 0 there is no such process and nothing is returned.
+        """
         s2, _, lam = self._pole(as_rate(rate))
         if not self.value("phi") > 0:
             return ()
@@ -284,8 +311,8 @@ class AR1(_Markov):
 class GM(_Markov):
     """First-order Gauss-Markov process: autocovariance σ² e^(−β|t|) at the time lag t (s).
 
-    The sampled process is an AR1 with φ = e^(−βΔt) and marginal variance σ². The module `exponential` has the formula
-    of ν_j².
+    The sampled process is an `AR1` with φ = e^(−βΔt) and marginal variance σ². The formula of its Haar wavelet variance
+    is in the docstring of `AR1`.
 
     Parameters
     ----------
@@ -312,7 +339,7 @@ class GM(_Markov):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance for marginal variance 1."""
+        """Compute the wavelet variances (n, J) for marginal variance 1."""
         if filter is not HAAR:
             return filtered.gm_shape(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels))
         return exponential.gm_shape(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
@@ -321,7 +348,7 @@ class GM(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative ∂ν²/∂β for marginal variance 1."""
+        """Compute the derivatives ∂ν²/∂β (n, J, 1) for marginal variance 1."""
         if filter is not HAAR:
             return (filtered.gm_slope(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels)) / rate)[:, :, None]
         slope = exponential.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
@@ -329,7 +356,7 @@ class GM(_Markov):
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """Return one branch, from a random walk to white noise."""
+        """Return one search branch, from a random walk (small β) to white noise (large β)."""
         along = _Coordinate(SEARCH_BEND / samples, least=1e-8)
         return (
             Branch(
@@ -346,7 +373,7 @@ class GM(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ = e^(−βΔt), see `_drawn`; returns σ² and β."""
+        """Draw σ² and φ = e^(−βΔt) as described at `_drawn`, and return σ² and β (draws, 2)."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
         drawn = _drawn(occasion, rng, draws=draws, before=phi, number=len(before))
         # φ = 0 is white noise, for which β would be infinite.
@@ -357,7 +384,7 @@ class GM(_Markov):
         return self.scale, 1.0, self.value("beta") / rate
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return 1/β (s); None if β has no value."""
+        """Return the correlation time 1/β (s); None if β has no value."""
         beta = self.values["beta"]
         return None if beta is None else 1.0 / beta
 
@@ -368,8 +395,10 @@ class GM(_Markov):
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Return the correlation time and the driving noise density q_c; for τ ≪ T_c the process is a random walk with K =
-    q_c."""
+    """Return the correlation time T_c and the driving noise density q_c, with their derivatives `time` and `walk`.
+
+    For τ ≪ T_c the process acts as a random walk with K = q_c.
+    """
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

@@ -25,12 +25,12 @@ from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, sh
 from gmwm.statespace import StateSpace
 
 _MANY = 4096
-"""Number of lags from which the correlation is interpolated, which is then faster. The number does not change the
-result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits."""
+"""Smallest number of lags for which the correlation is interpolated, because this is then faster. Interpolation does
+not change the result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits."""
 _ONE_BY_ONE = 64
 """Number of lags that are computed individually, before the first octave of interpolated lags."""
 _SHORT = 512
-"""Largest length of paths that are simulated with a root of their covariance matrix."""
+"""Largest length (samples) of paths that are simulated with a square root of their covariance matrix."""
 _GONE = 1e-18
 """Correlations below this value are treated as zero; it is below the rounding error of 1."""
 _LONGEST = 2**24
@@ -46,8 +46,8 @@ class MAT(Process):
     up to 5, `state_space` is an approximation.
 
     The wavelet variance is computed from the autocovariance at a few hundred lags (see `smooth_autocovariance`), for
-    any filter. Its relative error is 1e-12 for the Haar filter. It is larger for long filters and small β, because such
-    filters leave less of a smooth path than the rounding error.
+    any filter. Its relative error is 1e-12 for the Haar filter. The error is larger for long filters and small β,
+    because the variance of a smooth path after such a filter is less than the rounding error.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class MAT(Process):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivatives ∂ν²/∂β and ∂ν²/∂ν for marginal variance 1."""
+        """Compute the derivatives (n, J, 2) of the wavelet variances with respect to β and ν, for σ² = 1."""
         wanted, rows = as_levels(levels), []
         sums = smooth_autocovariance.sums(filter, int(wanted[-1]))
         for beta, nu in np.asarray(nonlinear, dtype=np.float64):
@@ -102,33 +102,40 @@ class MAT(Process):
     def _variance_under(self, filter: WaveletFilter, levels: NDArray[np.int64], rate: float) -> Vector:
         sums = smooth_autocovariance.sums(filter, int(levels[-1]))
         at = matern(sums.places * (self.value("beta") / rate), self.value("nu"))
-        # Use the sum over the correlation or over its complement, whichever has less cancellation.
+        # Use the sum over the correlation or the sum over its complement, whichever loses fewer digits.
         values, sizes = sums.variance(np.stack([at.correlation, -at.lost]), levels)
         return np.asarray(self.scale * np.maximum(np.where(sizes[0] < sizes[1], values[0], values[1]), 0.0))
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Return β itself, and at most 0.25 for ν, because a slow process changes by orders of magnitude."""
+        """Return the distance (n, 2) of β and ν from the ends of their domains, limited to 0.25 for ν.
+
+        The limit keeps steps of ν small, because the wavelet variance of a slow process changes by orders of magnitude
+        with ν.
+        """
         return np.minimum(super().room(nonlinear), [math.inf, 0.25])
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the ranges: β from one over the length of the recording to the rate, ν from 0.1 to 3."""
+        """Return the ranges (2, 2) of the coordinates of starting values.
+
+        β ranges from the reciprocal of the duration of the recording to the sampling rate, and ν from 0.1 to 3.
+        """
         smoothness = cls.parameters[1].coordinate(np.array([0.1, 3.0]))
         return np.array([[math.log(rate / samples), math.log(rate)], smoothness])
 
     # --- theory -----------------------------------------------------------------------------------------
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Autocovariance r(k) = σ² M(βkΔt), with M the Matérn correlation."""
+        """Compute the autocovariance r(k) = σ² M(βkΔt), where M is the Matérn correlation."""
         return self._at_lags("correlation", lags, rate)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance A(m) = −σ² [1 − M(βmΔt)]."""
+        """Compute the generalised covariance A(m) = −σ² [1 − M(βmΔt)], where M is the Matérn correlation."""
         return -self._at_lags("lost", lags, rate)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance of the running sum: K(m) = −½ σ² [|m| + 2 Σ_{k < |m|} (|m| − k) M(βkΔt)]."""
+        """Compute the covariance of the running sum, K(m) = −½ σ² [|m| + 2 Σ_{0 < k < |m|} (|m| − k) M(βkΔt)]."""
         m, unit = np.abs(as_lags(lags)), self.value("beta") / as_rate(rate)
         (zeroth,), (first,) = smooth_autocovariance.partial_sums(
             lambda k: matern(k * unit, self.value("nu")).correlation[None], m.ravel()
@@ -136,20 +143,22 @@ class MAT(Process):
         return np.asarray(-0.5 * self.scale * (m + 2.0 * (m * zeroth.reshape(m.shape) - first.reshape(m.shape))))
 
     def memory(self, rate: float) -> int | None:
-        """Return the lags until the autocovariance is negligible; None if there are too many."""
+        """Return the lag at which the autocovariance becomes negligible; None if this lag is too large."""
         known = _short_memory(self.value("beta") / rate, self.value("nu"))
         return None if known is None else known.lags
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Covariance (u²) of Haar wavelet coefficients, from a table of the autocovariance."""
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²) from a table of the autocovariance."""
         known = _short_memory(self.value("beta") / rate, self.value("nu"))
         if known is None:
             raise self.missing("coefficient_covariance")
         return self.scale * known.coefficient_covariance(at)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (σ²/n²) Σ_k w_k M(βkΔt): w_0 = n, w_k = 2n − 3k if 1 ≤ k ≤ n, w_k = k − 2n if n < k ≤ 2n; M:
-        correlation."""
+        """Compute the Allan variance (σ²/n²) Σ_k w_k M(βkΔt) of clusters of n samples; M is the Matérn correlation.
+
+        The weights are w_0 = n, w_k = 2n − 3k for 1 ≤ k ≤ n, and w_k = k − 2n for n < k ≤ 2n.
+        """
         n, unit = as_clusters(clusters), self.value("beta") / as_rate(rate)
 
         def known(k: Vector) -> Matrix:
@@ -172,10 +181,11 @@ class MAT(Process):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths with a stationary start: (n,), or (paths, n).
+        """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n).
 
-        The simulation is exact. Short paths use a root of the covariance matrix; longer paths use circulant embedding.
-        The embedding extends until the autocovariance is negligible, or to twice the length if it is convex (ν ≤ ½).
+        The simulation is exact. Short paths use a square root of the covariance matrix; longer paths use circulant
+        embedding. The circulant matrix covers lags up to the path length if the autocovariance is convex (ν ≤ ½), and
+        otherwise up to the lag at which the autocovariance becomes negligible.
 
         Raises
         ------
@@ -192,7 +202,9 @@ class MAT(Process):
         return np.asarray(draws.reshape(shape_of_paths(n, paths)))
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return a sum of Gauss-Markov processes, which drive further ones if ν > ½; see `ladder`.
+        """Return the state space as a sum of Gauss-Markov processes; see the module `ladder`.
+
+        If ν > ½, these processes drive further Gauss-Markov processes.
 
         Raises
         ------
@@ -202,7 +214,7 @@ class MAT(Process):
         return self.continuous(rate).discrete(rate)
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Return the state space in continuous time, of which `state_space` has the steps."""
+        """Return the state space in continuous time, which `state_space` discretises."""
         size, nu, rate = self.scale, self.value("nu"), as_rate(rate)
         if nu > SMOOTHEST:
             raise MissingTheoryError(
@@ -233,7 +245,7 @@ class MAT(Process):
                 break
         return math.exp(log) / beta
 
-    # --- inside -----------------------------------------------------------------------------------------
+    # --- private methods --------------------------------------------------------------------------------
 
     def _at_lags(self, what: str, lags: ArrayLike, rate: float) -> Vector:
         k, rate = np.abs(as_lags(lags)), as_rate(rate)
@@ -256,7 +268,7 @@ class MAT(Process):
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
     def _amplitudes(self, n: int, rate: float) -> Vector:
-        """Return the square roots of the eigenvalues of the circulant correlation matrix."""
+        """Return the square roots of the eigenvalues of the circulant correlation matrix for paths of n samples."""
         beta, nu, half = self.value("beta"), self.value("nu"), circulant_embedding.half_period(n)
         if nu > 0.5:
             far = np.arange(8.0, 400.0, dtype=np.float64)
@@ -275,7 +287,7 @@ class MAT(Process):
 
 @lru_cache(maxsize=64)
 def _short_memory(unit: float, nu: float) -> ShortMemory | None:
-    """Return the correlation at lags of `unit` = βΔt; None if it decays too slowly."""
+    """Return the correlation at the lags 0, 1, 2, … for β = `unit` per sample; None if it decays too slowly."""
     if matern(np.array([LONGEST * unit]), nu).correlation[0] > NEGLIGIBLE:
         return None
     lags = np.arange(math.ceil((50.0 + 5.0 * nu) / unit) + 1, dtype=np.float64)

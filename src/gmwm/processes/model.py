@@ -120,7 +120,7 @@ class Model(KalmanMethods):
 
     @cached_property
     def terms(self) -> tuple[str, ...]:
-        """Label of each process: "WN"; "GM[1]", "GM[2]" if there are several."""
+        """Label of each term, such as "WN". Terms of the same process are numbered, such as "GM[1]" and "GM[2]"."""
         total, seen, labels = Counter(p.name for p in self.processes), Counter[str](), []
         for process in self.processes:
             seen[process.name] += 1
@@ -129,7 +129,7 @@ class Model(KalmanMethods):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Labels of all parameters, in the order of the terms: "GM[1].beta", "WN.sigma2"."""
+        """Labels of all parameters, such as "GM[1].beta" and "WN.sigma2", in the order of the terms."""
         return tuple(f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters)
 
     @property
@@ -139,7 +139,7 @@ class Model(KalmanMethods):
 
     @property
     def structure(self) -> str:
-        """Text of the model without values: "3*GM + WN"."""
+        """Text of the model without values, such as "3*GM + WN"."""
         return _text(p.name for p in self.processes)
 
     def units(self, signal_unit: str = "u") -> dict[str, str]:
@@ -197,7 +197,7 @@ class Model(KalmanMethods):
     # --- theory ---------------------------------------------------------------------------------------
 
     def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
-        """Wavelet variance ν_j² of the sum under a wavelet filter, in closed form.
+        """Compute the theoretical wavelet variance ν_j² of the sum for a wavelet filter.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class Model(KalmanMethods):
         Returns
         -------
         (J,) array
-            In u² for a signal in u.
+            Wavelet variance, in u² for a signal in the unit u.
 
         Raises
         ------
@@ -231,7 +231,7 @@ class Model(KalmanMethods):
     def decomposition(
         self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR
     ) -> dict[str, Vector]:
-        """Wavelet variance of each term by label, (J,) arrays in u²; their sum is `wavelet_variance`.
+        """Compute the wavelet variance (J,) of each term in u², by label; their sum is `wavelet_variance`.
 
         The arguments and errors are the same as for `wavelet_variance`.
 
@@ -242,7 +242,7 @@ class Model(KalmanMethods):
         return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
 
     def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
-        """Derivative ∂ν_j²/∂θ (J, p) with respect to the parameters, in the order of `names`."""
+        """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters, in the order of `names`."""
         self._require_complete("Jacobian")
         wanted, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
         for process in self.processes:
@@ -258,11 +258,11 @@ class Model(KalmanMethods):
         return np.column_stack(columns)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance K(m) of the running sum (u²), up to a linear function; see `Process`."""
+        """Compute the generalised covariance K(m) of the running sum (u²), up to a linear function; see `Process`."""
         return self._sum("running_sum_covariance", lambda p: p.running_sum_covariance(lags, rate))
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
+        """Compute the Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
 
         >>> from gmwm.processes import RW, WN
         >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).allan_variance([1, 2, 3], rate=100.0).round(4)
@@ -271,19 +271,19 @@ class Model(KalmanMethods):
         return self._sum("allan_variance", lambda p: p.allan_variance(clusters, rate))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Autocovariance r(k) in u² at integer `lags`."""
+        """Compute the autocovariance r(k) in u² at integer `lags`."""
         return self._sum("autocovariance", lambda p: p.autocovariance(lags, rate))
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Two-sided power spectral density (u²/Hz) at |f| ≤ rate/2 (Hz)."""
+        """Compute the two-sided power spectral density (u²/Hz) at |f| ≤ rate/2 (Hz)."""
         return self._sum("psd", lambda p: p.psd(frequencies, rate))
 
     def mean(self, t: ArrayLike) -> Vector:
-        """Mean (u) at sample numbers t, from the drift."""
+        """Return the mean (u) at sample numbers t; only a drift has a mean other than 0."""
         return np.asarray(np.sum([p.mean(t) for p in self.processes], axis=0))
 
     def state_space(self, rate: float) -> StateSpace:
-        """State space of the sum in discrete time, with block-diagonal F, Q, H, R, m0 and P0.
+        """Return the state space of the sum in discrete time, in which each term has its own states.
 
         >>> from gmwm.processes import GM, RW, WN
         >>> model = GM(beta=1.0, sigma2=4.0) + RW(gamma2=0.01) + WN(sigma2=3.0)
@@ -297,15 +297,16 @@ class Model(KalmanMethods):
         return StateSpace.sum(p.state_space(rate) for p in self.processes)
 
     def state_terms(self, rate: float) -> tuple[str, ...]:
-        """Label of the term of each state in `state_space`; white noise has no state."""
+        """Return, for each state of `state_space`, the label of the term to which it belongs; white noise has no
+        state."""
         self._require("state_space")
         return tuple(t for t, process in self._labelled() for _ in range(process.state_space(rate).states))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """State space of the sum in continuous time, with block-diagonal A, Qc, H and Rc.
+        """Return the state space of the sum in continuous time, in which each term has its own states.
 
-        Its discretisation at `rate` is `state_space`. The attribute `left_out` lists the terms without a continuous
-        form, such as quantization noise.
+        Its discretisation at `rate` is `state_space`. The attribute `left_out` lists the terms that have no form in
+        continuous time, such as quantization noise.
 
         >>> Model.parse("GM(beta=0.5, sigma2=4.0) + QN(q2=1.0) + RW(gamma2=0.01)").continuous(rate=100.0).left_out
         ('QN',)
@@ -314,7 +315,7 @@ class Model(KalmanMethods):
         return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._labelled()})
 
     def has(self, theory: str) -> bool:
-        """Whether every term defines this theory; see `Process.has`."""
+        """Return whether every term defines this theory; see `Process.has`."""
         return all(p.has(theory) for p in self.processes)
 
     # --- likelihood; `KalmanMethods` has the other methods that use the Kalman filter ----------------------
@@ -324,22 +325,22 @@ class Model(KalmanMethods):
 
             log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t]
 
-        v_t are the innovations and S_t their variances. Unknown levels (the mean of the recording, the level of a
-        random walk) have a flat prior and are integrated out, which equals an exact diffuse initialisation.
+        v_t are the innovations and S_t their variances. Unknown levels (the mean of the recording and the initial value
+        of a random walk) have a flat prior and are integrated out, which equals an exact diffuse initialisation.
 
         Parameters
         ----------
         data : Signal or (N,) array
             The recording. Gaps of a signal are missing samples; in an array, NaN marks a missing sample.
         rate : float, optional
-            Sampling rate (Hz); needed with an array only.
+            Sampling rate (Hz), required if `data` is an array.
         mean : float, optional
             Mean of the recording, in its unit, if it is known; unknown by default.
 
         Returns
         -------
         float
-            The natural logarithm of the density of the samples that are present.
+            Natural logarithm of the joint density of the samples that are not missing.
 
         Raises
         ------
@@ -382,12 +383,12 @@ class Model(KalmanMethods):
         rng : numpy.random.Generator or int
             Random number generator, or its seed.
         paths : int or None
-            Number of paths; None for one path without an axis of paths.
+            Number of paths; None for a single path of shape (n,).
 
         Returns
         -------
         (n,) or (paths, n) array
-            In the unit u of the signal; (n,) if `paths` is None.
+            Sample paths, in the unit u of the signal.
 
         Raises
         ------
@@ -396,7 +397,7 @@ class Model(KalmanMethods):
         MissingTheoryError
             If a term cannot be simulated.
         OptionError
-            If n or paths is not a positive integer, the rate is not positive, or rng is neither generator nor seed.
+            If n or paths is not a positive integer, the rate is not positive, or rng is neither a generator nor a seed.
 
         Examples
         --------
@@ -410,7 +411,7 @@ class Model(KalmanMethods):
         as_paths(n, paths)
         generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
         total = np.zeros(shape_of_paths(n, paths))
-        # Terms are added in the order of drawing, so that the order of the terms changes no bit of the sum.
+        # Terms are added in the order of drawing, so that rounding does not depend on the order of the terms.
         for label in self.drawing_order():
             total += by_label[label].simulate(n, rate, generator, paths)
         return total
@@ -432,7 +433,7 @@ class Model(KalmanMethods):
         return {label: drawn[label] for label in self.terms}
 
     def drawing_order(self) -> list[str]:
-        """Labels in the order in which `simulate` draws and adds the terms: sorted by their text."""
+        """Return the labels in the order in which `simulate` draws the terms, sorted by the text of each term."""
         return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
 
     # --- algebra and text -----------------------------------------------------------------------------
@@ -478,7 +479,7 @@ class Model(KalmanMethods):
     def __repr__(self) -> str:
         return f"Model({str(self)!r})"
 
-    # --- inside ---------------------------------------------------------------------------------------
+    # --- private methods ------------------------------------------------------------------------------
 
     def _labelled(self) -> list[tuple[str, Process]]:
         return list(zip(self.terms, self.processes, strict=True))
@@ -582,7 +583,7 @@ def _text(terms: Iterable[str]) -> str:
 
 
 def _order(process: Process, rate: float) -> tuple[float, ...]:
-    """Sort key: the correlation time, or the nonlinear parameters if it is unknown."""
+    """Return the key that sorts terms: the correlation time, or inf if it is unknown, and the nonlinear parameters."""
     time, values = process.correlation_time(rate), process.values
     shape = [values[p.name] for p in process.nonlinear_parameters()]
     return (math.inf if time is None else time, *(math.inf if value is None else value for value in shape))

@@ -1,7 +1,8 @@
-"""Processes with orders, such as AR(2): the number of parameters depends on the orders.
+"""Processes whose number of parameters depends on their orders, such as AR(2).
 
-An ordered process is an abstract class. The class of given orders is created at its first use and cached. It behaves
-like any other process but is not in the registry, because the number of such classes is unlimited.
+An ordered process is an abstract class, such as `AR`. The concrete class for given orders is created at its first use
+and cached. It behaves like any other process but is not in the registry, because the number of such classes is
+unlimited.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ ordered_classes: dict[str, type[Ordered]] = {}
 """Every ordered process by name, in display order."""
 
 MOST_LAGS = 60
-"""Largest lag that a process can use."""
+"""Largest lag (samples) that a process can have."""
 
 
 def every_class() -> dict[str, type[Process]]:
-    """Return every registered process, and a few orders of each ordered process, by name, for tests."""
+    """Return every registered process and examples of each ordered process, by name. Tests use them."""
     examples = (ordered.of(*orders) for ordered in ordered_classes.values() for orders in ordered.examples)
     return {**registry, **{process.name: process for process in examples}}
 
@@ -47,14 +48,14 @@ def find_class(name: str) -> type[Process] | None:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Coefficients of one polynomial, numbered from 1: phi1, phi2, …
+    """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, ….
 
     Parameters
     ----------
     name, symbol : str
-        Name and symbol of a coefficient without its number: "phi", "φ".
+        Name and symbol of a coefficient without its number, such as "phi" and "φ".
     order : str
-        Name of the order, which is the number of coefficients: "p".
+        Name of the order, which is the number of coefficients, such as "p".
     description : str
         Description of one coefficient.
     """
@@ -94,7 +95,7 @@ class Ordered(Process, abstract=True):
     scale_of: ClassVar[Parameter]
     """The scale parameter, which is the last parameter."""
     examples: ClassVar[tuple[tuple[int, ...], ...]]
-    """Orders for the tests."""
+    """Orders of the processes that tests use as examples."""
     order_class: ClassVar[type[Ordered]]
     """The class without orders, such as ARMA for ARMA(2, 1)."""
     orders: ClassVar[tuple[int, ...]]
@@ -111,13 +112,13 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def order_names(cls) -> tuple[str, ...]:
-        """Return the names of the orders in the order of the arguments: ("p", "q")."""
+        """Return the names of the orders, such as ("p", "q"), in the order of the arguments."""
         names = tuple(polynomial.order for polynomial in cls.polynomials)
         return names if cls.period_name is None else (*names, cls.period_name)
 
     @classmethod
     def written(cls) -> str:
-        """Return the notation of the process: "ARMA(p, q)"."""
+        """Return the notation of the process with the names of its orders, such as "ARMA(p, q)"."""
         return f"{cls.order_class.name}({', '.join(cls.order_names())})"
 
     @classmethod
@@ -127,7 +128,7 @@ class Ordered(Process, abstract=True):
         Raises
         ------
         ModelError
-            If orders are missing, negative, all zero, or too large.
+            If an order is missing, negative or too large, or all orders are zero.
         """
         ordered = cls.order_class
         key = ordered._checked_orders(orders)
@@ -165,7 +166,7 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def lags(cls, orders: tuple[int, ...]) -> int:
-        """Return the largest lag of a process of these orders."""
+        """Return the largest lag (samples) of a process of these orders."""
         return max(orders)
 
     @classmethod
@@ -228,7 +229,7 @@ class Ordered(Process, abstract=True):
         try:
             super().__post_init__()
         except ModelError:
-            # The check of all coefficients together gives a better message if they are numbers.
+            # If all coefficients are numbers, checking them together gives a better message.
             numbers = [value for value in self.values.values() if value is not None]
             if all(isinstance(value, float | Real) and math.isfinite(value) for value in numbers):
                 self.check_values()
@@ -237,11 +238,11 @@ class Ordered(Process, abstract=True):
 
     @abstractmethod
     def check_values(self) -> None:
-        """Raise ModelError, with advice, if the coefficients together are invalid for the process."""
+        """Raise ModelError, with advice, if the coefficients are valid separately but not together."""
 
     @classmethod
     def _orders_of(cls, orders: tuple[int, ...], values: Mapping[str, Any]) -> tuple[int, ...]:
-        """Return the given orders, or derive them from the number of coefficients."""
+        """Return the orders that are given, or the orders that follow from the numbers of coefficients."""
         given = list(orders)
         if cls.period_name is not None and cls.period_name in values:
             if len(given) >= len(cls.order_names()):
@@ -275,7 +276,7 @@ class Ordered(Process, abstract=True):
         return f"{self.order_class.name}({', '.join([*orders, *given])})" if given else self.name
 
     def coefficients(self, name: str) -> list[float | None]:
-        """Return the values of all coefficients `name`, fixed or not; None for coefficients without a value."""
+        """Return the values of the coefficients called `name`, fixed or not; None for a coefficient without a value."""
         values = self.values
         return [values[p.name] for p in self.nonlinear_parameters() if p.name.rstrip("0123456789") == name]
 

@@ -37,17 +37,17 @@ def fixed(value: float) -> Fixed:
     Parameters
     ----------
     value : float
-        Value in the SI unit of the parameter: u² for a variance, 1/s for β, Hz for a frequency.
+        Value in the SI unit of the parameter, such as u² for a variance, 1/s for β, or Hz for a frequency.
 
     Returns
     -------
     Fixed
-        Pass it to a process instead of a number.
+        Object that is passed to a process instead of a number.
 
     Raises
     ------
     ModelError
-        If it is not a finite number. The process checks its domain.
+        If `value` is not a finite number. The process checks whether it lies in the domain of the parameter.
 
     Examples
     --------
@@ -75,13 +75,13 @@ class Parameter:
     description : str
         Meaning, in a few words.
     domain : "positive", "real" or "between"
-        Positive, any real number, or strictly between the `limits`. The scale parameter of a process may also be 0,
-        which means that the process is absent.
+        Set of allowed values: positive numbers, all real numbers, or numbers strictly between the `limits`. The scale
+        parameter of a process may also be 0, which means that the process is absent.
     limits : pair of float
         Ends of the domain "between"; −1 and 1 by default.
     signal_power, time_power : int
-        Powers of the unit of the signal and of the second in the unit of the parameter: (2, 0) for a variance, (0, −1)
-        for an inverse correlation time.
+        Powers of the unit of the signal and of the second in the unit of the parameter. They are 2 and 0 for a
+        variance, and 0 and −1 for an inverse correlation time.
     per_sample : bool
         Whether the value refers to one sampling step, so that it depends on the rate.
     scale_power : int or None
@@ -103,7 +103,7 @@ class Parameter:
     unit_name: str | None = None
 
     def unit(self, signal_unit: str = "u") -> str:
-        """Unit as text, for a signal in `signal_unit`; "" for a dimensionless parameter.
+        """Return the unit as text, for a signal in `signal_unit`; "" for a dimensionless parameter.
 
         >>> Parameter("sigma2", "σ²", "variance", signal_power=2).unit("rad/s")
         '(rad/s)²'
@@ -126,7 +126,7 @@ class Parameter:
         Raises
         ------
         ModelError
-            If it is not None, a finite real number in the domain, or `fixed(…)` of one.
+            If the value is neither None, nor a finite real number in the domain, nor such a number in `fixed(…)`.
         """
         if value is None:
             return None
@@ -151,9 +151,10 @@ class Parameter:
     # --- unconstrained coordinates --------------------------------------------------------------------
 
     def room(self, values: Vector) -> Vector:
-        """Distance of each of the `values` (n,) from the end of the domain, (n,), in the unit of the parameter.
+        """Compute the distance (n,) of each of the `values` (n,) from the nearest end of the domain.
 
-        For a real parameter, whose domain has no end, it is the absolute value, or 1 at zero.
+        The distance has the unit of the parameter. For a parameter that can be any real number, it is the absolute
+        value, or 1 at zero.
         """
         if self.domain == "between":
             return np.asarray(np.minimum(values - self.limits[0], self.limits[1] - values))
@@ -161,10 +162,11 @@ class Parameter:
         return np.asarray(np.where(size == 0, 1.0, size) if self.domain == "real" else values)
 
     def scanned(self, samples: int, rate: float) -> tuple[float, float]:
-        """Range of the coordinate for starting values, for a recording of `samples` at `rate` (Hz).
+        """Return the range of the coordinate of starting values, for a recording of `samples` samples at `rate` (Hz).
 
-        Inverse times range from one over the length of the recording to one over the sampling interval, other positive
-        values from 0.1 to 10, and values between limits up to tanh(3) = 0.995 of the interval.
+        Inverse times range from the reciprocal of the duration of the recording to the sampling rate, and other
+        positive values from 0.1 to 10. Values between limits cover the central 99.5 % (tanh 3) of the interval, and
+        real numbers range from −2 to 2.
         """
         if self.domain == "positive":
             low, high = (rate / samples, rate) if self.time_power == -1 else (0.1, 10.0)
@@ -172,14 +174,18 @@ class Parameter:
         return (-3.0, 3.0) if self.domain == "between" else (-2.0, 2.0)
 
     def coordinate(self, values: Vector) -> Vector:
-        """Unconstrained coordinates of values: ln θ, artanh of the rescaled θ, or θ itself."""
+        """Transform values θ to unconstrained coordinates.
+
+        The coordinate is ln θ for a positive parameter, artanh of θ rescaled to ±1 for a parameter between limits, and
+        θ for a real number.
+        """
         if self.domain == "between":
             low, high = self.limits
             return np.asarray(0.5 * np.log((values - low) / (high - values)))
         return np.asarray(np.log(values) if self.domain == "positive" else values)
 
     def at_coordinate(self, z: NDArray[Any]) -> NDArray[Any]:
-        """Values at the coordinates `z`, which may be complex: the function is analytic."""
+        """Compute the values at the coordinates `z`, which may be complex because the function is analytic."""
         if self.domain == "between":
             low, high = self.limits
             return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * np.tanh(z))
@@ -188,16 +194,17 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Exponential:
-    """A branch of autocovariances ±e^(−λ|k|) with λ = `bend`·(e^(u − low) − 1 + `least`), which a kernel searches.
+    """Form of a branch whose processes have exponential autocovariances, which a compiled kernel can search.
 
     Parameters
     ----------
     bend, least : float
+        Constants of λ = `bend`·(e^(u − low) − 1 + `least`), where u is the search coordinate and `low` its lower end.
     sign : float
-        1, or −1 for (−1)^k e^(−λ|k|).
+        1 for the autocovariance e^(−λ|k|), and −1 for (−1)^k e^(−λ|k|).
     innovation : bool
-        Whether the process has innovation variance 1 at scale 1, and otherwise marginal variance 1. The parameter is φ
-        or λ times the rate.
+        True if the parameter is φ and scale coefficient 1 means innovation variance 1, as for `AR1`. False if the
+        parameter is λ times the rate and scale coefficient 1 means marginal variance 1, as for `GM`.
     """
 
     bend: float
@@ -213,17 +220,17 @@ class Branch:
     Parameters
     ----------
     low, high : float
-        Range of u. Beyond it a recording cannot distinguish the process from `low_acts_as` or `high_acts_as`.
+        Range of u. Outside the range, a recording cannot distinguish the process from `low_acts_as` or `high_acts_as`.
     values : function of u (n,)
-        Nonlinear parameters (n, 1).
+        Returns the nonlinear parameters (n, 1).
     slope : function of u (n,)
-        Derivatives of the nonlinear parameters with respect to u (n, 1).
-    coordinate : function of a value
-        u of a value, not clipped to the range; None if the value is not on this curve.
+        Returns the derivatives (n, 1) of the nonlinear parameters with respect to u.
+    coordinate : function of a parameter value
+        Returns u, which is not clipped to the range; None if the value is not on this curve.
     low_acts_as, high_acts_as : str or None
-        Names of the processes that the process approaches at the two ends; None if there is none.
+        Names of the processes that the process approaches at the two ends; None if there is no such process.
     exponential : Exponential, optional
-        The form of the autocovariance if it is exponential: fits are then faster.
+        Form of the autocovariance if it is exponential, which makes fits faster.
     """
 
     low: float

@@ -9,8 +9,9 @@
 Values without a name are in the order of the parameters, "AR1(0.9, 0.1)"; they must come before values with a name.
 
 A process with orders needs its orders, "ARMA(2, 1, phi1=0.5)", or its coefficients, "AR(phi=[1.4, -0.6])". Orders are
-whole numbers and come first: "AR(2, 1.4, -0.6)" has the order 2 and φ₁ = 1.4. A period may be written by name. The
-case of process names does not matter. `str(model)` is such a text, with the name of every value.
+whole numbers and come first: "AR(2, 1.4, -0.6)" has the order 2 and φ₁ = 1.4. A period may be written by name. Upper
+and lower case of process names are not distinguished. `str(model)` returns such a text, in which every value has its
+name.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))",
     re.ASCII,
 )
-# 100 terms of 100 characters; limits the time for an invalid text. Pinned by test_a_text_of_a_sum_that_is_no_model.
+# Enough for 100 terms of 100 characters. It limits the run time for an invalid text. Pinned by
+# test_a_text_of_a_sum_that_is_no_model.
 _LONGEST_TEXT = 10_000
 
 
@@ -39,7 +41,7 @@ def parse_model(text: str) -> Model:
     Parameters
     ----------
     text : str
-        See the grammar above.
+        Sum of processes, in the grammar of the module docstring.
 
     Returns
     -------
@@ -82,7 +84,7 @@ class _Token:
 
 @dataclass
 class _Reader:
-    """Recursive descent over the tokens of one text."""
+    """Recursive-descent parser of the text of one model."""
 
     text: str
     tokens: list[_Token] = field(default_factory=list)
@@ -168,7 +170,10 @@ class _Reader:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """Arguments of a process without orders: lists of coefficients, single parameters and named orders."""
+        """Read the arguments of a process that is written without leading orders.
+
+        The arguments are lists of coefficients, single parameters, or orders with a name.
+        """
         given: dict[str, Any] = {}
         while not self._take(")"):
             if given:

@@ -1,4 +1,4 @@
-"""Parameters of a process in continuous time."""
+"""Coefficients of a process in continuous time, as datasheets state them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Physical:
-    """A continuous-time value of a process, as in datasheets.
+    """Coefficient of a process in continuous time, as datasheets state it.
 
     Parameters
     ----------
@@ -17,14 +17,13 @@ class Physical:
     title : str
         Name, for example "white noise density".
     value : float
-        Value in (unit of the signal)^`signal_power` · s^`time_power`. Only values such as the slope of a drift can be
-        negative.
+        Value in (unit of the signal)^`signal_power` · s^`time_power`. Only the slope of a drift can be negative.
     time_power : float
-        1, ½, 0, −½ or −1.
+        Exponent of the second in the unit: 1, ½, 0, −½ or −1.
     signal_power : int
-        1, or 0 for a time or a frequency.
+        Exponent of the unit of the signal: 1, or 0 for a time, a frequency or a pure number.
     slopes : mapping of parameter name to float
-        ∂ ln|value| / ∂ ln|θ| for each parameter on which the value depends.
+        Derivative ∂ ln|value| / ∂ ln|θ| for each parameter θ on which the value depends.
     """
 
     symbol: str

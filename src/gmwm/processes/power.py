@@ -25,7 +25,7 @@ from gmwm.processes.self_similar import Numbers
 from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.statespace import StateSpace
 
-# Step of complex-step derivatives: its square, the relative error, is far below the rounding error.
+# Step of complex-step derivatives. Their relative error, the square of the step, is far below the rounding error.
 _STEP = 1e-30
 _LOG2 = math.log(2.0)
 
@@ -43,25 +43,27 @@ class PowerLaw(Process, abstract=True):
     @classmethod
     @abstractmethod
     def exponents(cls, nonlinear: NDArray[np.float64]) -> tuple[Numbers, Numbers]:
-        """Return ε = α − 1 (n,) and ν_1² for scale coefficient 1 (n,). Must be analytic for complex-step
-        derivatives."""
+        """Return ε = α − 1 (n,) and ν_1² (n,) for scale coefficient 1.
+
+        The functions must be analytic, because their derivatives are computed by complex steps.
+        """
 
     @property
     def law(self) -> tuple[float, float]:
-        """Return ε = α − 1 and ν_1² in u²."""
+        """ε = α − 1, and ν_1² in u²."""
         epsilon, first = self.exponents(self.nonlinear.reshape(1, -1))
         return float(epsilon[0]), self.scale * float(first[0])
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance ν_1² (τ/2)^(α−1) for the Haar filter."""
+        """Compute the wavelet variances (n, J), which are ν_1² (τ/2)^(α−1) for the Haar filter."""
         return np.asarray(cls._shape(nonlinear, as_levels(levels), filter))
 
     @classmethod
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative ∂ν²/∂θ (n, J, q), by complex steps, which have no truncation error."""
+        """Compute the derivatives ∂ν²/∂θ (n, J, q) by complex steps."""
         moved = np.asarray(nonlinear, dtype=np.complex128) + 1j * _STEP
         if not cls.nonlinear_parameters():
             return np.zeros((len(moved), as_levels(levels).size, 0))
@@ -75,36 +77,39 @@ class PowerLaw(Process, abstract=True):
         return np.asarray(first[:, None] * self_similar.filtered_shape(epsilon, filter, levels))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance of the running sum: K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
+        """Compute the covariance of the running sum, K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
         epsilon, first = self.law
         kappa = float(self_similar.unit_factor(np.asarray(epsilon)))
         return 0.5 * first * kappa * self_similar.sum_covariance(as_lags(lags).astype(np.float64), epsilon)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance A(m) = −K(m+1) + 2K(m) − K(m−1) (u²); it decreases without bound as m^(α−1)."""
+        """Compute the generalised covariance A(m) = −K(m+1) + 2K(m) − K(m−1) (u²), up to a constant."""
         epsilon, first = self.law
         kappa = float(self_similar.unit_factor(np.asarray(epsilon)))
         return -0.5 * first * kappa * self_similar.bend(as_lags(lags).astype(np.float64), epsilon)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance σ²(n) = 2ν_1² n^(α−1)."""
+        """Compute the Allan variance σ²(n) = 2ν_1² n^(α−1) of clusters of n samples."""
         epsilon, first = self.law
         return np.asarray(2.0 * first * as_clusters(clusters).astype(np.float64) ** epsilon)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Covariance (u²) of Haar wavelet coefficients, (n,): second differences of K over both half-scales."""
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²), from second differences of K."""
         epsilon, first = self.law
         return first * haar_covariance.power(at, epsilon)
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """Return the range of λ: a power of the lag is a mixture of exponentials with all decay rates."""
+        """Return a very large and a very small decay rate (per sample).
+
+        A power of the lag is a mixture of exponentials with all decay rates between them.
+        """
         return (2.0, 1e-290)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Power spectral density S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt), with C of the continuous noise; at f
-        = 0 its limit.
+        """Compute the power spectral density S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt) (u²/Hz).
 
-        If the process is not stationary, this is a pseudo-spectrum, valid under filters that sum to 0.
+        C|f|^(−α) is the density of the noise in continuous time. The value at f = 0 is the limit. If the process is not
+        stationary, S is a pseudo-spectrum, which is valid for filters whose coefficients sum to 0.
         """
         f = as_frequencies(frequencies, as_rate(rate))
         epsilon, first = self.law
@@ -113,9 +118,9 @@ class PowerLaw(Process, abstract=True):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths with the exact covariance: (n,), or (paths, n).
+        """Simulate Gaussian sample paths with the exact covariance, an array (n,) or (paths, n).
 
-        For α ≥ 1 only the increments are stationary; X_0 is the first increment.
+        For α ≥ 1 only the increments are stationary, and each path starts with its first increment.
         """
         n, count = as_paths(n, paths)
         as_rate(rate)
@@ -123,14 +128,15 @@ class PowerLaw(Process, abstract=True):
         return _simulated(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return a sum of eleven Gauss-Markov processes, averaged over each sampling interval; see `ladder`.
+        """Return the state space of a sum of eleven Gauss-Markov processes, averaged over each sampling interval.
 
-        Its Allan deviation is within 1 % of the exact one for averaging times from 1 to 2^22 samples.
+        Its Allan deviation is within 1 % of the exact value for averaging times from 1 to 2^22 samples; see the module
+        `ladder`.
 
         Raises
         ------
         MissingTheoryError
-            If α is outside 0 to 2.
+            If α is not between 0 and 2.
         """
         as_rate(rate)
         space, _ = self._ladder()
@@ -138,7 +144,10 @@ class PowerLaw(Process, abstract=True):
         return StateSpace(F=space.F, Q=first * space.Q, H=space.H, R=first * space.R, P0=first * space.P0)
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Return the slow Gauss-Markov processes of `state_space`, which are not averaged, and white noise."""
+        """Return an approximate state space in continuous time.
+
+        It has the slow Gauss-Markov processes of `state_space`, without averaging. White noise replaces the fast ones.
+        """
         _, smooth = self._ladder()
         size, rate = self.law[1], as_rate(rate)
         return ContinuousStateSpace(
@@ -165,8 +174,10 @@ def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, c
 
 @lru_cache(maxsize=2)
 def _roots(epsilon: float, half: int) -> Vector:
-    """Return the amplitudes for paths with ν_1² = 1, or for their increments if ε ≥ 0. Cached for repeated
-    simulations."""
+    """Return the amplitudes for circulant embedding of paths with ν_1² = 1, or of their increments if ε ≥ 0.
+
+    They are cached for repeated simulations.
+    """
     if epsilon < 0:
         return amplitudes(lambda k: _variance(epsilon) * 0.5 * self_similar.power_bend(k, epsilon), half)
     ones = np.ones(half + 1)
@@ -208,11 +219,11 @@ class FN(PowerLaw):
         return np.zeros(len(nonlinear)), np.full(len(nonlinear), _LOG2 / math.pi)
 
     def correlation_time(self, rate: float) -> float:
-        """Return inf: flicker noise is not stationary."""
+        """Return inf, because flicker noise is not stationary."""
         return math.inf
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Return the bias instability B = √B² as IEEE Std 952 defines it."""
+        """Return the bias instability coefficient B, as IEEE Std 952 defines it."""
         return (Physical("B_f", "flicker noise", math.sqrt(self.scale), 0.0, slopes={"b2": 0.5}),)
 
 
@@ -295,14 +306,14 @@ class FGN(PowerLaw):
         return epsilon, -np.expm1(epsilon * _LOG2)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance of the running sum: K(m) = −½σ²|m|^(2H)."""
+        """Compute the generalised covariance of the running sum, K(m) = −½σ²|m|^(2H)."""
         m = np.abs(as_lags(lags)).astype(np.float64)
         return np.asarray(-0.5 * self.scale * m ** (2.0 * self.value("hurst")))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Autocovariance r(k) = ½σ² (|k+1|^(2H) − 2|k|^(2H) + |k−1|^(2H))."""
+        """Compute the autocovariance r(k) = ½σ² (|k+1|^(2H) − 2|k|^(2H) + |k−1|^(2H))."""
         return 0.5 * self.scale * self_similar.power_bend(as_lags(lags).astype(np.float64), self.law[0])
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance A(k) = r(k) (u²), because the process is stationary."""
+        """Compute the generalised covariance (u²), which is the autocovariance because the process is stationary."""
         return self.autocovariance(lags, rate)

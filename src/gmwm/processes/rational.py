@@ -1,4 +1,7 @@
-"""Polynomials 1 − a₁z − … − a_n z^n, given as rows of a: stationarity, coordinates, roots and squared modulus."""
+"""Stationarity, coordinates, roots and squared modulus of polynomials 1 − a₁z − … − a_n z^n.
+
+Several polynomials of the same degree are given as the rows of an array of coefficients a.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,8 @@ _GRID = 256
 def coordinates(rows: Matrix) -> Matrix:
     """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion.
 
-    NaN if the modulus of a partial autocorrelation is at least 1, which is equivalent to a zero with |z| ≤ 1.
+    The result is NaN if a partial autocorrelation has a modulus of at least 1. The polynomial then has a zero with
+    |z| ≤ 1.
 
     >>> coordinates(np.array([[0.5], [1.0]])).round(4).tolist()
     [[0.5493], [nan]]
@@ -42,12 +46,12 @@ def at_coordinates(z: NDArray[Any]) -> NDArray[Any]:
 
 
 def roots(a: Vector) -> NDArray[np.complex128]:
-    """Compute the roots λ of λ^n = a₁λ^(n−1) + … + a_n (n,); all |λ| < 1 if a is stationary."""
+    """Compute the n roots λ of λ^n = a₁λ^(n−1) + … + a_n. All |λ| < 1 if the autoregression is stationary."""
     return np.asarray(np.roots(np.concatenate(([1.0], -np.asarray(a)))), dtype=np.complex128)
 
 
 def clearance(rows: Matrix) -> Vector:
-    """Compute half the minimum modulus of each polynomial on |z| = 1 (rows,); 0 if it is not stationary."""
+    """Compute half the minimum modulus (rows,) of each polynomial on |z| = 1; 0 for a polynomial with a zero inside."""
     rows = np.asarray(rows, dtype=np.float64)
     inside = np.all(np.isfinite(coordinates(rows)), axis=1)
     result = np.zeros(len(rows))
@@ -65,8 +69,8 @@ def clearance(rows: Matrix) -> Vector:
 def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles); the last axis of `rows` holds the coefficients.
 
-    With c the nearer of 1 and −1, it is computed as 1 − Σ a_i c^i + Σ a_i (c^i − z^i), which is accurate for zeros
-    near c.
+    Let c be 1 or −1, whichever is nearer to z. The polynomial is computed as 1 − Σ a_i c^i + Σ a_i (c^i − z^i), which
+    is accurate for zeros near c.
     """
     turned = np.asarray(cycles, dtype=np.float64)
     turned = turned - np.round(turned)
@@ -97,8 +101,7 @@ def _at_one(rows: NDArray[np.float64], c: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=64)
 def odd_lags(filter: WaveletFilter) -> Vector:
-    """Return the autocorrelations of the scaling filter at lags 1, 3, 5, …; its autocorrelations at even lags > 0 are
-    zero."""
+    """Return the autocorrelations of the scaling filter at the lags 1, 3, 5, …; those at the lags 2, 4, … are zero."""
     if filter is HAAR:
         return freeze(np.empty(0))
     both = np.correlate(filter.scaling, filter.scaling, "full")

@@ -1,13 +1,14 @@
-"""Self-similar noise: running sums whose covariance is a power of the lag.
+"""Theory of self-similar noise, whose running sum has a covariance that is a power of the lag.
 
-The mean of a continuous-time noise of spectrum |f|^(−α) over each sampling interval has a running sum of generalised
-covariance
+Continuous-time noise with the spectrum |f|^(−α) is averaged over each sampling interval. The running sum of these means
+has the generalised covariance
 
     K(m) = ½ ν_1² κ q(m),   q(m) = m² (|m|^ε − 1)/ε,   κ = ε/(2^ε − 1),   ε = α − 1 between −2 and 2,
 
-up to a + b m², with ν_1² its Haar wavelet variance at the first level. For ε = 0, q(m) = m² ln|m| and κ = 1/ln 2. A lag
-that is h times as long multiplies K by h^(ε+2), so q determines all results here. Second differences of q use closed
-forms near 0 and series in 1/m² at longer lags, which avoids cancellation at any lag and for any ε.
+up to a + b m², where ν_1² is the Haar wavelet variance at the first level. For ε = 0, q(m) = m² ln|m| and κ = 1/ln 2.
+Multiplying the lag by h multiplies K by h^(ε+2), up to a + b m², so q determines all results of this module. Second
+differences of q use closed forms near 0 and series in 1/m² at longer lags. This avoids cancellation at any lag and for
+any ε.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ Numbers = NDArray[Any]
 """Real, or complex for complex-step derivatives."""
 
 _NEAR = 4.0
-"""Lag, in steps of the difference, from which the series is as accurate as the definition."""
+"""Lag, as a multiple of the step of the difference, from which the series is used instead of the definition."""
 _TERMS = 15
 """Number of terms of the series in (step/lag)² ≤ 1/16."""
 _REACH = 4
-"""Number of lags that are stored individually, in filter lengths."""
+"""Number of lags that are stored individually, as a multiple of the filter length."""
 
 
 def over_exponent(epsilon: Numbers, x: Numbers) -> Numbers:
@@ -53,7 +54,10 @@ def sum_covariance(lags: Vector, epsilon: float) -> Vector:
 
 
 def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
-    """Compute C(2 + ε, 2k)/ε, k = 2, 3, …, without a division: ε is one of the factors and is omitted."""
+    """Compute the binomial coefficients C(2 + ε, 2k) divided by ε, for k = 2, 3, …, `terms` + 1.
+
+    The factor ε of the binomial coefficients is omitted, so no division is needed.
+    """
     found, product = [], (2 + epsilon) * (1 + epsilon) / 2
     for k in range(2, terms + 2):
         product = product * (epsilon - (2 * k - 3)) / ((2 * k - 1) * 2 * k)
@@ -64,7 +68,7 @@ def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
 
 
 def bend(lags: Vector, epsilon: float) -> Vector:
-    """Compute q(m+1) − 2q(m) + q(m−1) at real lags, accurate to rounding."""
+    """Compute the second difference q(m+1) − 2q(m) + q(m−1) at real lags m, accurate to rounding."""
     t = np.abs(np.asarray(lags, dtype=np.float64))
     out = np.empty_like(t)
     near = t < _NEAR
@@ -86,7 +90,7 @@ def _tail(t: Vector, epsilon: float) -> Vector:
 
 
 def power_bend(lags: Vector, epsilon: float) -> Vector:
-    """Compute |m+1|^p − 2|m|^p + |m−1|^p, p = 2 + ε, with full relative accuracy for small results."""
+    """Compute |m+1|^p − 2|m|^p + |m−1|^p with p = 2 + ε at real lags m; small results have full relative accuracy."""
     t = np.abs(np.asarray(lags, dtype=np.float64))
     p = 2.0 + epsilon
     out = np.empty_like(t)
@@ -99,7 +103,10 @@ def power_bend(lags: Vector, epsilon: float) -> Vector:
 
 
 def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
-    """Compute the second difference by 1, then by `step` ≥ 1, of q at real lags: the wavelet covariance terms."""
+    """Compute the second difference of q by 1, and of the result by `step` ≥ 1, at real lags.
+
+    Covariances of wavelet coefficients of two levels are such differences.
+    """
     t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
     out = np.empty_like(t)
     near = t < _NEAR * (1 + r)
@@ -120,9 +127,10 @@ def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
 
 
 def spectrum(frequencies: Vector, epsilon: float) -> Vector:
-    """Compute the spectral density of the sampled noise with ν_1² = 1, at |f| ≤ ½ in cycles per sample.
+    """Compute the spectral density of the sampled noise with ν_1² = 1, at |f| ≤ ½ (cycles per sample).
 
-    C (sin(πf)/π)² Σ_k |f + k|^(−α−2), C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1); the sum is two Hurwitz zeta functions.
+    It is C (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1). The sum over k ≠ 0 consists
+    of two Hurwitz zeta functions.
     """
     from scipy.special import zeta
 
@@ -139,7 +147,7 @@ def spectrum(frequencies: Vector, epsilon: float) -> Vector:
 
 
 def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
-    """Compute 2^((j−1)ε) (n, J) with a split exponent to avoid rounding errors."""
+    """Compute 2^((j−1)ε) (n, J). The exponent is split into two parts to avoid rounding errors."""
     coarse = np.round(np.real(epsilon) * 2.0**20) / 2.0**20
     steps = (levels - 1).astype(np.float64)
     rest = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
@@ -147,9 +155,9 @@ def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
 
 
 def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.int64]) -> Numbers:
-    """Compute ν_j² (n, J) under any wavelet filter for a Haar wavelet variance of 1 at the first level.
+    """Compute the wavelet variances ν_j² (n, J) under any filter, for noise whose Haar variance at level 1 is 1.
 
-    If the spectrum vanishes at f = 0 (ε < −1), it is computed from the running sum and the differenced filter.
+    If the spectrum vanishes at f = 0 (ε < −1), they are computed from the running sum and the differenced filter.
     """
     eps = np.asarray(epsilon)
     out = np.empty((eps.size, int(levels[-1])), dtype=eps.dtype)
@@ -176,11 +184,13 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
 
 
 def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
-    """Compute Σ_n d(n) c_j(n) (n, J) over 2^(j−1)ε at levels 1 … J; c_1 is `near` at lags up to R, then `tail`.
+    """Compute Σ_k d(k) c_j(k) / 2^((j−1)ε) (n, J) at levels j = 1 … J, where d is the autocorrelation of the wavelet
+    filter.
 
-    The recursion over levels propagates the covariance under the smoothing filter, up to a constant. Short lags are
-    stored individually. Longer lags have the form a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s). The filter preserves this form;
-    its even autocorrelation moments give the new coefficients. Each level divides by 2^ε to keep the values bounded.
+    c_j(k) is the covariance of the input of level j, up to a constant; J is `count`. The smoothing filter maps c_j to
+    c_{j+1}. Values at short lags are stored individually; `near` has those of c_1. At longer lags c_j has the form
+    a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s); `tail` has the coefficients a of c_1. The filter preserves this form, and the
+    even moments of its autocorrelation give the new coefficients. The division at each level keeps the values bounded.
     """
     length, reach = filter.length, _REACH * filter.length
     detail, step, moments = _tables(filter, reach, summed)
@@ -199,7 +209,7 @@ def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, 
 
 
 def _bend_rows(eps: Numbers, reach: int) -> Numbers:
-    """Compute the second difference of q at lags 0 … `reach`, one row for each exponent."""
+    """Compute the second differences of q at the lags 0 … `reach`, with one row for each exponent ε."""
     m = np.arange(reach + 1.0)
     log = np.log(np.maximum(np.arange(_NEAR + 1), 1.0))
     q = np.arange(_NEAR + 1) ** 2 * over_exponent(eps, log)
@@ -212,9 +222,10 @@ def _bend_rows(eps: Numbers, reach: int) -> Numbers:
 
 
 def _passages(eps: Numbers, moments: Vector) -> Numbers:
-    """Return the maps of the smoothing filter from a_s to a_t, t ≥ s (n, S, S): 4^(−t) C(ε − 2s, 2(t − s)) μ_(2(t−s)).
+    """Return the factors (n, S, S) by which a_s contributes to a_t at the next level, t ≥ s.
 
-    For a_0, the factor of (k^ε − 1)/ε, the binomial is C(ε, 2t)/ε.
+    The factor is 4^(−t) C(ε − 2s, 2(t − s)) μ_(2(t−s)), where μ_i is moment i of the autocorrelation of the smoothing
+    filter. For a_0, the coefficient of (k^ε − 1)/ε, the binomial coefficient is divided by ε.
     """
     out = np.zeros((len(eps), _TERMS, _TERMS), dtype=eps.dtype)
     for s in range(_TERMS):
@@ -231,9 +242,11 @@ def _passages(eps: Numbers, moments: Vector) -> Numbers:
 
 @lru_cache(maxsize=64)
 def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Matrix, Vector]:
-    """Return the wavelet filter's autocorrelation at lags ≥ 0, the level step and the smoothing filter's even moments.
+    """Return the tables of a filter that `_carried` uses.
 
-    If `summed`, the filters are those for the running sum: (1 − z) h(z) and, times 2, g(z)/(1 + z).
+    They are the autocorrelation of the wavelet filter h at lags ≥ 0, the matrix of the step to the next level, and the
+    even moments of the autocorrelation of the smoothing filter g. If `summed`, the filters are (1 − z) h(z) and
+    2g(z)/(1 + z), for the running sum.
     """
     smooth, detail = filter.scaling / math.sqrt(2.0), filter.wavelet / math.sqrt(2.0)
     if summed:

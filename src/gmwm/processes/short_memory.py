@@ -1,8 +1,9 @@
-"""Processes with short memory: an autocovariance that is negligible beyond some lags, apart from a few exponentials.
+"""Processes whose autocovariance is negligible beyond a lag L, apart from a few exponentials.
 
-The running sum of such a process has the covariance K(m) = −½S|m| + const + ρ(m), S = Σ_k r(k). It is the sum of
-the covariance of white noise of density S and ρ(m) = −Σ_{k>m} (k − m) r(k), which is zero where r is. Haar coefficients
-therefore have the same covariance as for white noise, except within L lags of the kinks.
+The running sum of such a process has the covariance K(m) = −½S|m| + const + ρ(m), S = Σ_k r(k). The first term is the
+covariance for white noise with the spectral density S. The last term, ρ(m) = −Σ_{k>m} (k − m) r(k), is zero beyond the
+lag L. Haar wavelet coefficients therefore have the same covariance as for white noise, except within L lags of the lags
+at which that covariance changes its slope.
 """
 
 from __future__ import annotations
@@ -16,23 +17,25 @@ from gmwm.processes import haar_covariance
 from gmwm.processes.haar_covariance import LagGrid
 
 LONGEST = 2048
-"""Largest number of lags L. With 19 levels, the covariance V has 3 million nodes and takes 0.1 s and 150 MB; see
-benchmarks."""
+"""Largest number of lags L. With 19 levels, the covariance matrix of the wavelet variances is then a sum over 3 million
+terms, which takes 0.1 s and 150 MB; see benchmarks."""
 NEGLIGIBLE = 1e-11
-"""Size of the tail ρ(m), relative to the largest tail or to r(0), below which further lags are left out; the error of V
-is then below 1e-10."""
+"""Size of ρ(m), relative to the largest |ρ| or to r(0), below which longer lags are left out. The relative error of the
+covariance matrix of the wavelet variances is then below 1e-10."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShortMemory:
-    """Autocovariance of a process at unit scale: r(0), …, r(L), plus Σ a e^(−λ|k|).
+    """Autocovariance for scale coefficient 1, as the sum of a table and of exponentials Σ a e^(−λ|k|).
 
     Attributes
     ----------
     autocovariance : (L + 1,) array
+        Table r(0), …, r(L) of the autocovariance without the exponentials.
     amplitudes : tuple of float
+        Amplitude a of each exponential.
     decays : tuple of float
-        λ per sample; negative for (−1)^k e^(−|λ|k).
+        Decay rate λ (per sample) of each exponential; a negative rate means (−1)^k e^(−|λ|k).
     """
 
     autocovariance: Vector
@@ -45,7 +48,7 @@ class ShortMemory:
         return self.autocovariance.size - 1
 
     def coefficient_covariance(self, at: LagGrid) -> Vector:
-        """Covariance of Haar wavelet coefficients; see `Process.coefficient_covariance`."""
+        """Compute the covariances (n,) of Haar wavelet coefficients; see `Process.coefficient_covariance`."""
         total = haar_covariance.short_memory(at, self.autocovariance)
         for amplitude, decay in zip(self.amplitudes, self.decays, strict=True):
             shape = haar_covariance.exponential if decay > 0 else haar_covariance.alternating
@@ -54,9 +57,9 @@ class ShortMemory:
 
 
 def trimmed(autocovariance: Vector) -> Vector | None:
-    """Truncate the autocovariance at the lag from which it is negligible; return None if this lag is too large.
+    """Truncate an autocovariance at the lag beyond which it is negligible; return None if this lag is too large.
 
-    `autocovariance` must reach beyond this lag itself.
+    `autocovariance` must include this lag and some longer ones.
     """
     tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]
     least = NEGLIGIBLE * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))

@@ -60,65 +60,67 @@ class SIN(Process):
 
     @classmethod
     def has(cls, theory: str) -> bool:
-        """Return whether the process defines this theory: everything except a spectral density, which a sinusoid does
-        not have."""
+        """Return whether the process defines this theory. A sinusoid has no power spectral density."""
         return super().has(theory) and theory != "psd"
 
     # --- the shape --------------------------------------------------------------------------------------
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance for P = 1: |H_j(f₀)|²."""
+        """Compute the wavelet variances (n, J) for P = 1, which are the squared gains |H_j(f₀)|²."""
         return _gain(np.asarray(nonlinear)[:, 0], as_levels(levels), rate, filter)[0]
 
     @classmethod
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative ∂|H_j(f₀)|²/∂f₀."""
+        """Compute the derivatives (n, J, 1) of |H_j(f₀)|² with respect to f₀."""
         return _gain(np.asarray(nonlinear)[:, 0], as_levels(levels), rate, filter)[1][:, :, None]
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the range from one period in the recording to half the rate."""
+        """Return the range (1, 2) of ln f₀, from one period per recording to half the sampling rate."""
         return np.log([[rate / samples, rate / 2]])
 
     # --- theory -----------------------------------------------------------------------------------------
 
     def line(self, rate: float) -> tuple[float, float]:
-        """Return P, and f₀Δt or its alias."""
+        """Return the power P, and f₀Δt or its alias in cycles per sample."""
         return self.scale, float(_folded(np.array([self.value("frequency")]), rate)[0]) / rate
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Autocovariance r(k) = P cos(2πf₀kΔt)."""
+        """Compute the autocovariance r(k) = P cos(2πf₀kΔt)."""
         return np.asarray(self.scale * np.cos(2.0 * np.pi * self._turns(as_lags(lags), as_rate(rate))))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance A(m) = −2P sin²(πf₀mΔt)."""
+        """Compute the generalised covariance A(m) = −2P sin²(πf₀mΔt)."""
         return np.asarray(-2.0 * self.scale * np.sin(np.pi * self._turns(as_lags(lags), as_rate(rate))) ** 2)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance of the running sum: K(m) = −½ P sin²(πmf₀Δt) / sin²(πf₀Δt)."""
+        """Compute the generalised covariance of the running sum, K(m) = −½ P sin²(πmf₀Δt) / sin²(πf₀Δt)."""
         m, (_, cycles) = as_lags(lags), self.line(as_rate(rate))
-        # A multiple of the rate is a constant.
+        # If the frequency is a multiple of the rate, all samples are equal.
         ratio = m if cycles == 0 else np.sin(np.pi * self._turns(m, rate)) / math.sin(math.pi * cycles)
         return np.asarray(-0.5 * self.scale * ratio.astype(np.float64) ** 2)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance 2P sin⁴(πnf₀Δt) / (n² sin²(πf₀Δt)): twice the Haar wavelet variance at half-scale n."""
+        """Compute the Allan variance 2P sin⁴(πnf₀Δt) / (n² sin²(πf₀Δt)) of clusters of n samples."""
         n = as_clusters(clusters)
         frequency = np.full(n.size, self.value("frequency"))
         gain = _haar_gain(frequency, n.ravel().astype(np.float64), as_rate(rate))[0]
         return np.asarray(2.0 * self.scale * gain.reshape(n.shape))
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return two states that rotate by 2πf₀Δt per sample, without process noise."""
+        """Return a state space with two states that rotate by 2πf₀Δt per sample, without process noise."""
         _, cycles = self.line(as_rate(rate))
         c, s = math.cos(2.0 * math.pi * cycles), math.sin(2.0 * math.pi * cycles)
         return StateSpace(F=[[c, s], [-s, c]], Q=np.zeros((2, 2)), H=[1.0, 0.0], P0=self.scale * np.eye(2))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Return two states that rotate by 2πf₀ per second; at the alias if f₀ is above half the rate."""
+        """Return a state space with two states that rotate by 2πf₀ per second.
+
+        The states rotate at the alias if f₀ is above half the sampling rate.
+        """
         turn = 2.0 * math.pi * self.line(as_rate(rate))[1] * rate
         start = self.scale * np.eye(2)
         return ContinuousStateSpace(A=[[0.0, turn], [-turn, 0.0]], Qc=np.zeros((2, 2)), H=[1.0, 0.0], P0=start)
@@ -126,7 +128,7 @@ class SIN(Process):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate sample paths of fixed amplitude and random phase: (n,), or (paths, n)."""
+        """Simulate sample paths of fixed amplitude and random phase, an array (n,) or (paths, n)."""
         n, count = as_paths(n, paths)
         turns = self._turns(np.arange(n), as_rate(rate))
         path = turns + as_rng(rng).random((count, 1))
@@ -150,7 +152,10 @@ class SIN(Process):
         )
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Report frequencies at multiples of half the rate, where the samples are ±A sin U or constant, A sin U."""
+        """Return a remark if the frequency is a multiple of half the sampling rate.
+
+        At even multiples all samples equal A sin U; at odd multiples they alternate between A sin U and −A sin U.
+        """
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
         # If the phase changes by at least half a turn over the record, the remark does not apply.
@@ -186,11 +191,13 @@ def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: Wav
 
 
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
-    """Compute sin⁴ a / (h² sin² b) and its derivative with respect to f; a = πhfΔt, b = πfΔt. The angle a is reduced
-    exactly first."""
+    """Compute the squared gain sin⁴ a / (h² sin² b) and its derivative with respect to f, with a = πhfΔt and b = πfΔt.
+
+    The angle a is first reduced without rounding.
+    """
     below = _folded(frequency, rate)
     a, b = np.pi * (_folded(below * half, rate) / rate), np.pi * (below / rate)
-    # A frequency that is a multiple of the rate is a constant, to which every wavelet filter has zero gain.
+    # If the frequency is a multiple of the rate, all samples are equal, and every wavelet filter gives zero.
     still = b == 0
     sine_b = np.where(still, 1.0, np.sin(b))
     ratio = np.where(still, 0.0, np.sin(a) / (half * sine_b))
@@ -203,7 +210,10 @@ def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Ma
 def _any_gain(
     frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> tuple[Matrix, Matrix]:
-    """Compute Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ); G is half the squared gain of the scaling filter, φ = fΔt."""
+    """Compute the squared gain Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative with respect to f.
+
+    G is half the squared gain of the scaling filter, and φ = fΔt.
+    """
     gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
     below = _folded(frequency, rate)
     gains = np.empty((frequency.size, int(levels[-1])))
@@ -221,11 +231,11 @@ def _any_gain(
 
 
 def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute (4 cos² πφ)^p R(φ) and its derivative with respect to φ, from cos πφ and sin πφ; g(z) has p zeros at half
-    the rate.
+    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative with respect to φ, from cos πφ and sin πφ.
 
-    The zeros are factored out analytically to keep full accuracy near them. All filters with 2p taps have Daubechies'
-    R, a polynomial in sin² πφ. For other filters R is |Q|², g(z) = (1 + z)^p Q(z).
+    The scaling filter g(z) = (1 + z)^p Q(z) has p zeros at half the sampling rate, which are factored out to keep full
+    accuracy near them. For filters with 2p taps, R is the polynomial of Daubechies in sin² πφ. For other filters R is
+    |Q|².
     """
     p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
     if filter.length == 2 * p:
@@ -241,8 +251,7 @@ def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[
 
 @lru_cache(maxsize=64)
 def _without_zeros(filter: WaveletFilter) -> Vector:
-    """Divide the scaling filter g(z) = (1 + z)^p Q(z) by its zeros at z = −1, and return Q(z). The division is
-    exact."""
+    """Return the coefficients of Q(z) in the scaling filter g(z) = (1 + z)^p Q(z), which has p zeros at z = −1."""
     rest = filtered.without_zero(filter)
     for _ in range(filter.vanishing_moments - 1):
         sign = (-1.0) ** np.arange(rest.size)

@@ -1,10 +1,11 @@
 """Wavelet variances from autocovariances that are smooth functions of the lag, for any filter and level.
 
 The scaling coefficients of level i have the autocovariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), where r_g is the
-autocorrelation of the smoothing filter, and ν_j² = Σ_n r_h(n) A_{j−1}(n). Lags up to a few filter lengths are stored
-individually. At longer lags, A_i is interpolated by a polynomial in every octave of lags. It is stored as values at
-Chebyshev points, and a step of the recursion is a small matrix for each octave. All steps are linear in A_0. One
-adjoint recursion per filter expresses each ν_j² as a sum over about twenty lags per level.
+autocorrelation of the smoothing filter. The wavelet variance is ν_j² = Σ_n r_h(n) A_{j−1}(n), where r_h is the
+autocorrelation of the wavelet filter. Values at lags up to a few filter lengths are stored individually. At longer
+lags, A_i is interpolated by one polynomial per octave of lags, which is stored as its values at Chebyshev points. A
+step of the recursion is then a small matrix for each octave. All steps are linear in A_0. One adjoint recursion per
+filter expresses each ν_j² as a sum over about twenty lags per level.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.filters import WaveletFilter
 
 NODES = 20
-"""Chebyshev points per octave [a, 2a]. The singularity at lag 0 is 1.5 a away from the centre of the octave, so the
-interpolation error is about 5.8^−20."""
+"""Chebyshev points per octave [a, 2a] of lags. The singularity at lag 0 is 1.5 a away from the centre of the octave, so
+the interpolation error is about 5.8^−20."""
 _SPILL = 8
-"""From this octave on, the filter is so short compared with the octave that lags slightly outside the next octave are
-computed by extrapolation of its polynomial."""
+"""Octave from which the filter is so short compared with the octave that the polynomial of the next octave is
+extrapolated to lags slightly outside it."""
 _SHORT = 64
 """Number of lags that are summed individually."""
 _TOGETHER = 2**14
@@ -36,20 +37,24 @@ Levels = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """ν_j² = Σ_p weights[j − 1, p] A(places[p]) under one filter.
+    """Sums ν_j² = Σ_p weights[j − 1, p] A(places[p]) that give the wavelet variances under one filter.
 
     Attributes
     ----------
     places : (P,) array
-        Lags in samples, not necessarily integers.
+        Lags (samples), not necessarily integers, at which the autocovariance A is needed.
     weights : (J, P) array
+        Weights of A at these lags, for each level.
     """
 
     places: Vector
     weights: Matrix
 
     def variance(self, known: Matrix, levels: Levels) -> tuple[Matrix, Matrix]:
-        """Compute ν² (n, J) from n autocovariances at `places` (n, P), and the sums of the absolute terms."""
+        """Compute the wavelet variances (n, J) from n autocovariances at `places` (n, P).
+
+        The second array (n, J) has the sums of the absolute values of the terms, which measure the cancellation.
+        """
         weights = self.weights[levels - 1]
         return np.asarray(known @ weights.T), np.asarray(np.abs(known) @ np.abs(weights).T)
 
@@ -82,8 +87,10 @@ def _reach(filter: WaveletFilter) -> int:
 
 @lru_cache(maxsize=64)
 def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
-    """Return the matrix that computes the next level at lags 0 … T from these lags and the first two octaves, (T + 1, T
-    + 1 + 2 NODES)."""
+    """Return the matrix (T + 1, T + 1 + 2 NODES) that computes A_{i+1} at lags 0 … T from A_i; T is `reach`.
+
+    A_i is given at the lags 0 … T and at the points of the first two octaves.
+    """
     lags = np.arange(2 * reach + filter.length)
     takes = np.eye(lags.size, reach + 1 + 2 * NODES)
     for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
@@ -98,8 +105,10 @@ def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
 
 @lru_cache(maxsize=64)
 def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.float64]:
-    """Return the matrices that compute the next level in each octave from this octave and the next two, (octaves,
-    NODES, 3 NODES)."""
+    """Return the matrices (octaves, NODES, 3 NODES) that compute A_{i+1} in each octave from A_i.
+
+    A_i is given at the points of the same octave and of the next two octaves.
+    """
     smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
     n = np.arange(1 - filter.length, filter.length)
     table = np.zeros((octaves, NODES, 3 * NODES))
@@ -117,16 +126,20 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
 
 
 def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
-    """Compute Σ_{k = 1 … m} f(k) and Σ k f(k), (functions, ends) each, for functions that are smooth in each octave.
+    """Compute the sums of f(k) and of k f(k) over k = 1 … m, for functions f that are smooth in each octave.
 
-    Each octave, the last one up to m, is summed by a Gauss rule for sums over integers.
+    A Gauss rule for sums over integers gives the sum over each octave. The last octave ends at m.
 
     Parameters
     ----------
     known : function of lags (n,)
-        Returns values (functions, n); lags need not be integers.
+        Returns the values (functions, n) of one or more functions f; lags need not be integers.
     ends : (ends,) int array
-        m ≥ 0.
+        Upper limits m ≥ 0.
+
+    Returns
+    -------
+    two (functions, ends) arrays
     """
     first = known(np.arange(1.0, _SHORT + 1))
     moments = np.stack([first, first * np.arange(1.0, _SHORT + 1)])
@@ -144,7 +157,7 @@ def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> 
 def _pieces(
     known: Callable[[Vector], Matrix], starts: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Compute the sums of f(k) and k f(k) over the `counts` integers after each of `starts`, (2, functions, pieces)."""
+    """Compute the sums (2, functions, pieces) of f(k) and k f(k) over the `counts` integers after each of `starts`."""
     nodes, weights = _rules(counts.astype(np.float64))
     lags = starts[:, None] + 0.5 * (counts[:, None] + 1.0) + nodes
     values = known(lags.ravel())
@@ -153,10 +166,10 @@ def _pieces(
 
 
 def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
-    """Compute Gauss rules for sums over `counts` integers: nodes about the centre, and weights, (n, NODES) each.
+    """Compute Gauss rules for sums over M consecutive integers, with M from `counts` (n,).
 
-    The rules follow from the Jacobi matrices with b_i = i² (M² − i²)/(4(4i² − 1)). If M is less than the number of
-    nodes, b_M = 0 removes the surplus nodes.
+    Returns the nodes relative to the centre and their weights, both (n, NODES). The rules follow from Jacobi matrices
+    with b_i = i² (M² − i²)/(4(4i² − 1)). If M is less than the number of nodes, b_M = 0 removes the surplus nodes.
     """
     i = np.arange(1.0, NODES)
     b = np.maximum(i**2 * (counts[:, None] ** 2 - i**2) / (4.0 * (4.0 * i**2 - 1.0)), 0.0)
@@ -170,7 +183,7 @@ def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
 
 
 def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
-    """Interpolate values at integer lags ≥ 0 from values at 0 … T and the points of the octaves (`spread_places`)."""
+    """Interpolate a function at integer lags ≥ 0 from its values at the lags of `spread_places`."""
     out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
     for start in range(0, lags.size, _TOGETHER):
         part, found = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
@@ -183,7 +196,7 @@ def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
 
 
 def spread_places(reach: int, octaves: int) -> Vector:
-    """Return lags 0 … T and the points of the next `octaves` octaves."""
+    """Return the lags 0 … T, with T = `reach`, and the Chebyshev points of the next `octaves` octaves."""
     starts = np.ldexp(float(reach), np.arange(octaves))
     return np.concatenate([np.arange(reach + 1.0), (starts[:, None] * (1.5 + 0.5 * _points())).ravel()])
 
@@ -194,11 +207,11 @@ def _points() -> Vector:
 
 @lru_cache(maxsize=1)
 def _coefficients() -> Matrix:
-    """Return the matrix that maps values at the points to Chebyshev coefficients."""
+    """Return the matrix that maps values at the Chebyshev points to the coefficients of Chebyshev polynomials."""
     table = chebyshev.chebvander(_points(), NODES - 1).T
     return np.asarray(table * np.where(np.arange(NODES) > 0, 2.0, 1.0)[:, None] / NODES)
 
 
 def _polynomials(x: Vector) -> Matrix:
-    """Return the matrix that maps values at the points of an octave [1, 2] to values at x."""
+    """Return the matrix that maps values at the Chebyshev points of the octave [1, 2] to values at x."""
     return np.asarray(chebyshev.chebvander(2.0 * x - 3.0, NODES - 1) @ _coefficients())

@@ -1,4 +1,4 @@
-"""Summary of the data that random starting values need."""
+"""Summary of the data from which random starting values are drawn."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from gmwm.filters import HAAR, WaveletFilter
 
 Dominant = Literal["quantization", "white", "markov"]
-"""Noise type of the first two levels: their variance falls faster than for white noise, as fast, or more slowly."""
+"""Noise type that dominates the first two levels. From level 1 to level 2 the wavelet variance falls faster than for
+white noise ("quantization"), as fast ("white"), or more slowly ("markov")."""
 
 
 @dataclass(frozen=True, eq=False)
 class Occasion:
-    """Quantities of the data that the starting values of Algorithms 2 and 3 of the paper use.
+    """Quantities of the data that Algorithms 2 and 3 of Balamuta et al. (see `Sampled`) use.
 
     Attributes
     ----------
@@ -27,13 +28,15 @@ class Occasion:
     dominant : "quantization", "white" or "markov"
         The noise type that dominates the first levels.
     first : (draws,) int array
-        1 or 2: the condition of Algorithm 3 for the first autoregression of each draw.
+        Condition, 1 or 2, of Algorithm 3 for the first autoregression of each draw.
     levels : (J,) int array
+        Wavelet levels of the data.
     samples : int
-        Length N of the record.
+        Length N of the recording (samples).
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     filter : WaveletFilter
+        Wavelet filter of the data.
     """
 
     total: float

@@ -10,7 +10,7 @@ from gmwm.errors import OptionError
 
 
 def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
-    """Return integer lags in samples, of any sign and shape."""
+    """Check lags, which are integers (samples) of any sign and shape, and return them as an array."""
     array = np.asarray(lags)
     if array.dtype.kind not in "iu":
         raise OptionError(
@@ -23,7 +23,7 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
 
 
 def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
-    """Return cluster sizes in samples, integers of at least 1."""
+    """Check cluster sizes, which are integers (samples) of at least 1, and return them as an array."""
     array = np.asarray(clusters)
     if array.dtype.kind not in "iu" or np.any(array < 1):
         raise OptionError(
@@ -36,7 +36,7 @@ def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
 
 
 def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
-    """Return frequencies in Hz, within ±rate/2."""
+    """Check that frequencies (Hz) are within ±rate/2, and return them as an array."""
     f = np.asarray(frequencies, dtype=np.float64)
     # The end of a grid up to the Nyquist frequency can exceed it by a rounding error.
     if not np.all(np.abs(f) <= 0.5 * rate * (1 + 1e-12)):
@@ -71,7 +71,7 @@ def as_seed(rng: object) -> int:
 
 
 def as_paths(n: object, paths: object) -> tuple[int, int]:
-    """Return the number of samples and the number of paths (1 for None)."""
+    """Check the number of samples and the number of paths, and return both; None means one path."""
     for name, value in (("n", n), ("paths", 1 if paths is None else paths)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
             raise OptionError(argument=name, expected="a positive integer", got=value)
@@ -79,5 +79,5 @@ def as_paths(n: object, paths: object) -> tuple[int, int]:
 
 
 def shape_of_paths(n: int, paths: int | None) -> tuple[int, ...]:
-    """Return (n,) if `paths` is None, and (paths, n) otherwise."""
+    """Return the shape of simulated paths: (n,) if `paths` is None, and (paths, n) otherwise."""
     return (n,) if paths is None else (paths, n)

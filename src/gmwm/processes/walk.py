@@ -50,7 +50,7 @@ class RW(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Wavelet variance for γ² = 1: (τ² + 2)/(12τ) for the Haar filter."""
+        """Compute the wavelet variance for γ² = 1, which is (τ² + 2)/(12τ) for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.walk_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         tau = np.ldexp(1.0, as_levels(levels))
@@ -58,28 +58,32 @@ class RW(Process):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw γ² ~ U(σ̂_T²/(10⁵ N), σ̂_T²/N)."""
+        """Draw γ² uniformly from σ̂_T²/(10⁵ N) to σ̂_T²/N, where σ̂_T² is the `total` of `Occasion`."""
         largest = occasion.total / occasion.samples
         return rng.uniform(1e-5 * largest, largest, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance of the running sum: K(m) = γ²(|m|³ − |m|)/12."""
+        """Compute the generalised covariance of the running sum, K(m) = γ²(|m|³ − |m|)/12."""
         m = np.abs(as_lags(lags)).astype(np.float64)
         return self.scale * (m**3 - m) / 12.0
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance A(m) = −γ²|m|/2 (u²)."""
+        """Compute the generalised covariance A(m) = −γ²|m|/2 (u²)."""
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Covariance (u²) of Haar wavelet coefficients, (n,): piecewise cubic in the lag, zero without overlap.
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
 
-        Second differences of K(m) = γ²(|m|³ − |m|)/12 over both half-scales.
+        They are second differences of K(m) = γ²(|m|³ − |m|)/12 over both half-scales. They are piecewise cubic in the
+        lag, and 0 if the coefficients use no common samples.
         """
         return self.scale * haar_covariance.walk(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), valid under filters that sum to 0; infinite at f = 0."""
+        """Compute the pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), which is infinite at f = 0.
+
+        It is valid for filters whose coefficients sum to 0.
+        """
         f = as_frequencies(frequencies, as_rate(rate))
         with np.errstate(divide="ignore"):
             density = 1.0 / (4.0 * rate * np.sin(np.pi * f / rate) ** 2)
@@ -93,17 +97,17 @@ class RW(Process):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths: (n,), or (paths, n)."""
+        """Simulate Gaussian sample paths, an array (n,) or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         steps = as_rng(rng).standard_normal(shape_of_paths(n, paths))
         _core.accumulate(steps.reshape(-1, n), math.sqrt(self.scale))
         return steps
 
     def correlation_time(self, rate: float) -> float:
-        """Return inf: a random walk is not stationary."""
+        """Return inf, because a random walk is not stationary."""
         return math.inf
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Return the random walk coefficient K = √(γ²/Δt)."""
+        """Return the random walk coefficient K = √(γ²/Δt), with the sampling interval Δt."""
         walk = math.sqrt(self.scale * as_rate(rate))
         return (Physical("K", "random walk", walk, -0.5, slopes={"gamma2": 0.5}),)
