@@ -1,4 +1,4 @@
-"""The command line. Commands call only public functions, so Python can do everything that a command does."""
+"""The command line of gmwm. Commands call only public functions, so Python can do everything that a command does."""
 
 
 def start() -> None:
@@ -9,8 +9,8 @@ def start() -> None:
     import gc
     import signal
 
-    # A command makes many small objects and hardly any cycles: at the default threshold of 700 objects, looking for
-    # cycles takes 7 % of `gmwm calibrate`.
+    # A command makes many small objects and hardly any reference cycles. At the default threshold of 700 objects, the
+    # garbage collector takes 7 % of the time of `gmwm calibrate`.
     gc.set_threshold(50_000, 20, 50)
     handler = signal.getsignal(signal.SIGINT)
     if handler is signal.default_int_handler:  # otherwise the caller has set it to be ignored

@@ -31,8 +31,8 @@ def agree(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="calibration.json of each recording, from gmwm calibrate --output, or its folder. One is enough with "
-            "--reference.",
+            help="The calibration.json that gmwm calibrate --output wrote for each recording, or its folder. With "
+            "--reference, one calibration is enough.",
             metavar="CALIBRATION…",
             show_default=False,
         ),
@@ -40,8 +40,9 @@ def agree(
     reference: Annotated[
         list[str] | None,
         typer.Option(
-            help="Value from a datasheet, for a sensor or an axis: gyro.N=2.0deg/√h, accel_z.B=0.2mg. Repeat the "
-            "option for more values. √ can be written sqrt. Or a file of another program, as for gmwm export --from.",
+            help="Value from a datasheet for a sensor or an axis, such as gyro.N=2.0deg/√h or accel_z.B=0.2mg (√ can "
+            "be written sqrt). Repeat the option for more values. Alternatively, give a file of another program, as "
+            "for gmwm export --from.",
             metavar="SYMBOL=VALUE|FILE",
             show_default=False,
         ),
@@ -49,26 +50,26 @@ def agree(
     label: Annotated[
         list[str] | None,
         typer.Option(
-            help="Name of a recording. Repeat the option, once for each recording in their order.",
+            help="Name of a recording in the output. Give the option once for each recording, in the same order.",
             metavar="NAME",
             show_default=False,
         ),
     ] = None,
-    size: Annotated[float, typer.Option(help="Significance level of the test of all numbers together.")] = 0.05,
+    size: Annotated[float, typer.Option(help="Probability that any number is marked if all agree.")] = 0.05,
     horizon: Annotated[
         str,
         typer.Option(
-            help="Horizon of N and K, for a comparison of one calibration with a file: see gmwm export.",
+            help="Time horizon of N and K if one calibration is compared with a file, as for gmwm export.",
             metavar="LENGTH",
         ),
     ] = "1s",
 ) -> Outcome:
     """Test whether calibrations of one unit agree with each other, or with a reference.
 
-    N, B, K, R and Q of the calibrations are compared, and T_c and q_c if the models are the same. A number that
-    differs by more than chance is marked. --reference compares them with values from a datasheet, or with a file of
-    another program. One calibration with a file is compared in the convention of the file, with the factor of each
-    number.
+    The command compares N, B, K, R and Q of the calibrations, and also T_c and q_c if the models are the same. It marks
+    each number that differs by more than chance. With --reference, it compares the calibrations with values from a
+    datasheet or with a file of another program. If one calibration is compared with a file, its numbers are converted
+    to the convention of the file, and the table shows the ratio of both values.
     """
     from gmwm import Calibration, agree
 
@@ -90,7 +91,8 @@ def agree(
     if not isinstance(references, dict):
         references = _of_axes(references, calibrations[0])
     recordings = {Path(found.source).stem for found in calibrations} - {""}
-    # The library names the calibrations after their recordings; if these are not unique, the files name them.
+    # The library names the calibrations after their recordings. If these names are not unique, the calibration files
+    # give the names.
     names = label or (None if len(recordings) == len(files) else names_of(files))
     found = agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(
@@ -99,7 +101,7 @@ def agree(
 
 
 def parse_references(texts: Sequence[str]) -> dict[str, tuple[float, str]] | str:
-    """Parse the values of --reference: single numbers, or one source of noise without a recording.
+    """Parse the values of --reference, which are single numbers, or one file or datasheet with the numbers of all axes.
 
     >>> parse_references(["gyro.N=2.0deg/√h"]), parse_references(["old.yaml"])
     ({'gyro.N': (2.0, 'deg/√h')}, 'old.yaml')
@@ -113,7 +115,7 @@ def parse_references(texts: Sequence[str]) -> dict[str, tuple[float, str]] | str
 
 
 def _of_axes(source: str, calibration: Calibration) -> dict[str, tuple[float, str]]:
-    """Return N, K and B of a source as single numbers of each axis, for several calibrations."""
+    """Return N, K and B from a file or datasheet, keyed by axis and symbol such as "gyro_x.N", with their units."""
     from gmwm.calibration.reference_check import check_reference
 
     return {f"{row.axis}.{row.symbol}": row.shown for row in check_reference(calibration, source)}

@@ -36,7 +36,7 @@ EXAMPLES = (
 Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonoverlapping-hadamard", "total"]
 MEASURE = "Estimation"
 LONGEST_TABLE = 100
-"""Number of cluster sizes above which the table shows only octaves. Only --clusters all gives more."""
+"""Largest number of cluster sizes that the table shows. If there are more (--clusters all), it shows octaves only."""
 
 
 @command
@@ -47,16 +47,16 @@ def allan(
     kind: Annotated[
         Kind,
         typer.Option(
-            help="Allan variance with overlapping, nonoverlapping or modified clusters; Hadamard variance, which a "
-            "linear drift does not affect; or total variance, with more degrees of freedom at long averaging times.",
+            help="Estimator: overlapping, nonoverlapping or modified Allan variance; Hadamard variance, which a linear "
+            "drift does not affect; or total variance, which has more degrees of freedom at long averaging times.",
             rich_help_panel=MEASURE,
         ),
     ] = "overlapping",
     clusters: Annotated[
         Literal["octave", "decade", "all"],
         typer.Option(
-            help="Cluster sizes 1, 2, 4, 8 … (octave), 1, 2, 4, 10, 20, 40 … (decade), or all, which takes time "
-            "proportional to the square of the number of samples.",
+            help="Cluster sizes: 1, 2, 4, 8 … (octave); 1, 2, 4, 10, 20, 40 … (decade); or every size (all). The time "
+            "for all sizes is proportional to the square of the number of samples.",
             rich_help_panel=MEASURE,
         ),
     ] = "octave",
@@ -78,7 +78,7 @@ def allan(
     """Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.
 
     The samples are angular rates and specific forces. The 95 % confidence intervals come from a chi-square
-    distribution, with the degrees of freedom of the noise type at each averaging time.
+    distribution, whose degrees of freedom depend on the dominant noise type at each averaging time.
     """
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
         raise OptionError(
@@ -105,7 +105,7 @@ def allan(
 
 
 def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
-    """Return the regressions for JSON, without their curves."""
+    """Return the slope estimates of each axis under the key "slopes" for JSON, without the Allan variance."""
     found = {name: one.to_dict() for name, one in regressions.items()}
     return {"slopes": {n: {k: v for k, v in one.items() if k != "allan"} for n, one in found.items()}} if found else {}
 
@@ -113,7 +113,7 @@ def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
 def _measured(
     signals: Mapping[str, Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
 ) -> dict[str, ClusterVariance]:
-    """Compute the variance of each signal. For all cluster sizes, first print the expected time."""
+    """Compute the variance of each signal. If all cluster sizes are asked for, first print the expected time."""
     from gmwm.cli.parallel import over_axes
 
     if clusters != "all":
@@ -148,8 +148,8 @@ def _variance(
 def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
     """Print the number of cluster sizes and the expected time.
 
-    On average a cluster size takes half the time of the smallest one, because the number of differences decreases
-    linearly to zero.
+    On average, a cluster size takes half the time of the smallest cluster size, because the number of differences
+    decreases linearly with the cluster size, down to zero.
     """
     first = next(iter(signals.values()))
     sizes = len(first) // 2
@@ -165,7 +165,8 @@ def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
 
 @contextmanager
 def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar for the cluster sizes of one axis, with at most 100 steps."""
+    """Show a progress bar of 100 steps for one axis. The yielded function takes the numbers of finished and of all
+    cluster sizes."""
     with progress(name, 100) as step:
         moved = 0
 
@@ -197,7 +198,7 @@ def _draw(
 
 
 def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
-    """Format one axis with its confidence intervals and noise types, or the axes of a sensor side by side."""
+    """Format a table for each sensor: several axes side by side, or one axis with its intervals and noise types."""
     from gmwm.axis_names import by_sensor
     from gmwm.plots.allan import cluster_view
 

@@ -18,17 +18,18 @@ def app(
     path: Annotated[
         Path,
         typer.Argument(
-            help="A recording, a session.json of the page, or a folder. The page can open files in this folder.",
+            help="A recording, a session.json that the page saved, or a folder. The page can open the files in this "
+            "folder.",
             metavar="[FILE]",
         ),
     ] = Path("."),
     port: Annotated[int, typer.Option(help="Port of the page; 0 for any free port.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> Outcome:
-    """Calibrate in the browser: look at a recording, leave spans out, try models, and download the files.
+    """Calibrate in the browser: look at a recording, leave out time ranges, try models, and download the files.
 
     The page runs on this computer only: nothing is sent over the network. It shows the commands that repeat what
-    was done. Ctrl-C ends it. It needs Dash, which the extra app of gmwm installs.
+    was done. Ctrl-C stops it. The page needs Dash, which the optional dependencies "app" of gmwm install.
     """
     from gmwm.app.server import serve
 

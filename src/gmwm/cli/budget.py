@@ -24,7 +24,9 @@ EXAMPLES = (
     "gmwm budget results --duration 60s --against old/calibration.json",
 )
 _DURATION = typer.Option(
-    help="Time of navigation without corrections: 60s, 10min, 1h, or seconds.", metavar="LENGTH", show_default=False
+    help="Time of navigation without corrections, such as 60s, 10min, 1h or a number of seconds.",
+    metavar="LENGTH",
+    show_default=False,
 )
 
 
@@ -35,8 +37,8 @@ def budget(
     rest: Annotated[
         str,
         typer.Option(
-            help="Time at rest before the start. It levels the platform, and its mean is subtracted from the "
-            "gyroscopes and from the vertical accelerometer.",
+            help="Time at rest before navigation starts. The means over this time give the initial tilt and are "
+            "subtracted from the gyroscopes and from the vertical accelerometer.",
             metavar="LENGTH",
         ),
     ] = "0s",
@@ -49,7 +51,7 @@ def budget(
     against: Annotated[
         str | None,
         typer.Option(
-            help="Also compute the budget of this calibration, file or datasheet, and compare.",
+            help="Also compute the budget of this calibration, file or datasheet, and compare both budgets.",
             metavar="SOURCE",
             show_default=False,
         ),
@@ -60,10 +62,11 @@ def budget(
 ) -> Outcome:
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
-    The errors follow from the fitted noise models: one integration gives the attitude, two and three the velocity and
-    position, with gravity on a tilted platform. The table has the contribution of each noise process, the interval from
-    the errors of the calibration, and the error of a static alignment and of gyro-compassing against the averaging
-    time. Constant biases, scale factors and motion are not included.
+    The errors follow from the noise models: the noise of the gyroscopes is integrated to attitude errors, which tilt
+    gravity; the acceleration errors are integrated to velocity and position errors. The table has the contribution of
+    each noise process, a confidence interval from the uncertainty of the calibration, and the errors of a static
+    alignment and of gyro-compassing for several averaging times. Errors from constant biases, scale factors and motion
+    are not included.
     """
     seconds, before = parse_length(duration), parse_length(rest, "rest")
 
@@ -92,7 +95,7 @@ def budget(
 
 
 def short(source: str) -> str:
-    """Return a name for a source in a table: its folder or file, or the first words of a datasheet.
+    """Return a short name of a source for a table: its folder or file name, or the first number of a datasheet.
 
     >>> short("monday/calibration.json"), short("gyro: N=0.15deg/√h, B=3deg/h over 100s")
     ('monday', 'gyro: N=0.15deg/√h…')

@@ -57,8 +57,8 @@ EXAMPLES = (
 Outliers = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Use the robust wavelet variance: auto, for axes where a test finds knocks or motion (5 % level for all "
-        "axes together; never if --within has a sinusoid); yes, for all axes; no, for none.",
+        help="Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for "
+        "all axes together; none if --within has a sinusoid); yes, all axes; no, none.",
         rich_help_panel="Estimation",
     ),
 ]
@@ -76,8 +76,9 @@ def calibrate(
         typer.Option(
             "--model",
             "-m",
-            help="Model to fit, instead of a comparison of models: MODEL for all axes, gyro=MODEL or accel=MODEL for "
-            "three, gyro_x=MODEL for one. Repeat the option for other axes; gmwm chooses the models of all others.",
+            help="Model to fit instead of comparing models: MODEL for all axes, gyro=MODEL or accel=MODEL for the "
+            "three axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes; gmwm chooses the "
+            "models of the axes that are not named.",
             metavar="[AXIS=]MODEL",
             rich_help_panel="Estimation",
             show_default=False,
@@ -96,8 +97,8 @@ def calibrate(
     gravity: Annotated[
         float | None,
         typer.Option(
-            help="Local gravity (m/s²), for the bias of the accelerometers. Default: 9.806 ± 0.016, the range at sea "
-            "level.",
+            help="Local gravity (m/s²), which determines the bias of the accelerometers. Default: 9.806 ± 0.016, the "
+            "range at sea level.",
             rich_help_panel="Bias at rest",
             show_default=False,
         ),
@@ -106,7 +107,8 @@ def calibrate(
         float | None,
         typer.Option(
             help="Largest possible angle (degrees) between the vertical and the accelerometer axis closest to it. "
-            "With it, the biases of the level axes are computed too; without it, only the bias of the vertical axis.",
+            "With this option, the biases of the level accelerometers are computed too; without it, only the bias of "
+            "the vertical accelerometer.",
             rich_help_panel="Bias at rest",
             show_default=False,
         ),
@@ -126,8 +128,7 @@ def calibrate(
     all_topics: Annotated[
         bool,
         typer.Option(
-            help="Calibrate each inertial recording of a file that holds several, with its results in a directory of "
-            "its own.",
+            help="Calibrate each IMU topic of a file that has several, and write each result to its own directory.",
             rich_help_panel=INPUT,
         ),
     ] = False,
@@ -135,16 +136,16 @@ def calibrate(
     """Choose and fit the noise model of each axis, and print its numbers as in a datasheet.
 
     gmwm searches for the model, or compares all models that are part of --within. Of the models that the data cannot
-    distinguish from the best one, the simplest is used. N is the angle or velocity random walk, B the bias instability,
-    K the rate random walk, R the rate ramp and Q the quantization noise; T_c and q_c describe Gauss-Markov processes,
-    f_b, f_r and Q_r the filter and the resonance of the sensor.
+    distinguish from the best one, gmwm uses the simplest. N is the angle or velocity random walk, B the bias
+    instability, K the rate random walk, R the rate ramp and Q the quantization noise. T_c and q_c are the correlation
+    time and amplitude of Gauss-Markov processes; f_b, f_r and Q_r describe the filter and the resonance of the sensor.
 
     If a file has gyroscopes and accelerometers in two topics with different clocks, both are calibrated.
-    Several files are several recordings of one unit. They get one model and one fit for each axis, a test whether they
-    are equal, and intervals that include the spread between them.
+    If several files are given, they must be recordings of one unit. Each axis then gets one model, fitted to all
+    recordings, a test whether the recordings have the same noise, and intervals that include the spread between them.
 
     --view and --datasheet apply to the plots. Calibration.load reads calibration.json in Python;
-    docs/calibration-format.md describes it.
+    docs/calibration-format.md describes this file.
     """
     if efficiency is not None and robust == "no":
         raise OptionError(
@@ -196,7 +197,10 @@ def _united(
     scheduler: str | None,
     workers: int | None,
 ) -> Calibration:
-    """Calibrate a unit whose sensors are in one group of recordings, or in a group for each sensor."""
+    """Calibrate a unit, and combine the results if its gyroscopes and accelerometers are in separate recordings.
+
+    `groups` has one group of recordings with all axes, or one group for each of the two sensors.
+    """
     found = []
     for group in groups:
         own = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))
@@ -216,7 +220,7 @@ def _outcome(
     view: Literal["wavelet", "allan"],
     datasheet: bool,
 ) -> Outcome:
-    """Make the outcome of a calibration, with its files."""
+    """Return the outcome of the command, with the files to write."""
     made = () if output is None else calibration_files(found, output, view, datasheet)
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
     written = file_names((*made, *kalibr.files))
@@ -257,7 +261,7 @@ def calibrated(
 def calibration_files(
     found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
 ) -> tuple[NewFile, ...]:
-    """Return the files of a calibration: document, report, summary and plots."""
+    """Return the files to write for a calibration: calibration.json, report, summary and two plots."""
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return (
         NewFile(folder / "calibration.json", found.save),

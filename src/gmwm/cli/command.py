@@ -1,4 +1,4 @@
-"""Turn a function that returns an Outcome into a command of the shell."""
+"""Decorator that turns a function that returns an Outcome into a shell command."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from gmwm.options import ReadOptions
 
 
 def command(function: Callable[..., Outcome]) -> Callable[..., None]:
-    """Make a command of the shell from a function that returns an Outcome.
+    """Turn a function that returns an Outcome into a shell command.
 
-    A parameter of type `ReadOptions` becomes the options of `ReadOptionTexts`. The options --all-remarks and --json are
-    added, the second only if the function does not have it. The command writes the files of the outcome, and prints it
-    as text or as JSON, with the warnings on stderr.
+    A parameter of type `ReadOptions` is replaced by the options of `ReadOptionTexts`. The command gets the options
+    --all-remarks and, unless the function has a parameter `json`, --json. It writes the files of the outcome, prints
+    the outcome as text or as JSON, and prints warnings on stderr.
     """
     hints = get_type_hints(function, include_extras=True)
     texts = get_type_hints(ReadOptionTexts, include_extras=True)

@@ -1,4 +1,4 @@
-"""gmwm compare: compare classical and robust wavelet variances of one or several recordings."""
+"""gmwm compare: compare the classical and robust wavelet variances of one or several recordings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ EXAMPLES = (
 def compare(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Recordings, in any supported formats.", metavar="FILE…", show_default=False),
+        typer.Argument(
+            help="One or more recordings, each in any supported format.", metavar="FILE…", show_default=False
+        ),
     ],
     reading: ReadOptions,
     axis: Axes = None,
@@ -48,12 +50,12 @@ def compare(
         Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
 ) -> Outcome:
-    """Compare classical and robust wavelet variances, and several recordings.
+    """Compare the classical and robust wavelet variances of one or several recordings.
 
-    A classical curve above the robust one shows outliers such as knocks, spikes and transmission errors. The robust
-    curve tolerates up to 26 % bad coefficients; at level j, one bad sample affects 2^j coefficients. If more than
-    half of the coefficients are zero, as for a coarsely quantized sensor, the robust curve may be zero; a warning says
-    so.
+    If the classical curve is above the robust curve, the recording has outliers such as knocks, spikes or transmission
+    errors. The robust curve tolerates up to 26 % bad coefficients; at level j, one bad sample affects 2^j coefficients.
+    If more than half of the coefficients are zero, as for a coarsely quantized sensor, the robust curve may be zero,
+    and the command prints a warning.
     """
     if calibrations := [
         file for file in files if calibration_file(file).is_file() and calibration_file(file).suffix == ".json"
@@ -92,7 +94,7 @@ def compare(
 
 
 def _names(files: Sequence[Path]) -> list[str]:
-    """Return unique labels of files: none for one file, otherwise stems, names or paths."""
+    """Return a unique label for each file: its stem, name or path; "" if there is only one file."""
     if len(files) == 1:
         return [""]
     for names in ([file.stem for file in files], [file.name for file in files], [str(file) for file in files]):

@@ -1,4 +1,4 @@
-"""gmwm fit --conditions: fit one model to the parts of a recording at known conditions."""
+"""gmwm fit --conditions: fit one model to parts of a recording that were made at different known conditions."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _EXPECTED = "a table with the columns start, stop and the condition, for example
 
 @dataclass(frozen=True)
 class Table:
-    """Parts of a recording at known conditions.
+    """The parts of a recording during which a condition, such as the temperature or the rate, had a known value.
 
     Attributes
     ----------
     condition : str
         Name of the condition.
-    parts : mapping of condition to list of (start, stop)
-        Times (s) from the first sample.
+    parts : mapping of float to list of (start, stop)
+        For each value of the condition, the times (s from the first sample) between which it had this value.
     """
 
     condition: str
@@ -45,7 +45,7 @@ class Table:
         Raises
         ------
         ReadError
-            If the file cannot be read as such a table.
+            If the file cannot be read, has other columns or wrong times, or parts overlap.
         """
         try:
             rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
@@ -73,7 +73,7 @@ class Table:
         return cls(head[2], {condition: sorted(own) for condition, own in sorted(parts.items())})
 
     def of(self, recording: Imu) -> dict[float, Imu]:
-        """Return the parts of a recording, with a gap between two parts at the same condition."""
+        """Return a recording for each value of the condition. It has a gap between two separate parts."""
         found = {}
         for condition, own in self.parts.items():
             gaps = [(stop, start) for (_, stop), (start, _) in pairwise(own) if stop < start]
@@ -82,7 +82,7 @@ class Table:
 
 
 def as_varies(texts: Sequence[str]) -> dict[str, str]:
-    """Read --varies, such as "WN: 1 + rate**2".
+    """Parse the values of --varies, and return the sum of functions of each term of the model.
 
     >>> as_varies(["WN: 1 + rate**2"])
     {'WN': '1 + rate**2'}
@@ -97,11 +97,12 @@ def as_varies(texts: Sequence[str]) -> dict[str, str]:
 
 
 def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
-    """Require that no options are given that do not apply with --conditions, or without it.
+    """Check that no option is given that cannot be combined with --conditions, or that needs it.
 
     Raises
     ------
     OptionError
+        If --varies is given without --conditions, or one of `others` with it.
     """
     if varies and not conditions:
         raise OptionError("--varies needs --conditions", argument="varies", advice="Add {--conditions}.")
@@ -114,7 +115,7 @@ def fitted_conditions(
     *, weighting: Literal["diagonal", "optimal", "identity"] | None, robust: bool, efficiency: float, certify: bool,
     plot: Path | None, output: Path | None,
 ) -> Outcome:  # fmt: skip
-    """Fit one model to the parts of a recording that a table lists."""
+    """Fit one model to the parts of a recording that the CSV file `table` lists."""
     from gmwm import fit, wavelet_variance
     from gmwm.cli.parallel import over_axes
     from gmwm.estimation.varies import parsed as parsed_functions

@@ -31,7 +31,7 @@ def convert(
         str | None,
         typer.Option(
             help="Type of the records of an .imu file: imu:IMAR, imu:LN200, imu:LN200IG, imu:IXSEA, imu:NAVCHIP_INT "
-            "or imu:NAVCHIP_FLT. The file does not state it.",
+            "or imu:NAVCHIP_FLT. An .imu file does not state its type, so the option is needed for it.",
             metavar="FORMAT",
             rich_help_panel="Result",
             show_default=False,
@@ -40,8 +40,9 @@ def convert(
 ) -> Outcome:
     """Convert a recording to Parquet, CSV or .imu.
 
-    The units are rad/s and m/s². The time stamps are uniform within each segment: gaps are kept, jitter is removed.
-    Parquet and CSV keep all digits. An .imu file holds increments, in counts of its type, and no temperature.
+    The output is in rad/s and m/s². Its time stamps are uniform between gaps: gaps are kept, and jitter is removed.
+    Parquet and CSV files keep all digits. An .imu file holds increments as integer counts, whose size depends on the
+    type of its records, and no temperature.
     """
     from gmwm.writers import RECORDS
 

@@ -1,4 +1,4 @@
-"""gmwm cross: noise that the axes of a recording share."""
+"""gmwm cross: test whether the axes of a recording share noise."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def cross(
     chunked: Chunked = "auto",
     size: Annotated[
         float,
-        typer.Option(help="Significance level of all tests together.", rich_help_panel="Estimation"),
+        typer.Option(help="Probability of any false detection in all tests together.", rich_help_panel="Estimation"),
     ] = 0.05,
     csv: Annotated[
         Path | None,
@@ -51,9 +51,10 @@ def cross(
 ) -> Outcome:
     """Test whether the axes of a recording share noise, at which scales, and how much.
 
-    The correlation of the wavelet coefficients of two axes is estimated at each scale, with an interval and a test.
-    Axes share noise if they have a supply, a temperature or a table in common. A filter that treats them as
-    independent is then too optimistic, and averaging them gains less.
+    For each pair of axes and each scale, the command estimates the correlation of the wavelet coefficients, with a
+    confidence interval and a test. Axes can share noise through the supply voltage, the temperature or vibrations of
+    the table. A filter that treats such axes as independent underestimates its errors, and averaging them reduces the
+    noise less.
     """
     from gmwm.joint import cross
 
@@ -77,5 +78,5 @@ def _draw(found: CrossCovariance, path: Path) -> None:
 
 
 def _csv_text(found: CrossCovariance) -> str:
-    """Format CSV with one line for each pair and scale."""
+    """Format the correlations as CSV, with one line for each pair of axes and scale."""
     return found.to_frame().write_csv()

@@ -32,7 +32,7 @@ EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 RATE = 100.0
 SAMPLES = 720_000
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
-"""Least significant bit of the output of the demo (rad/s, m/s²): 1 % of the noise, so quantization does not matter."""
+"""Quantization step of the simulated sensors (rad/s, m/s²): 1 % of their noise, so it does not affect the results."""
 
 
 @command
@@ -47,7 +47,8 @@ def demo(
 ) -> Outcome:
     """Simulate a six-axis IMU, calibrate it, and compare the result with the truth.
 
-    The recording is written to a file and processed like your own: read, inspect, calibrate, plot.
+    The simulated recording is written to a file, and then read, inspected, calibrated and plotted like your own
+    recordings.
     """
     from gmwm.inspection import inspect
     from gmwm.readers import read
@@ -96,11 +97,14 @@ def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
 
 
 def _silent(_: str) -> None:
-    """Ignore a text: replaces `print` if stdout is reserved for JSON."""
+    """Print nothing. This function replaces `print` if stdout is reserved for JSON."""
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
-    """Return true value, estimate and interval of each parameter; None if the recommended model lacks the parameter."""
+    """Return a row for each simulated parameter, with its true value, estimate and confidence interval.
+
+    Estimate and interval are None if the recommended model does not have the parameter.
+    """
     rows = []
     for axis, fit in found.items():
         units, intervals = truth[axis].units(fit.wavelet_variance.unit), found.axes[axis].intervals
@@ -157,7 +161,7 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
 
 
 def _allan(found: Calibration, folder: Path) -> NewFile:
-    """Make a plot of the Allan deviations of all axes, one panel for each sensor, in the units of datasheets."""
+    """Return a file with a plot of the Allan deviations of all axes: a panel for each sensor, in datasheet units."""
     path = folder / "allan_deviations.png"
     return NewFile(
         path, lambda target: found.plot(split=False, view="allan", units="datasheet", path=target), "plotting"
@@ -165,15 +169,17 @@ def _allan(found: Calibration, folder: Path) -> NewFile:
 
 
 def _activation() -> str:
-    """Return the line that activates the virtual environment, if the shell does not find `gmwm`, as after `make
-    demo`."""
+    """Return the command that activates the virtual environment, or "" if the shell already finds `gmwm`.
+
+    The command is needed after `make demo`, which creates the environment without activating it.
+    """
     if shutil.which("gmwm") or sys.prefix == sys.base_prefix or os.name == "nt":
         return ""
     return f"  source {os.path.relpath(Path(sys.prefix, 'bin', 'activate'))}\n"
 
 
 def _what_next() -> str:
-    """Return the commands for the user's own recording."""
+    """Return the closing text, with the commands to calibrate one's own recording."""
     return (
         "\nNext, calibrate your own recording of some hours at rest:\n"
         f"{_activation()}"

@@ -23,17 +23,18 @@ _EXPECTED = {
     "float": "a number, without a unit",
     "integer": "a whole number",
 }
-"""Expected value of an option, by the error type of Pydantic (new versions of Typer) or the type of Click (old
-versions)."""
+"""Description of the expected value of an option. The key is the error type of Pydantic in new versions of Typer, and
+the name of the Click type in old versions."""
 
 OK, USER_ERROR, INTERRUPTED, TERMINATED = 0, 2, 130, 143
 
 
 class Terminated(BaseException):
-    """The signal SIGTERM was received."""
+    """Exception that is raised if the process receives the signal SIGTERM."""
 
 
-# New versions of Typer contain Click, old ones import it. This expression gets the class in both cases.
+# New versions of Typer contain a copy of Click, old versions import Click. This expression gets its class UsageError in
+# both cases.
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
 
@@ -53,13 +54,14 @@ class OneLineErrors(TyperGroup):
         windows_expand_args: bool = True,
         **extra: Any,
     ) -> NoReturn:
-        """Run the command that the arguments name, and raise SystemExit unless gmwm has a bug."""
+        """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate."""
         try:
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             sys.stdout.flush()
         except (BrokenPipeError, SystemExit):
-            # The reader of a pipe, such as `head`, has closed it: end quietly. The interpreter flushes stdout at exit,
-            # so stdout must go somewhere. Outside standalone mode, Typer and Rich raise SystemExit only here.
+            # The reader of a pipe, such as `head`, has closed it, so end without an error. The interpreter flushes
+            # stdout at exit, so stdout needs a new target. Typer and Rich raise SystemExit only in this case, because
+            # standalone mode is off.
             _discard_stdout()
             code = OK
         except _UsageError as error:
@@ -81,7 +83,7 @@ class OneLineErrors(TyperGroup):
 
 
 class OnceCommand(TyperCommand):
-    """A command that refuses an option with one value that is given twice. Otherwise the first value would be lost."""
+    """A command that raises an error if a single-valued option is given twice. Click would ignore the first value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments of the command."""
@@ -96,7 +98,7 @@ class OnceCommand(TyperCommand):
 
 
 def _leave_threads_behind(code: int) -> None:
-    """Exit at once if threads are still running, because the interpreter would wait for them, possibly for minutes.
+    """Exit at once if worker threads are running, because the interpreter would wait for them, possibly for minutes.
 
     No file is left incomplete: only the main thread writes files, and it has stopped.
     """
@@ -118,13 +120,13 @@ def _print_error(message: str) -> int:
 
 
 def _usage_text(error: Any) -> str:
-    """Return the text of Typer's error about the arguments of a command, with the help to see."""
+    """Return the text of Typer's error about the arguments of a command, with a hint to the help of the command."""
     text = _value_text(error) or error.format_message()
     return text if error.ctx is None else f"{text} (see {error.ctx.command_path} --help)"
 
 
 def _value_text(error: Any) -> str:
-    """Return the text for an option whose value has the wrong type; "" for any other error."""
+    """Return the text of an error about an option whose value is not allowed; "" for any other error."""
     parameter, cause = getattr(error, "param", None), error.__cause__
     if parameter is None:
         return ""

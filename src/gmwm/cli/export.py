@@ -41,8 +41,8 @@ def export(
     calibrations: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="calibration.json of gmwm calibrate --output, or its folder. Give two if gyroscopes and "
-            "accelerometers were calibrated apart. The state-space formats also take fits.json of gmwm fit.",
+            help="The calibration.json that gmwm calibrate --output wrote, or its folder. Give two if gyroscopes and "
+            "accelerometers were calibrated separately. The state-space formats also accept the fits.json of gmwm fit.",
             metavar="CALIBRATION...",
             show_default=False,
         ),
@@ -57,8 +57,9 @@ def export(
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,
         typer.Option(
-            help="Combine the axes of a sensor: the largest value (worst), the root mean square (mean), or one value "
-            "for each axis if the format allows it. Default: worst for filters, each for simulators and messages.",
+            help="How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or "
+            "one value for each axis (each) if the format allows it. Default: worst for filters, each for simulators "
+            "and messages.",
             show_default=False,
         ),
     ] = None,
@@ -68,8 +69,9 @@ def export(
     horizon: Annotated[
         str,
         typer.Option(
-            help="Time between corrections from other sensors: 100ms, 1s, 1min or seconds. A process with a shorter "
-            "correlation time is treated as white noise, one with a longer correlation time as random walk.",
+            help="Time between corrections from other sensors, such as 100ms, 1s, 1min or a number of seconds. A "
+            "process with a shorter correlation time is treated as white noise, and one with a longer time as a random "
+            "walk.",
             metavar="LENGTH",
         ),
     ] = f"{HORIZON:g}s",
@@ -82,8 +84,8 @@ def export(
     duration: Annotated[
         str | None,
         typer.Option(
-            help="Longest averaging time for which a Gauss-Markov bias is fitted, for programs with such a bias. "
-            "Default: 1h, or the length of a shorter recording.",
+            help="For programs that model the bias as a Gauss-Markov process: longest averaging time to which this "
+            "process is fitted. Default: 1h, or the duration of the recording if it is shorter.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -94,14 +96,15 @@ def export(
     ] = None,
     all: Annotated[
         Path | None,
-        typer.Option("--all", help="Write a file in each format to this directory.", rich_help_panel=RESULT),
+        typer.Option("--all", help="Write one file in each format to this directory.", rich_help_panel=RESULT),
     ] = None,
 ) -> Outcome:
     """Write the noise of a calibrated unit in the format of another program.
 
-    Most programs use only the white noise N and the random walk K of the bias. If the model has no such process, the
-    file contains the upper limit from the data, never zero, and states this. The header of each file states units,
-    continuous or discrete time, axes, inflation, horizon, models and source.
+    Most programs use only the white noise N and the random walk K of the bias. If the model lacks one of these
+    processes, the file contains the upper limit from the data instead of zero, and a comment says so. The header of
+    each file states the units, whether the values are for continuous or discrete time, how axes are combined, and the
+    inflation, horizon, models and source.
     """
     if all is not None and (format is not None or output is not None):
         raise OptionError(
@@ -127,7 +130,7 @@ def export(
 
 
 def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
-    """Return the files of the noise, and the noise: calibrations, or noise without a recording."""
+    """Return the input files and the calibration to export, from the given calibrations or from --from."""
     from gmwm import Calibration
     from gmwm.exporters.given import given_calibration
 
@@ -146,12 +149,12 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
 
 
 def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
-    """Return the fits of a fits.json; None if the files are not a fits.json.
+    """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json.
 
     Raises
     ------
     OptionError
-        If the format needs more than the models.
+        If other files are given too, or the format needs more than the models.
     """
     from gmwm import Fit
     from gmwm.cli.plan import fits_in
@@ -185,7 +188,7 @@ def _is_fits(path: Path) -> bool:
 
 
 class _Choice(TypedDict):
-    """Options of an export."""
+    """Keyword arguments of `gmwm.exporters.export` that the options of the command set."""
 
     axes: Literal["worst", "mean", "each"] | None
     inflation: float
@@ -212,7 +215,7 @@ def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: s
 
 
 def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choice) -> Outcome:
-    """Write every format that the calibration allows; remarks give the reasons for the others."""
+    """Write every format that the calibration allows. For each other format, a remark gives the reason."""
     from gmwm.exporters import export_all
 
     written, left = export_all(found, folder, **choice)
@@ -227,14 +230,14 @@ def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choic
 
 
 def _reasons(left: Mapping[str, str]) -> Iterator[Remark]:
-    """Yield the reasons for the formats that are not written."""
+    """Yield a remark with the reason for each format that is not written."""
     for name, reason in left.items():
         yield Remark.of("format-not-written", name, reason=reason)
 
 
 @dataclass(frozen=True)
 class KalibrFile:
-    """imu.yaml of a calibration: the file if it can be written, an older file to remove, and remarks."""
+    """The Kalibr file imu.yaml of a calibration: the file to write, an older file to remove, and remarks."""
 
     files: tuple[NewFile, ...] = ()
     obsolete: tuple[Path, ...] = ()
@@ -242,7 +245,7 @@ class KalibrFile:
 
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
-    """Make imu.yaml if both sensors are calibrated and the data limit its numbers."""
+    """Return imu.yaml if both sensors are calibrated and the data give a value or an upper limit for each number."""
     from gmwm.axis_names import sensor_of
     from gmwm.exporters import export as exported
 
@@ -254,6 +257,6 @@ def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
             remarks.append(Remark.of("format-not-written", target.name, reason=error.reason))
     if not target.is_file():
         return KalibrFile(remarks=tuple(remarks))
-    # A file of an earlier run would be mistaken for one of this calibration.
+    # A user would mistake the file of an earlier run for a result of this calibration.
     remarks.append(Remark.of("old-file-removed", target.name))
     return KalibrFile(obsolete=(target,), remarks=tuple(remarks))

@@ -71,8 +71,8 @@ def fit(
         typer.Option(
             "--model",
             "-m",
-            help=f"Sum of processes: {_PROCESSES}. 2*GM means two Gauss-Markov processes. Given values are starting "
-            "values; fixed(…) holds a value: GM(beta=fixed(0.01)).",
+            help=f"Sum of processes: {_PROCESSES}. 2*GM means two Gauss-Markov processes. Values in the model are "
+            "starting values; a value in fixed(…), as in GM(beta=fixed(0.01)), is not estimated.",
             metavar="MODEL",
             show_default=False,
         ),
@@ -82,8 +82,9 @@ def fit(
     conditions: Annotated[
         Path | None,
         typer.Option(
-            help="CSV table of the parts of the recording with known conditions. Its columns are start and stop (s "
-            "from the first sample) and the condition, such as start,stop,rate. One model is fitted to all parts.",
+            help="CSV table of the parts of the recording at which a condition had a known value. Its columns are "
+            "start and stop (s from the first sample) and the condition, for example start,stop,rate. One model is "
+            "fitted to all parts.",
             metavar="TABLE",
             rich_help_panel="Estimation",
             show_default=False,
@@ -103,9 +104,9 @@ def fit(
     weighting: Annotated[
         Literal["diagonal", "optimal", "identity"] | None,
         typer.Option(
-            help="Weights of the levels: inverse variances (diagonal), inverse covariance matrix (optimal), or equal "
-            "weights (identity). Default: diagonal, but optimal for processes with several shape parameters such as "
-            "AR(2).",
+            help="Weights of the levels in the fit: inverse variances (diagonal), inverse covariance matrix (optimal), "
+            "or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters "
+            "such as AR(2).",
             rich_help_panel="Estimation",
             show_default=False,
         ),
@@ -134,8 +135,8 @@ def fit(
         int | None,
         typer.Option(
             "--start-draws",
-            help="Start from the best of this number of random draws, as in the paper, with --seed. For comparisons "
-            "only.",
+            help="Start from the best of this number of random parameter values instead of the usual search. Only for "
+            "comparisons with the original method. --seed sets the random numbers.",
             metavar="DRAWS",
             min=1,
             rich_help_panel="Estimation",
@@ -155,8 +156,8 @@ def fit(
         int | None,
         typer.Option(
             "--bootstrap-draws",
-            help="Compute intervals and test from this number of simulated records, for example 500, instead of from "
-            "theory. Intervals at 95 % need at least 39.",
+            help="Compute the intervals and the goodness-of-fit test from this number of simulated records, for "
+            "example 500, instead of from theory. Intervals at 95 % need at least 39 records.",
             metavar="DRAWS",
             rich_help_panel=RESULT,
             show_default=False,
@@ -179,13 +180,13 @@ def fit(
 ) -> Outcome:
     """Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.
 
-    Parameters are in SI units, and their unit of time is one sample, except for GM.beta, the inverse correlation
-    time in 1/s. No starting values are needed: the fit is the global optimum. A certificate bounds by how many per
-    cent other parameter values could lower the objective. Models with several shape parameters per process, such as
-    AR(2), have no certificate; they start from a scan of all shapes.
+    Parameters are in SI units, and their unit of time is one sample. The exception is GM.beta, the inverse correlation
+    time, in 1/s. No starting values are needed: the fit is the global optimum. A certificate states by how many
+    per cent, at most, other parameter values could lower the objective. Models with several shape parameters per
+    process, such as AR(2), have no certificate; their search starts from a scan of all shapes.
 
-    Several files are recordings of one unit. One model is fitted to the mean of their curves, and a test shows whether
-    the recordings are equal. Intervals include the spread between them.
+    If several files are given, they must be recordings of one unit. One model is fitted to the mean of their curves,
+    and a test shows whether the recordings have the same noise. The intervals include the spread between recordings.
     """
     from gmwm import Imu, Model
     from gmwm.estimation import Sampled
@@ -230,14 +231,14 @@ def fit(
 
 
 def _tell_curves(fits: Mapping[str, Fit]) -> None:
-    """Add the remarks on the curves to the warnings of the command."""
+    """Add the remarks on the wavelet variances to the warnings of the command."""
     for name, found in fits.items():
         for remark in found.wavelet_variance.remarks:
             tell(remark.about(name))
 
 
 def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
-    """Yield the remarks about the fits."""
+    """Yield the remarks about the wavelet fits and the maximum-likelihood fits."""
     for name, found in fits.items():
         yield from (remark.about(name) for remark in found.diagnostics.remarks)
     for name, one in carried.items():
@@ -245,7 +246,7 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator
 
 
 def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
-    """Return the fits with intervals and tests, as plain numbers, lists and texts."""
+    """Return the fit of each axis with its intervals and tests, as plain values for JSON."""
     from gmwm.inference.summary import inference
 
     axes = {}
@@ -268,7 +269,7 @@ def _files(
     view: Literal["wavelet", "allan"],
     datasheet: bool,
 ) -> Iterator[NewFile]:
-    """Yield fits.json and a plot of each fit for --output, and the plot for --plot."""
+    """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
         yield from (_picture({name: f}, folder / f"fit_{name}.png", view, datasheet) for name, f in fits.items())
@@ -277,7 +278,13 @@ def _files(
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
-    """Return the method of intervals and tests. Raises an OptionError if there are too few simulated records."""
+    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given.
+
+    Raises
+    ------
+    OptionError
+        If there are too few simulated records for the confidence level.
+    """
     from gmwm.inference.bootstrap import as_draws
     from gmwm.inference.summary import IntervalMethod
 
@@ -300,7 +307,7 @@ def fit_axes(
     transform: Literal["modwt", "dwt"] = "modwt",
     start: Sampled | None = None,
 ) -> dict[str, Fit]:
-    """Fit each signal or curve with the model of its axis, in parallel."""
+    """Fit the model of each axis to its signal or wavelet variance, in parallel."""
     import gmwm
     from gmwm.cli.parallel import over_axes
 
@@ -314,7 +321,7 @@ def fit_axes(
 
 
 def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> NewFile:
-    """Make a plot of one fit with its terms, or of several fits in a grid."""
+    """Return a file with a plot of one fit and its terms, or of several fits with a panel for each."""
     from gmwm.plots.imu import plot_imu
 
     units: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
@@ -329,7 +336,7 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
 
 
 def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
-    """Describe the comparison of several recordings, for each axis."""
+    """Yield the comparison of several recordings as text, for each axis."""
     for name, found in fits.items():
         if found.replicates is not None:
             summary = found.replicates.summary()
@@ -337,7 +344,7 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
 
 
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
-    """Format the summary of one fit, or a table for each sensor with its axes side by side."""
+    """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
     from gmwm.axis_names import by_sensor
     from gmwm.calibration.tables import wrapped
     from gmwm.inference.summary import intervals_if_known

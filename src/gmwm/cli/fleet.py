@@ -50,7 +50,8 @@ def fleet(
     folder: Annotated[
         Path,
         typer.Argument(
-            help="Folder with one recording of each unit, including subfolders. Each IMU topic of a file is a unit.",
+            help="Folder with one recording of each unit; subfolders are searched too. Each IMU topic of a file counts "
+            "as a unit.",
             metavar="DIR",
             show_default=False,
         ),
@@ -61,7 +62,7 @@ def fleet(
             "--output",
             "-o",
             help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this directory. "
-            "Units that an earlier run calibrated there are skipped.",
+            "Units whose results are already in this directory are skipped.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -70,7 +71,8 @@ def fleet(
     pattern: Annotated[
         str | None,
         typer.Option(
-            help="Files to read: '*.csv' by name, 'lot 7/*.csv' by path. Default: all recordings.",
+            help="Pattern of the files to read, such as '*.csv' for names or 'lot 7/*.csv' for paths in the folder. "
+            "Default: all recordings.",
             metavar="PATTERN",
             rich_help_panel=INPUT,
             show_default=False,
@@ -98,7 +100,8 @@ def fleet(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Number of processes on this machine. Default: one for each processor. 0: only this process.",
+            help="Number of worker processes on this machine; 0 works in the main process. Default: one for each "
+            "processor.",
             min=0,
             rich_help_panel=MACHINES,
             show_default=False,
@@ -115,11 +118,11 @@ def fleet(
 ) -> Outcome:
     """Calibrate every recording in a folder, and find the units that differ from the others.
 
-    Each calibration is written as soon as it is done. If the command runs again, it processes only units that are
-    missing, failed or changed. A unit that cannot be calibrated does not stop the run; a warning gives the reason. The
-    exit code is 0 if at least one unit is calibrated, otherwise 2.
+    Each calibration is written as soon as it is done. If the command runs again, it processes only units that have no
+    result yet, that failed, or whose recording has changed. A unit that cannot be calibrated does not stop the run; a
+    warning gives the reason. The exit code is 0 if at least one unit is calibrated, otherwise 2.
 
-    fleet.parquet has a row for each unit and axis. Fleet.load reads the directory in Python.
+    fleet.parquet has a row for each unit and axis. In Python, Fleet.load reads the output directory.
     """
     from gmwm.fleets.engine import calibrate_fleet
 
@@ -158,7 +161,7 @@ def fleet(
 
 
 def _check(folder: Path, *, robust: str, efficiency: float | None, scheduler: str | None, workers: int | None) -> None:
-    """Raise `OptionError` for options that exclude each other, and for a file instead of a folder."""
+    """Raise an OptionError if options exclude each other, or if `folder` is a file."""
     if efficiency is not None and robust == "no":
         raise OptionError(
             "--efficiency applies only to the robust wavelet variance",
@@ -191,7 +194,7 @@ def _document(found: Fleet) -> dict[str, object]:
 
 
 def _trouble(found: Fleet) -> Iterator[Remark]:
-    """Yield remarks about units that are not calibrated, and files that are left out."""
+    """Yield remarks about units that could not be calibrated, and about files that were left out."""
     for unit, reason in found.failed.items():
         yield Remark.of("not-calibrated", unit, reason=reason)
     if found.left_out:
@@ -200,7 +203,7 @@ def _trouble(found: Fleet) -> Iterator[Remark]:
 
 @contextmanager
 def _bar() -> Iterator[Progress]:
-    """Show a progress bar in thousandths, because the number of units is not known at the start."""
+    """Show a progress bar of 1000 steps, because the number of units is not known at the start."""
     fine, moved = 1000, 0
     with progress("searching recordings", fine) as advance:
 

@@ -1,4 +1,4 @@
-"""gmwm fuse: combine the sensors of an array into the best virtual sensor."""
+"""gmwm fuse: combine the sensors of an array into one virtual sensor with the least noise."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def fuse(
     horizon: Annotated[
         str | None,
         typer.Option(
-            help="Use static weights, with the least variance at this scale: 60s, 10min or seconds. Default: a Kalman "
-            "filter.",
+            help="Use constant weights that minimize the wavelet variance at this scale, such as 60s, 10min or a "
+            "number of seconds. Default: use a Kalman filter.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -51,8 +51,8 @@ def fuse(
     model: Annotated[
         str | None,
         typer.Option(
-            help="Joint model of the noise, such as 'WN + shared(RW)'. Default: for a Kalman filter, WN + RW + k*GM, "
-            "all shared, with the least k that fits.",
+            help="Joint model of the noise of all units, such as 'WN + shared(RW)'. Default for the Kalman filter: WN, "
+            "RW and k GM processes, each shared(…), with the smallest k that fits the data.",
             metavar="MODEL",
             show_default=False,
         ),
@@ -60,13 +60,13 @@ def fuse(
     axis: Axes = None,
     nonnegative: Annotated[
         bool,
-        typer.Option("--nonnegative", help="Allow no negative weights, which increase the errors from scale factors."),
+        typer.Option("--nonnegative", help="Allow no negative weights; these amplify errors of the scale factors."),
     ] = False,
     apply: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Fuse this recording of the same array instead, for example one in motion. Repeat the option if there "
-            "is a file for each unit.",
+            help="Apply the weights or the filter to this recording of the same array, for example one in motion. "
+            "Repeat the option if there is a file for each unit.",
             metavar="FILE",
             rich_help_panel=RESULT,
             show_default=False,
@@ -84,12 +84,12 @@ def fuse(
         Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
 ) -> Outcome:
-    """Fuse the like axes of an array of sensors into one virtual sensor with less noise.
+    """Fuse the parallel axes of several units into one virtual sensor with less noise.
 
-    A Kalman filter on the differences of the units estimates their slow noise. With --horizon, the virtual sensor is
-    the weighted sum of all units with the least wavelet variance at this scale. Both follow from a recording at rest,
-    take noise that the units share into account, and do not change a motion. The units must be sampled together, and
-    their axes must be parallel.
+    By default, a Kalman filter on the differences between the units estimates their slow noise. With --horizon, the
+    virtual sensor is the weighted sum of all units that has the least wavelet variance at this scale. Both methods use
+    a recording at rest, account for noise that the units share, and do not distort a motion that all units measure.
+    The units must be sampled at the same times, and their axes must be parallel.
     """
     from gmwm.joint import fuse
 

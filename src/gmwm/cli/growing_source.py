@@ -1,4 +1,4 @@
-"""Text that is still being written: a file or standard input, ended by Ctrl-C."""
+"""Input for commands that read a text file or standard input while it is being written."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Idle = Annotated[
 
 @contextmanager
 def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
-    """Open the file or standard input, with its name."""
+    """Open a growing file, or standard input for "-", and yield its reader and its name."""
     from gmwm.readers.growing_files import GrowingFile, GrowingPipe
 
     if file != "-" and not Path(file).is_file():
@@ -48,7 +48,7 @@ def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]
 
 
 def remarks_on_end(take: GrowingFile | GrowingPipe, name: Path, lines: Lines) -> tuple[Remark, ...]:
-    """Return what a user needs to know about the end of a text."""
+    """Return remarks if reading ended because of a problem, or if the last line was incomplete."""
     found = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
     return (*found, *([Remark.of("last-line-left-out", str(name))] if lines.rest else []))
 

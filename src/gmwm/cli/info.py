@@ -41,7 +41,8 @@ def info(
     noise_against: Annotated[
         Literal["temperature", "time"] | None,
         typer.Option(
-            help="Test whether the noise of each axis depends on the temperature or on time, by scale and by term.",
+            help="Test whether the noise of each axis depends on the temperature or on time, at each scale and for "
+            "each term of the noise model.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -51,14 +52,14 @@ def info(
         typer.Option(help="Plot all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
     ] = None,
 ) -> Outcome:
-    """Inspect a recording, and say whether it can be used.
+    """Inspect a recording, and report whether it can be used for a calibration.
 
-    Prints rate, duration, gaps and jitter of the time stamps, axes and units, quantization, motion, knocks, jumps,
-    warm-up, and whether an axis follows the temperature.
+    The report covers the rate, duration, gaps and jitter of the time stamps, axes and units, quantization, motion,
+    knocks, jumps, warm-up, and whether an axis follows the temperature.
 
     Columns of the table, in SI units: mean; sd, the standard deviation of all samples; noise, the standard deviation of
-    white noise with the same differences between neighbouring samples, which offset and slow drift do not affect; LSB,
-    the quantization step if there is one; wander, the largest difference between the means of 64 equal windows.
+    the white noise, computed from differences of neighbouring samples so that offset and slow drift do not affect it;
+    LSB, the quantization step if there is one; wander, the largest difference between the means of 64 equal windows.
     """
     from gmwm.inspection import inspect
 
@@ -84,7 +85,7 @@ def info(
 
 
 def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
-    """Return the dependence of the noise of each axis on the temperature of a recording, or on time."""
+    """Test for each axis whether its noise depends on the temperature of the recording, or on time."""
     from gmwm.inference import noise_against
 
     if condition == TIME:

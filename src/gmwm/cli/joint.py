@@ -32,8 +32,8 @@ def joint(
     model: Annotated[
         str,
         typer.Option(
-            help="Terms: 'WN' is independent noise of each axis, 'common(RW)' is one process in all axes, with a "
-            "factor for each, and 'shared(RW)' is noise with any correlations between the axes.",
+            help="Sum of terms: 'WN' is independent noise of each axis, 'common(RW)' is one process that acts on all "
+            "axes with a factor for each axis, and 'shared(RW)' is noise with any correlations between the axes.",
             metavar="MODEL",
         ),
     ],
@@ -41,8 +41,8 @@ def joint(
     levels: Annotated[
         str | None,
         typer.Option(
-            help="Levels to use, such as 9-17 or 12 for the first twelve. Default: all with at least five "
-            "coefficients.",
+            help="Levels to use: a range such as 9-17, or 12 for the first twelve. Default: all levels with at least "
+            "five coefficients.",
             metavar="FIRST-LAST",
             show_default=False,
         ),
@@ -54,19 +54,20 @@ def joint(
     certify_within: Annotated[
         str,
         typer.Option(
-            help="Time for the proof: 60s, 10min. If it ends early, the lower bound is less tight.", metavar="TIME"
+            help="Largest time for the proof, such as 60s or 10min. If it is too short, the lower bound is less tight.",
+            metavar="TIME",
         ),
     ] = "60s",
     plot: Annotated[
         Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
 ) -> Outcome:
-    """Fit the noise of several axes at once, with the noise that they share.
+    """Fit one model to several axes at once, including the noise that the axes share.
 
-    The result has the covariance matrix of each term, its correlations with intervals, the test of the model, and the
-    test whether each shared term is shared. With --json, the matrices of the state space of all axes are included, in
-    discrete and in continuous time; they describe what the axes share. The files of gmwm export describe each axis
-    separately.
+    The result has the covariance matrix of each term between the axes, the correlations with intervals, a test of the
+    model, and for each shared term a test whether the axes are correlated. With --json, the result includes the
+    state-space matrices of all axes together, in discrete and in continuous time. In contrast, the files of gmwm export
+    describe each axis separately.
     """
     from gmwm.joint import fit_joint
 
@@ -83,7 +84,7 @@ def joint(
 
 
 def parse_levels(text: str | None) -> int | list[int] | None:
-    """Parse the levels to use.
+    """Parse the value of --levels: a range gives a list of levels, a single number is returned as it is.
 
     >>> parse_levels("9-12"), parse_levels("12"), parse_levels(None)
     ([9, 10, 11, 12], 12, None)

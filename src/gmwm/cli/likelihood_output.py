@@ -1,4 +1,4 @@
-"""Maximum-likelihood fits in the output of commands, as numbers and in tables."""
+"""Maximum-likelihood fits for the output of commands: fit, compute intervals, and format as JSON or tables."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ if TYPE_CHECKING:
     from gmwm.signals import Signal
 
 LIKELIHOOD = ("--likelihood", "--ml")
-"""Names of the option in every command that has it."""
+"""Names of the option for a maximum-likelihood fit, in every command that has this option."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A fit by maximum likelihood with its residuals, and its intervals or a remark why there are none."""
+    """A maximum-likelihood fit with its residuals and its confidence intervals.
+
+    If there are no intervals, `missing` is a remark with the reason.
+    """
 
     fit: LikelihoodFit
     level: float
@@ -39,8 +42,11 @@ def likelihood_fits(
     given: Model | None = None,
     asked: Mapping[str, Asked | None] | None = None,
 ) -> dict[str, LikelihoodFit]:
-    """Fit by maximum likelihood, in parallel, starting from the wavelet fits or from a model with values; with the
-    regressions that are asked for."""
+    """Fit each axis by maximum likelihood, in parallel.
+
+    A fit starts from the wavelet fit of its axis, or from the model `given` if all of its parameters have values.
+    `asked` has the regression to include in the likelihood of each axis.
+    """
     own = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm._threads import in_threads
@@ -59,7 +65,7 @@ def likelihood_fits(
 
 
 def asked_again(regression: Regression | None, temperature: Vector | None) -> Asked | None:
-    """Return the regression of a wavelet fit as an option of the likelihood."""
+    """Return the regression of a wavelet fit in the form that `fit_ml` takes as `against`; None without one."""
     from gmwm.regression.against import TEMPERATURE, Asked
 
     if regression is None:
@@ -68,7 +74,7 @@ def asked_again(regression: Regression | None, temperature: Vector | None) -> As
 
 
 def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]:
-    """Compute intervals and residuals of fits, in parallel."""
+    """Compute the confidence intervals and residuals of each fit, in parallel."""
     from gmwm._threads import in_threads
     from gmwm.cli.output import progress
     from gmwm.likelihood.summary import intervals_if_known, own_residuals
@@ -76,7 +82,7 @@ def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]
     def one(_: str, fit: LikelihoodFit) -> Judged:
         intervals, missing = intervals_if_known(fit, level)
         residuals = own_residuals(fit)
-        assert residuals is not None  # fitted here, so its record is there
+        assert residuals is not None  # the fit was made in this run, so it has the samples
         return Judged(fit, level, intervals=intervals, missing=missing, residuals=residuals)
 
     what = "intervals of the likelihood"
@@ -85,7 +91,7 @@ def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]
 
 
 def as_dict(found: Judged) -> dict[str, Any]:
-    """Return a fit with its intervals and tests, as plain numbers, lists and texts."""
+    """Return a fit with its intervals and tests as plain values for JSON."""
     from gmwm.likelihood.summary import inference
 
     return {
@@ -96,7 +102,7 @@ def as_dict(found: Judged) -> dict[str, Any]:
 
 
 def likelihoods_text(found: Mapping[str, Judged]) -> str:
-    """Format the summary of one fit, or a table for each sensor with its axes side by side."""
+    """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
     from gmwm.axis_names import by_sensor
     from gmwm.likelihood.summary import in_words
 

@@ -53,7 +53,7 @@ app = typer.Typer(
 
 
 def _help(text: str | None) -> str:
-    """Return a docstring with each paragraph on one line, so that a terminal of any width can break the lines."""
+    """Return a docstring with each paragraph on one line, so that the help wraps at the width of the terminal."""
     return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
 
 
@@ -100,7 +100,7 @@ def _print_version(wanted: bool) -> None:
 _PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
 gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of
-Wavelet Moments). A recording is a file with gyroscopes, accelerometers or both; many formats are read.
+Wavelet Moments). A recording is a file with data of gyroscopes, accelerometers or both, in one of many formats.
 
 With --json, a command prints its result as JSON on stdout and everything else on stderr. Exit codes: 0 success,
 2 error (one line on stderr), 130 interrupted, 143 terminated."""
@@ -123,10 +123,10 @@ def _gmwm(
 
 
 def accept_all_characters(stream: io.TextIOWrapper) -> None:
-    """Make a standard stream accept every character, with UTF-8 for files and pipes on any system.
+    """Make a standard stream accept every character.
 
-    A terminal keeps its encoding, and PYTHONIOENCODING and PYTHONUTF8 are respected. Characters that the encoding
-    lacks, such as σ or ², become question marks instead of an error.
+    Files and pipes are written as UTF-8 on any system, unless PYTHONIOENCODING or PYTHONUTF8 is set. A terminal keeps
+    its encoding. Characters that the encoding lacks, such as σ or ², become question marks instead of errors.
     """
     requested = os.environ.get("PYTHONIOENCODING", "").partition(":")[0] or os.environ.get("PYTHONUTF8")
     keep = requested or stream.isatty()
@@ -134,7 +134,7 @@ def accept_all_characters(stream: io.TextIOWrapper) -> None:
 
 
 def _terminated(_number: int, _frame: FrameType | None) -> None:
-    """End as after Ctrl-C, so that temporary files are removed.
+    """Handle SIGTERM by an exception, as for Ctrl-C, so that temporary files are removed.
 
     Raises
     ------
@@ -145,8 +145,8 @@ def _terminated(_number: int, _frame: FrameType | None) -> None:
 
 
 def run() -> None:
-    """Run the command line; see `gmwm.cli.start`."""
-    # A stream that the caller has closed is None: then nothing is read or printed.
+    """Run the command line. `gmwm.cli.start` calls this function."""
+    # A stream that the caller has closed is None. It is replaced, so that nothing is read from it or printed to it.
     sys.stdin = sys.stdin or open(os.devnull, encoding="utf-8")  # noqa: SIM115
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115

@@ -1,4 +1,4 @@
-"""Recordings larger than memory: open them in chunks, and compute their curves here or on a cluster."""
+"""Open recordings in memory or in chunks, and compute their wavelet variances, if needed in parallel processes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 Chunked = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Read the recording in chunks, in bounded memory. auto: only files of 300 MB or more. The result is the "
-        "same.",
+        help="Read the recording in chunks, which needs little memory. auto: only for files of 300 MB or more. The "
+        "result is the same.",
         rich_help_panel=INPUT,
     ),
 ]
@@ -61,16 +61,19 @@ def opened(
 
     Parameters
     ----------
-    path, reading, chunked
+    path : Path
+    reading : ReadOptions
+    chunked : "auto", "yes" or "no"
+        Value of --chunked.
     spread : bool
-        Whether workers read it. Workers always read in chunks.
+        Whether worker processes read the recording. They always read in chunks.
     whole : str
-        The option that needs the whole recording in memory; "" if there is none.
+        The option that needs the whole recording in memory, for the error message; "" if there is none.
 
     Raises
     ------
     OptionError
-        If the options contradict each other.
+        If the options need the recording both in memory and in chunks.
     """
     whole = whole or ("--gaps longest" if reading.gaps == "longest" else "")
     if whole and (spread or chunked == "yes"):
@@ -98,7 +101,7 @@ def opened(
 
 
 def needs_memory(filter: str, transform: str) -> str:
-    """Return the option of the transform that needs the whole recording in memory; "" if there is none."""
+    """Return --filter or --transform if its value needs the whole recording in memory; "" if neither does."""
     if filter != "haar":
         return f"--filter {filter}"
     return f"--transform {transform}" if transform != "modwt" else ""
@@ -114,7 +117,10 @@ def stream_curves(
     workers: int | None = None,
     against: str = NONE,
 ) -> dict[str, WaveletVariance]:
-    """Compute the curves of axes of a recording in chunks. The remarks of its inspection become warnings."""
+    """Compute the wavelet variances of a recording that is read in chunks.
+
+    The remarks of its inspection become warnings of the command.
+    """
     from gmwm.calibration.measurement import curves_and_inspection
     from gmwm.cli.output import progress, tell
     from gmwm.regression.conditions import Conditions
@@ -131,12 +137,19 @@ def stream_curves(
 
 
 def memory_for(against: str, other: str = "") -> str:
-    """Return the option that needs the whole recording in memory; "" if there is none.
+    """Return --against if its value needs the whole recording in memory, otherwise `other`.
+
+    Parameters
+    ----------
+    against : str
+        Value of --against.
+    other : str
+        Another option that needs the whole recording in memory; "" if there is none.
 
     Raises
     ------
     OptionError
-        If --against and the option `other`, which needs it, are both given.
+        If both options are given, because --against needs Haar coefficients.
     """
     if other and against != NONE:
         reason = f"--against removes an effect from Haar coefficients only, and cannot be combined with {other}"
@@ -148,9 +161,10 @@ def memory_for(against: str, other: str = "") -> str:
 def signals_or_curves(
     recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """Return the signals that --axis selects, or their curves if the recording is in chunks or --against is given.
+    """Return the data of the axes that --axis selects.
 
-    The remarks of the inspection become warnings.
+    These are wavelet variances if the recording is read in chunks or --against is given, otherwise signals. The
+    remarks of the inspection become warnings of the command.
     """
     from gmwm.cli.output import tell_inspection
     from gmwm.signals import Imu
@@ -168,7 +182,7 @@ def signals_or_curves(
 def opened_together(
     files: Sequence[Path], reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, whole: str = ""
 ) -> dict[str, Imu | Stream]:
-    """Open one recording, or several recordings of one unit, by name."""
+    """Open one or several recordings of one unit, and return them by name."""
     return {
         name: opened(file, reading, chunked, whole=whole) for name, file in zip(names_of(files), files, strict=True)
     }
@@ -197,7 +211,10 @@ def measured_together(
     filter: str = "haar",
     transform: Literal["modwt", "dwt"] = "modwt",
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """Return the signals or curves of one recording, or the pooled curves of several, by axis.
+    """Return the data to fit for each axis.
+
+    For one recording, these are signals or wavelet variances. For several recordings, they are pooled wavelet
+    variances.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Options for the model of commands that run a Kalman filter, and the origin of its values."""
+"""Options that define the model in commands that run a Kalman filter, and the models that they select."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ ModelText = Annotated[
     typer.Option(
         "--model",
         "-m",
-        help="Sum of processes, as for gmwm fit. If all parameters have values, these are used; otherwise the model is "
-        "first fitted to each axis.",
+        help="Sum of processes, as for gmwm fit. If all parameters have values, the command uses these values; "
+        "otherwise it first fits the model to each axis.",
         metavar="MODEL",
         show_default=False,
     ),
@@ -32,8 +32,8 @@ ModelText = Annotated[
 FromFits = Annotated[
     Path | None,
     typer.Option(
-        help="Instead of --model: fits.json of gmwm fit or calibration.json of gmwm calibrate, from this recording or "
-        "from another one of the same unit at the same rate.",
+        help="Instead of --model: the fits.json of gmwm fit or the calibration.json of gmwm calibrate. It can come "
+        "from this recording, or from another recording of the same unit at the same rate.",
         show_default=False,
     ),
 ]
@@ -41,8 +41,8 @@ ByLikelihood = Annotated[
     bool,
     typer.Option(
         *LIKELIHOOD,
-        help="Fit by maximum likelihood, starting from the wavelet fit. With --from-fits, use the fit by maximum "
-        "likelihood in the file.",
+        help="Fit the model by maximum likelihood, starting from the wavelet fit. With --from-fits, use the "
+        "maximum-likelihood fit in the file.",
         rich_help_panel="Estimation",
     ),
 ]
@@ -50,7 +50,17 @@ ByLikelihood = Annotated[
 
 @dataclass(frozen=True, eq=False)
 class AxisModel:
-    """The model of an axis with its values, their origin, and whether they were estimated from the same recording."""
+    """The model of one axis.
+
+    Attributes
+    ----------
+    model : Fit, LikelihoodFit or Model
+        The fit, or the model if its values were given.
+    origin : str
+        Where the values come from, for the output.
+    own : bool
+        Whether the values were estimated from the recording that the command reads.
+    """
 
     model: Fit | LikelihoodFit | Model
     origin: str
@@ -58,19 +68,23 @@ class AxisModel:
 
     @property
     def values(self) -> Model:
-        """The model itself."""
+        """The model with its parameter values."""
         from gmwm.processes.model import Model
 
         return self.model if isinstance(self.model, Model) else self.model.model
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the model and its values as plain texts and numbers."""
+        """Return the model, its values and their origin as plain values for JSON."""
         return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.origin}
 
 
 @dataclass(frozen=True)
 class ModelSource:
-    """The options that define the model, checked before a recording is read."""
+    """The options that define the model. They are checked before the recording is read.
+
+    Either `model` is given, or `fits` has the fit of each axis from `fits_file`. `fitted_file` is the recording to
+    which these fits belong, if it is known.
+    """
 
     model: Model | None
     fits: Mapping[str, Any]
@@ -89,7 +103,7 @@ def model_source(
     Raises
     ------
     OptionError
-        If they contradict each other.
+        If not exactly one of --model and --from-fits is given, or --robust is combined with --from-fits.
     """
     from gmwm import Model
     from gmwm.cli.plan import fits_in
@@ -132,7 +146,10 @@ def model_source(
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
-    """Return the model of each axis with its values. The remarks of new fits become warnings."""
+    """Return the model of each axis with its values, and fit the model if it has none.
+
+    The remarks of new fits become warnings of the command.
+    """
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
 
@@ -153,7 +170,11 @@ def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) 
 
 
 def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
-    """Return the signals to use: the axes for which the file of fits has models, or the axes that --axis selects."""
+    """Return the signals to use.
+
+    With --from-fits and without --axis (`chosen` is False), these are the axes for which the file has a fit; otherwise
+    all given signals.
+    """
     if source.model is not None or chosen:
         return signals
     there = {axis: signal for axis, signal in signals.items() if axis in source.fits}

@@ -37,7 +37,7 @@ EXAMPLES = (
 )
 
 CHANGED = 1
-"""Exit code if there was an event."""
+"""Exit code if the monitor reported at least one event."""
 
 
 @command
@@ -45,8 +45,8 @@ def monitor(
     files: Annotated[
         list[str],
         typer.Argument(
-            help="Recording in any supported format, or - for text on standard input; or recordings of three or more "
-            "units side by side.",
+            help="One recording in any supported format, or - for text on standard input; or the recordings of three "
+            "or more units that were recorded at the same time.",
             metavar="FILE|-…",
             show_default=False,
         ),
@@ -55,7 +55,8 @@ def monitor(
     from_fits: Annotated[
         Path | None,
         typer.Option(
-            help="Models of the sensor: the folder or calibration.json of gmwm calibrate, or a fits.json of gmwm fit.",
+            help="Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or "
+            "the folder of one of them.",
             show_default=False,
         ),
     ] = None,
@@ -63,15 +64,16 @@ def monitor(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Recording of the healthy sensor at rest, for comparison in the charts. Default: the baseline in "
-            "calibration.json.",
+            help="Recording of the healthy sensor at rest, from which the baseline of the control charts is computed. "
+            "Default: the baseline in calibration.json.",
             show_default=False,
         ),
     ] = None,
     every: Annotated[
         str,
         typer.Option(
-            help="Average time between false alarms of a healthy sensor, all axes together.", metavar="LENGTH"
+            help="Average time between false alarms if the sensor does not change, for all axes together.",
+            metavar="LENGTH",
         ),
     ] = "30d",
     axis: Axes = None,
@@ -82,7 +84,7 @@ def monitor(
     plot: Annotated[
         Path | None,
         typer.Option(
-            help="Plot the signals with the events, and the charts, to this .png, .pdf or .svg file.",
+            help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -97,14 +99,16 @@ def monitor(
 ) -> Outcome:
     """Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, lost samples.
 
-    Prints one line for each event as soon as its kind is known: one second after the first alarm, up to a minute for
-    slow changes of the level. With --json, each event is one line of JSON, and the last line is a summary.
+    The command prints one line for each event as soon as its kind is known. This takes one second after the first
+    alarm, and up to a minute for slow changes of the level. With --json, each event is one line of JSON, and the last
+    line is a summary.
 
-    The charts compare the innovations of the calibrated models with a baseline. The sensor must be at rest. If three
-    axes change within a second, the unit was moved, and the charts pause until it is still again.
+    Control charts compare the innovations of the calibrated models with a baseline. The sensor must be at rest. If
+    three axes change within a second, the monitor assumes that the unit was moved, and the charts pause until it is at
+    rest again.
 
-    Three or more recordings of units side by side at rest are compared with each other, which removes what they share;
-    each event names the unit that has changed.
+    If three or more recordings are given, the units must be at rest next to each other. The monitor then compares the
+    units with each other, which removes disturbances that they share. Each event names the unit that has changed.
 
     Exit codes: 0 no event, 1 at least one event, 2 error.
     """
@@ -149,7 +153,8 @@ def monitor(
 def _opened(
     file: str, reading: ReadOptions, follow: bool, idle: float | None
 ) -> Iterator[tuple[Stream, Callable[[], tuple[Remark, ...]]]]:
-    """The samples of a file or of growing text, and a function that says how the text ended."""
+    """Open a recording or a growing text. Yield the stream of its samples and a function that returns the remarks on
+    the end of the text."""
     from gmwm.readers.api import stream_file
     from gmwm.readers.growing_files import Lines, growing_stream
 
@@ -172,7 +177,7 @@ def _trace(
     origin: Origin, stream: Stream, *, reference: Path | None, reading: ReadOptions, every: float,
     axes: list[str] | None, pictures: bool, source: str,
 ) -> Trace:  # fmt: skip
-    """Return the monitor of a stream. What a user needs to know about it becomes warnings."""
+    """Return the monitor for a stream, with a trace for plots. The remarks of the monitor become warnings."""
     from gmwm.monitor import Monitor, Trace, baselines
     from gmwm.monitor.setup import check_rate
     from gmwm.readers.api import stream_file
@@ -198,7 +203,7 @@ def _trace(
 
 
 def _require_alone(**options: object) -> None:
-    """Raise an error if an option applies to one recording only."""
+    """Raise an OptionError if an option is given that applies only to a single recording."""
     for name, value in options.items():
         if value:
             raise OptionError(
@@ -210,7 +215,7 @@ def _require_alone(**options: object) -> None:
 def _side_by_side(
     files: list[str], reading: ReadOptions, *, origin: Origin, every: float, axes: list[str] | None, json: bool
 ) -> Outcome:
-    """Monitor several units against each other."""
+    """Monitor several units by comparison with each other, and return the outcome of the command."""
     from gmwm.monitor import redundant
     from gmwm.readers.api import stream_file
 
@@ -238,7 +243,7 @@ def _side_by_side(
 
 @dataclass(frozen=True)
 class Origin:
-    """Where the models come from: a file of fits, or noise without a recording."""
+    """Origin of the noise models: calibration or fits (`fits`), or datasheet or file of another program (`source`)."""
 
     fits: Path | None
     source: str | None
@@ -257,7 +262,10 @@ class Origin:
 
 
 def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
-    """Return the calibration, the fits or the models, and their rate; given noise has the rate of the recording."""
+    """Return the calibration, the fits or the models by axis, and their sampling rate (Hz).
+
+    Noise from --from has no rate of its own, so it gets the rate of the recording.
+    """
     if origin.source is not None:
         return given(origin.source, rate).models, rate
     assert origin.fits is not None
@@ -266,7 +274,7 @@ def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
 
 
 def _fitted(path: Path) -> Mapping[str, Any]:
-    """Return the calibration at a path, or the fits."""
+    """Return the calibration in a file or folder, or the fits by axis if it holds a fits.json."""
     from gmwm import Calibration, Fit
     from gmwm.cli.output import calibration_file
     from gmwm.cli.plan import fits_in
@@ -279,9 +287,9 @@ def _fitted(path: Path) -> Mapping[str, Any]:
 
 
 def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
-    """Yield the events of a stream. Ctrl-C while Polars reads raises KeyboardInterrupt: a normal end.
+    """Yield the events of a stream, with times from the first sample of the recording, as in the other commands.
 
-    Times are measured from the first sample of the recording, as in the other commands.
+    Ctrl-C while Polars reads raises KeyboardInterrupt, which ends the stream without an error.
     """
     origin = stream.time_base.start - stream.time_base.left
     try:
@@ -293,6 +301,6 @@ def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
 
 
 def _shown(events: Iterable[Event | UnitEvent], json: bool) -> None:
-    """Print each event when it is named."""
+    """Print each event, as text or as one line of JSON."""
     for event in events:
         print(json_module.dumps(event.to_dict()) if json else event, file=sys.stdout, flush=True)

@@ -1,4 +1,4 @@
-"""The noise of a sensor as an argument of a command: a calibration, fits, or noise without a recording."""
+"""The noise of a sensor as an argument of a command: a calibration, fits, a datasheet or a file of another program."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 NoiseText = Annotated[
     str,
     typer.Argument(
-        help="calibration.json of gmwm calibrate, fits.json of gmwm fit, or the folder of one of them; or a source "
-        "without a recording, as for gmwm export --from.",
+        help="The calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the folder of one of them; or the "
+        "numbers of a datasheet or a file of another program, as for gmwm export --from.",
         metavar="SOURCE",
         show_default=False,
     ),
@@ -42,14 +42,14 @@ GivenText = Annotated[
 
 @dataclass(frozen=True, eq=False)
 class NoiseSource:
-    """The noise of each axis, and the sampling rate (Hz) of axes that have a model instead of a fit."""
+    """The noise of each axis. `rate` is the sampling rate (Hz) of axes with a model, because only a fit has its own."""
 
     axes: Mapping[str, Fit | Model]
     rate: float | None = None
 
 
 def given(text: str, rate: float | None, option: str = "--from") -> Given:
-    """Read noise without a recording; errors name the option."""
+    """Read noise from a datasheet or a file of another program. Error messages name the shell option."""
     from gmwm.importers import given_noise
 
     with named_as_options({"source": option}):
@@ -57,32 +57,32 @@ def given(text: str, rate: float | None, option: str = "--from") -> Given:
 
 
 def calibration_in(text: str) -> Calibration | None:
-    """Read the calibration in a file or folder; None if the text is another source of noise."""
+    """Return the calibration in a file or folder; None if `text` is another source of noise."""
     from gmwm import Calibration
     from gmwm.cli.plan import fits_in
 
     path = Path(text)
     if path.is_dir():
-        fits_in(path)  # Refuses a folder with a calibration and other fits.
+        fits_in(path)  # Raises an error if the folder has both calibration.json and fits.json.
         path = path / "calibration.json"
     if path.suffix != ".json" or not path.is_file():
         return None
     try:
         content = read_json(path)
     except ValueError:
-        return None  # noise_of names the error.
+        return None  # `noise_of` reports the error.
     return Calibration.load(path) if isinstance(content, dict) and "settings" in content else None
 
 
 def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSource:
-    """Read the noise of a sensor: a calibration, fits, or noise without a recording.
+    """Read the noise of a sensor from a calibration, from fits, or from a datasheet or file of another program.
 
     Raises
     ------
     OptionError
-        If the source is none of them.
+        If `text` is none of these.
     ReadError
-        If the file has no fits, and no numbers of another program.
+        If the file contains neither fits nor the noise parameters of another program.
     """
     from gmwm import Fit
     from gmwm.cli.plan import fits_in

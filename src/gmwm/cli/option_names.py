@@ -1,4 +1,4 @@
-"""Name the options of the shell in errors of the library."""
+"""Make error messages of the library name the shell options instead of the Python arguments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ T = TypeVar("T")
 
 @contextmanager
 def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Name the options of this mapping in errors and their advice, for arguments whose option has another name.
+    """Make errors in the block, and their advice, name the shell options of the mapping from argument to option.
+
+    Only arguments whose option has another name need an entry.
 
     >>> from gmwm._template import Dialect
     >>> from gmwm.errors import OptionError
@@ -32,7 +34,7 @@ def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
 
 
 def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
-    """Make a callback that checks the value of an option before the command runs, with a check of the library."""
+    """Return a Typer callback that checks the value of an option with a function of the library."""
 
     def callback(given: T | None) -> T | None:
         if given is not None:
@@ -44,7 +46,7 @@ def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
 
 @contextmanager
 def prefixed(argument: str) -> Iterator[None]:
-    """Put the name of the argument that holds the model in front of the message of a ModelError."""
+    """Put the name of an argument in front of the message of each ModelError that is raised in the block."""
     try:
         yield
     except ModelError as error:

@@ -1,4 +1,4 @@
-"""Options of estimation and of the result that several commands share."""
+"""Options for the estimation and for the output that several commands share."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ TransformName = Annotated[
     Literal["modwt", "dwt"],
     typer.Option(
         "--transform",
-        help="Maximal-overlap transform (modwt), or decimated transform (dwt), whose estimates have a larger variance.",
+        help="Use the maximal-overlap transform (modwt), or the decimated transform (dwt), whose estimates have a "
+        "larger variance.",
         rich_help_panel="Estimation",
     ),
 ]
@@ -104,9 +105,10 @@ AgainstOption = Annotated[
     typer.Option(
         "--against",
         callback=checked_against,
-        help="Remove the effect of conditions from each axis before its noise is measured. auto: the temperature of "
-        "the recording, for axes that follow it (5 % level); none; or covariates, joined by +: temperature, time, "
-        "warmup, with options such as temperature:2,lag (degree, rate of change), temperature:knots=2, time:3.",
+        help="Remove the effect of covariates from each axis before its noise is estimated. auto: remove the effect of "
+        "the temperature from axes that follow it (5 % level). none: remove nothing. Otherwise: temperature, time or "
+        "warmup, or several joined by +, with options such as temperature:2,lag (degree 2, and its rate of change), "
+        "temperature:knots=2 or time:3.",
         metavar="COVARIATES",
         rich_help_panel="Estimation",
     ),
@@ -115,7 +117,8 @@ ChoiceWeighting = Annotated[
     Literal["optimal", "diagonal"],
     typer.Option(
         "--weighting",
-        help="Weight the levels by the inverse of their covariance matrix (optimal), or of their variances (diagonal).",
+        help="Weight the levels in the fit by the inverse of their covariance matrix (optimal) or of their variances "
+        "(diagonal).",
         rich_help_panel="Estimation",
     ),
 ]
@@ -123,7 +126,8 @@ CriterionName = Annotated[
     Literal["asymptotic", "bootstrap"],
     typer.Option(
         "--criterion",
-        help="Compute the penalty of a model from theory (asymptotic), or from simulated records (bootstrap).",
+        help="Compute the penalty of a model, for the comparison of models, from theory (asymptotic) or from simulated "
+        "records (bootstrap).",
         rich_help_panel="Estimation",
     ),
 ]
@@ -166,8 +170,13 @@ def parse_searched(text: str) -> Model | str:
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
-    """Return the efficiency of the robust wavelet variance. Raise an error if --efficiency is given without
-    --robust."""
+    """Return the efficiency of the robust wavelet variance, 0.6 by default.
+
+    Raises
+    ------
+    OptionError
+        If --efficiency is given without --robust.
+    """
     if efficiency is not None and not robust:
         raise OptionError(
             "--efficiency applies only to the robust wavelet variance",
@@ -179,7 +188,7 @@ def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
 
 
 def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
-    """Parse the values of --model: models by axis or sensor, or one model for all axes.
+    """Parse the values of --model, and return the models by axis or sensor, or one model for all axes.
 
     >>> parse_models(["gyro=WN(sigma2=4e-8)", "accel_z=QN(q2=1e-6)"])
     {'gyro': 'WN(sigma2=4e-8)', 'accel_z': 'QN(q2=1e-6)'}

@@ -1,4 +1,4 @@
-"""Results of commands and their output: text or JSON on stdout, files, and warnings and progress on stderr."""
+"""Output of commands: the result as text or JSON on stdout, files, and warnings and progress bars on stderr."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class NewFile:
-    """A file to write: its path, the function that writes it completely, and the label of the progress bar."""
+    """A file to write: its path, the function that writes it to a path, and the label of the progress bar."""
 
     path: Path
     write: Callable[[Path], object]
@@ -53,25 +53,25 @@ class Outcome:
     files : tuple of NewFile
         Files to write.
     together : bool
-        Whether the files belong to one folder, and either all or none are written.
+        Whether all files are in one folder and are written together: if one fails, none is written.
     obsolete : tuple of Path
-        Files of an earlier run to remove after the new ones are written.
+        Files of an earlier run, which are removed after the new files are written.
     written : tuple of Path
-        Files that are written already; they are listed first.
+        Files that the command has already written. The list of files starts with them.
     listed : bool
-        Whether the files are listed after the text.
+        Whether the paths of the files are printed after the text.
     closing : str
-        Text after the list of files.
+        Text to print after the list of files.
     remarks : tuple of Remark
-        Remarks that are neither warnings of the library nor in the text.
+        Remarks of the command to print as warnings, in addition to the warnings of the library.
     in_text : tuple of Remark
-        Remarks that the text contains; --json lists them with the other remarks.
+        Remarks that the text already contains. They are not printed as warnings; --json lists them with the others.
     failure : GmwmError or None
         The error to raise after the result is printed.
     status : int
         Exit code if there is no failure.
     in_one_line : bool
-        Whether --json prints the document in one line, after lines of its own.
+        Whether --json prints the document in one line, because the command has printed other lines of JSON before.
     """
 
     command: str
@@ -92,12 +92,15 @@ class Outcome:
 
     @property
     def paths(self) -> list[Path]:
-        """All files of the result."""
+        """Paths of all files of the result, those already written first."""
         return [*self.written, *(file.path for file in self.files)]
 
 
 def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False) -> None:
-    """Write the files of a result, and print the result as text, or as JSON with the remarks."""
+    """Write the files of a result, and print the result as text, or as JSON with the remarks.
+
+    Raises the failure of the outcome, or `typer.Exit` if the exit code is not 0.
+    """
     for remark in outcome.remarks:
         tell(remark)
     _write_files(outcome)
@@ -134,7 +137,7 @@ def _write_files(outcome: Outcome) -> None:
 
 
 def text_file(path: Path, text: str) -> NewFile:
-    """Make a file of a result from a text."""
+    """Return a file to write that contains a text."""
     return NewFile(path, lambda target: write_text(target, text))
 
 
@@ -144,18 +147,18 @@ def file_names(files: Sequence[NewFile]) -> list[str]:
 
 
 class Advance(Protocol):
-    """Advance a progress bar by one or several steps, with a text that describes the work."""
+    """Function that advances a progress bar."""
 
     def __call__(self, text: str, steps: int = 1, /) -> None:
-        """Advance the bar."""
+        """Advance the bar by a number of steps, and show a text that describes the current work."""
 
 
 def print_json(
     command: str, content: Mapping[str, Any], remarks: Iterable[Remark], *, in_one_line: bool = False
 ) -> None:
-    """Print the result of a command as JSON. If the encoding of stdout is not UTF-8, the JSON is ASCII.
+    """Print the result of a command as JSON. If the encoding of stdout is not UTF-8, only ASCII characters are used.
 
-    The remarks of the document come first, followed by the other remarks.
+    The list of remarks starts with those in the document, followed by the other remarks without duplicates.
     """
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
     known = list(content.get("remarks", ()))
@@ -166,7 +169,7 @@ def print_json(
 def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False, in_one_line: bool = False) -> str:
     """Format the result of a command as JSON, with the version of gmwm. NaN and infinities become null.
 
-    If `escaped`, the text is ASCII: ² becomes \\u00b2.
+    If `escaped` is true, the text is ASCII: ² becomes \\u00b2.
 
     >>> print(json_text("wv", {"limits": [1.0, float("inf")]}))
     {
@@ -185,7 +188,7 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
 
 
 def _plain(value: Any) -> Any:
-    """Convert a value to types of JSON: NaN and infinities to None, arrays to lists, numbers of NumPy to numbers."""
+    """Convert a value to types that JSON has: arrays to lists, NumPy numbers to numbers, NaN and infinities to None."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):
@@ -205,18 +208,18 @@ def table_text(
     texts: int = 1,
     rules: Sequence[int] = (),
 ) -> str:
-    """Format a table with a heading. It is as wide as its contents: no cell is wrapped or cut.
+    """Format a table with column headings. The table is as wide as its contents: no cell is wrapped or truncated.
 
     Parameters
     ----------
     columns : sequence of str
         Headings.
-    rows : sequence of rows, each a sequence of texts
+    rows : sequence of rows, each a sequence of str
     title : str
     texts : int
-        Number of columns at the left that hold text; the others hold numbers, aligned to the right.
+        Number of left-aligned columns, which hold text. The other columns hold numbers and are right-aligned.
     rules : sequence of int
-        Indices of rows that a horizontal rule follows.
+        Indices of the rows below which a horizontal line is drawn.
     """
     from rich import box
     from rich.console import Console
@@ -242,23 +245,29 @@ def table_text(
 
 
 def units_text(units: Mapping[str, str]) -> str:
-    """Format the units of parameters in one line, each name once."""
+    """Format the units of parameters in one line, with each parameter name once.
+
+    Parameters
+    ----------
+    units : mapping of str to str
+        Unit of each parameter, by its full name such as "GM[1].sigma2".
+    """
     of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
-    # If two parameters with the same name have different units, as σ² of GM and of AR1, their full names are used.
+    # If two parameters with the same short name have different units, such as σ² of GM and of AR1, use full names.
     if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
         of = dict(units)
     return "in " + ", ".join(f"{unit} ({name})" for name, unit in of.items())
 
 
 class Warned:
-    """Remarks of a command, to print on stderr: the five most severe, or all of them."""
+    """Remarks of a command that are printed as warnings on stderr: the five most severe, or all if `every` is true."""
 
     def __init__(self, *, every: bool) -> None:
         self.remarks: list[Remark] = []
         self._every, self._shown = every, False
 
     def add(self, remark: Remark) -> None:
-        """Add a remark, unless it is there already."""
+        """Add a remark, unless the same remark was added before."""
         if remark not in self.remarks:
             self.remarks.append(remark)
 
@@ -277,7 +286,7 @@ class Warned:
 def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
     """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails.
 
-    A FitWarning is not collected, because its remark is in `fit.remarks`, which the text of the command shows.
+    A FitWarning is not collected, because the text of the command already shows its remark.
     """
     warned = Warned(every=every)
 
@@ -309,12 +318,18 @@ def tell(remark: Remark) -> None:
 
 
 def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
-    """Inspect a recording, and add the remarks about motion, knocks and the like to the warnings of the command.
+    """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings.
+
+    Parameters
+    ----------
+    imu : Imu or Stream
+    against : str
+        Covariates whose effect is removed before the inspection, as for --against.
 
     Returns
     -------
     Conditions
-        The regressions of the axes that `against` asks for.
+        The covariates, with the regression of each axis on them.
     """
     from gmwm.inspection.api import inspected
     from gmwm.regression.against import Asked
@@ -329,7 +344,7 @@ def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
 
 
 def one_line(text: str) -> str:
-    """Join the lines of a text.
+    """Join the lines of a text with single spaces.
 
     >>> one_line("a first\\n   and a second")
     'a first and a second'
@@ -338,12 +353,12 @@ def one_line(text: str) -> str:
 
 
 def calibration_file(path: Path) -> Path:
-    """Return the path of a calibration.json, given directly or as the folder that `gmwm calibrate --output` wrote."""
+    """Return the path of a calibration.json: the path itself, or the file in it if the path is a folder."""
     return path / "calibration.json" if path.is_dir() else path
 
 
 def made_directory(path: Path, argument: str = "output") -> Path:
-    """Make a directory and its parents, unless they exist."""
+    """Create a directory and its parents if they do not exist, and return the path."""
     if path.exists() and not path.is_dir():
         raise OptionError(
             argument=argument, expected="a directory", got=str(path), advice="{path} is a file.", path=str(path)
@@ -354,7 +369,7 @@ def made_directory(path: Path, argument: str = "output") -> Path:
 
 @contextmanager
 def progress(what: str, steps: int | None = None) -> Iterator[Advance]:
-    """Show a progress bar on stderr while the block runs, if stderr is a terminal. It is removed at the end."""
+    """Show a progress bar on stderr while the block runs, and remove it at the end. Only a terminal shows a bar."""
     if not sys.stderr.isatty():
         yield lambda text, steps=1, /: None
         return

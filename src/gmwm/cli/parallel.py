@@ -1,4 +1,4 @@
-"""Parallel work on several axes, with a progress bar."""
+"""Process several axes in parallel, with a progress bar."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ Item = TypeVar("Item", bound=Signal | WaveletVariance)
 
 
 def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:
-    """Call a function for the signal or curve of each axis, in parallel. An error names its axis."""
+    """Call a function with the signal or wavelet variance of each axis, in parallel threads.
+
+    If a call raises an error, the message names the axis. `what` is the label of the progress bar.
+    """
     with progress(what, len(signals)) as advance:
         return in_threads(
             lambda _, signal: work(signal), signals, done=lambda axis: advance(f"{what}: {axis}")

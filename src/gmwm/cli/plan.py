@@ -1,4 +1,4 @@
-"""gmwm plan: plan how long to record for a wanted accuracy."""
+"""gmwm plan: find how long a recording must be for a desired accuracy of the parameters."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def plan(
     duration: Annotated[
         str,
         typer.Option(
-            help="Duration of the planned recording: 90s, 30min, 1h30m, 2h, 1d, or seconds.",
+            help="Duration of the planned recording, such as 90s, 30min, 1h30m, 2h, 1d or a number of seconds.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -47,8 +47,8 @@ def plan(
     model: Annotated[
         str | None,
         typer.Argument(
-            help="Model with all values (SI units and per sample, GM.beta in 1/s). Values in fixed(…) are treated as "
-            "known.",
+            help="Model with all parameter values (in SI units, per sample where time enters, but GM.beta in 1/s). "
+            "Values in fixed(…) are treated as known.",
             metavar="MODEL",
             show_default=False,
         ),
@@ -56,19 +56,21 @@ def plan(
     from_fits: Annotated[
         Path | None,
         typer.Option(
-            help="Instead of MODEL: fits.json of gmwm fit or calibration.json of gmwm calibrate, from a pilot "
+            help="Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot "
             "recording.",
             show_default=False,
         ),
     ] = None,
     source: GivenText = None,
-    axis: Annotated[str | None, typer.Option(help="Axis of --from-fits or --from.", show_default=False)] = None,
+    axis: Annotated[
+        str | None, typer.Option(help="Axis to use from --from-fits or --from.", show_default=False)
+    ] = None,
     rate: Annotated[
         float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.", show_default=False)
     ] = None,
     accuracy: Annotated[
         str,
-        typer.Option(help="Desired relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
+        typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE"),
     ] = "0.1",
     weighting: Annotated[
         Literal["diagonal", "optimal"] | None,
@@ -84,10 +86,10 @@ def plan(
 ) -> Outcome:
     """Plan how long to record: print the standard error of each parameter for several durations.
 
-    The relative standard errors of a future fit follow from the exact covariance of the wavelet variance under the
-    model, without simulation. Take the values from a pilot recording (gmwm fit --output) or from a datasheet. Above
-    50 %, a recording does not determine the parameter. With --from-fits, the planned recording has the gaps of the
-    pilot recording.
+    The relative standard errors of a future fit are computed from the exact covariance of the wavelet variance under
+    the model, without simulation. Take the values of the model from a pilot recording (gmwm fit --output) or from a
+    datasheet. If the relative standard error of a parameter is above 50 %, the recording does not determine it. With
+    --from-fits, the planned recording is assumed to have gaps like those of the pilot recording.
     """
     if sum(one is not None for one in (model, from_fits, source)) != 1:
         raise OptionError(
@@ -130,7 +132,10 @@ def plan(
 
 
 def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str, str, float]:
-    """Return axis, model and rate of noise without a recording; the axis can be left out if all have one model."""
+    """Return the axis, its model and the rate from a datasheet or a file of another program.
+
+    `axis` can be None if all axes have the same model.
+    """
     found = given(source, rate)
     models = {name: str(model) for name, model in found.models.items()}
     if axis is None and len(set(models.values())) == 1:
@@ -141,7 +146,7 @@ def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str,
 
 
 def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> float:
-    """Return the rate of a pilot fit. Raises an OptionError if --rate differs."""
+    """Return the sampling rate (Hz) of a pilot fit. Raises an OptionError if --rate is given and differs from it."""
     own = float(found["wavelet_variance"]["rate"])
     if rate is not None and abs(rate / own - 1) > 1e-3:
         raise OptionError(
@@ -175,7 +180,10 @@ def _planned(
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
-    """Return the name of an axis and its fit, from a fits.json or calibration.json."""
+    """Return the name of an axis and its fit from a fits.json or calibration.json.
+
+    `axis` can be None if the file has only one axis.
+    """
     _, fits = fits_in(path)
     name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
     if name not in fits:
@@ -184,19 +192,19 @@ def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
 
 
 def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
-    """Read a fits.json or calibration.json, or the one in a folder.
+    """Read the fits from a fits.json or calibration.json, or from the one of these files that a folder contains.
 
     Returns
     -------
     recording : str or None
-        The file that was fitted, if it is known.
-    fits : dict
-        The fit of each axis, as a document.
+        Path of the recording that was fitted, if it is known.
+    fits : dict of str to dict
+        The fit of each axis, in the form of `Fit.to_dict`.
 
     Raises
     ------
     ReadError
-        If there is no such file, or it has no fits.
+        If there is no such file, it has no fits, or the folder contains both files.
     """
     if path.is_dir():
         candidates = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
@@ -272,9 +280,10 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
-    """Return the model to plan with, from a pilot fit, and remarks about the changes.
+    """Return the model to plan with, derived from a pilot fit, and remarks about the changes.
 
-    Terms that were estimated as zero are left out. Terms that act as another process are replaced by this process.
+    Terms that were estimated as zero are left out. A term that the data do not distinguish from a simpler process, such
+    as a slow Gauss-Markov process from a random walk, is replaced by this process.
     """
     from gmwm import Model
     from gmwm.processes.equivalence import likeness
@@ -302,7 +311,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
 
 
 def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:
-    """Return levels, rate, filter and weights of a fit, from its document."""
+    """Return the levels, sampling rate (Hz), wavelet filter and weighting matrix of a fit from its JSON document."""
     import numpy as np
 
     from gmwm.filters import find_filter

@@ -1,4 +1,4 @@
-"""gmwm psd: power spectral density of a recording, with its lines and bumps."""
+"""gmwm psd: power spectral density of a recording, with its narrow lines and broad bumps."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def psd(
     length: Annotated[
         int | None,
         typer.Option(
-            help="Length of the blocks (samples), an even number from 8. Default: the greatest power of two up to "
-            "65536 that leaves at least 15 blocks.",
+            help="Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up "
+            "to 65536 that gives at least 15 blocks.",
             rich_help_panel=ESTIMATION,
             show_default=False,
         ),
@@ -47,7 +47,8 @@ def psd(
     detrend: Annotated[
         Literal["constant", "linear"],
         typer.Option(
-            help="Trend to remove from each block: its mean (constant), or a line (linear).", rich_help_panel=ESTIMATION
+            help="Trend to remove from each block: its mean (constant) or a fitted line (linear).",
+            rich_help_panel=ESTIMATION,
         ),
     ] = "constant",
     datasheet: Annotated[
@@ -63,8 +64,9 @@ def psd(
 ) -> Outcome:
     """Print the lines and the resonances in the power spectral density of each axis.
 
-    The density is estimated by Welch's method. A line is a significant narrow peak; a bump is a broad one, such as a
-    resonance. The probability of any false one is at most 1 % for each axis. Q is the frequency divided by the width.
+    The density is estimated by Welch's method. A line is a significant narrow peak; a bump is a significant broad peak,
+    such as a resonance. For each axis, the probability of any false line or bump is at most 1 %. Q is the frequency
+    divided by the width.
     """
     recording = opened(file, reading, chunked)
     found = _measured(recording, axis, length=length, detrend=detrend)
@@ -109,7 +111,7 @@ def _draw(found: PowerSpectra, system: UnitSystem, path: Path) -> None:
 
 
 def _text(found: PowerSpectra) -> str:
-    """Format a table of the lines and one of the bumps of all axes."""
+    """Format a table of the lines and a table of the bumps of all axes."""
     first = next(iter(found.values()))
     parts = [f"{first.extent}; resolution {first.resolution:.3g} Hz"]
     lines = [

@@ -25,8 +25,8 @@ INPUT = "Input"
 File = Annotated[
     Path,
     typer.Argument(
-        help="Recording, in any supported format; or a pattern in quotes, 'hour_*.csv', of files that continue one "
-        "another.",
+        help="Recording in any supported format; or a pattern in quotes, such as 'hour_*.csv', for files that continue "
+        "one another.",
         metavar="FILE",
         show_default=False,
     ),
@@ -34,9 +34,9 @@ File = Annotated[
 Files = Annotated[
     list[Path],
     typer.Argument(
-        help="Recording, in any supported format; or a pattern in quotes, 'hour_*.csv', of files that continue one "
-        "another. Several files are recordings of one unit: one model is fitted to all of them. Their "
-        "lengths may differ.",
+        help="Recording in any supported format; or a pattern in quotes, such as 'hour_*.csv', for files that continue "
+        "one another. If several recordings are given, they must be of one unit, and one model is fitted to all of "
+        "them. Their lengths may differ.",
         metavar="FILE…",
         show_default=False,
     ),
@@ -66,8 +66,8 @@ Scale = Annotated[
 Increments = Annotated[
     str | None,
     typer.Option(
-        help="Sensors or axes whose numbers are increments of angle or velocity per sample. They are multiplied by "
-        "the rate; with --units, state the unit of the rate: deg/s for degrees.",
+        help="Sensors or axes whose numbers are increments of angle or velocity per sample. The increments are "
+        "multiplied by the sampling rate; for increments in degrees, give the unit deg/s in --units.",
         metavar="gyro,accel",
         rich_help_panel=INPUT,
         show_default=False,
@@ -76,8 +76,9 @@ Increments = Annotated[
 Columns = Annotated[
     str | None,
     typer.Option(
-        help="Axes of the columns, if the file does not name them: a list in the order of the columns (an empty item "
-        "skips a column), or axis=NAME or axis=INDEX with indices from 0. time= ignores the time stamps.",
+        help="Axes of the columns, if the file does not name them: a list in the order of the columns, in which an "
+        "empty item skips a column; or items axis=NAME or axis=INDEX, with indices from 0. time= ignores the time "
+        "stamps.",
         metavar="time,gyro_x,gyro_y,…",
         rich_help_panel=INPUT,
     ),
@@ -85,23 +86,23 @@ Columns = Annotated[
 Gaps = Annotated[
     Literal["keep", "longest"],
     typer.Option(
-        help="If samples are missing: keep all segments between the gaps, or use only the longest segment.",
+        help="If samples are missing: use all segments between the gaps (keep), or only the longest segment (longest).",
         rich_help_panel=INPUT,
     ),
 ]
 BadLines = Annotated[
     Literal["error", "skip"],
     typer.Option(
-        help="If a line of a text file cannot be read: stop with an error that names the line, or skip it. A skipped "
-        "line is a gap.",
+        help="If a line of a text file cannot be read: stop with an error that names the line (error), or treat the "
+        "line as missing samples (skip).",
         rich_help_panel=INPUT,
     ),
 ]
 Format = Annotated[
     str | None,
     typer.Option(
-        help="Format of the file, if its content does not show it. For example, imu:LN200 for .imu records of that "
-        "sensor. An unknown name prints all formats.",
+        help="Format of the file, if its content does not show it, for example imu:LN200 for .imu records of that "
+        "sensor. If the name is unknown, the error lists all formats.",
         metavar="NAME",
         rich_help_panel=INPUT,
         show_default=False,
@@ -112,7 +113,7 @@ Format = Annotated[
 Start = Annotated[
     str | None,
     typer.Option(
-        help="Start at this time after the first sample: 90s, 10min, 1h30m or seconds.",
+        help="Start at this time after the first sample, such as 90s, 10min, 1h30m or a number of seconds.",
         metavar="LENGTH",
         rich_help_panel=INPUT,
         show_default=False,
@@ -130,7 +131,8 @@ Stop = Annotated[
 Skip = Annotated[
     list[str] | None,
     typer.Option(
-        help="Leave out a time range, such as 20min-25min after the first sample. Repeat the option, or use commas.",
+        help="Leave out a time range, such as 20min-25min after the first sample. For several ranges, repeat the "
+        "option or use commas.",
         metavar="FROM-TO",
         rich_help_panel=INPUT,
         show_default=False,
@@ -139,8 +141,8 @@ Skip = Annotated[
 Topic = Annotated[
     str | None,
     typer.Option(
-        help="Recording to read from a file with several, for example the topic of a ROS bag. If the file has "
-        "several and none is named, the error lists them.",
+        help="Recording to read from a file that contains several, for example a topic of a ROS bag. If the option is "
+        "missing for such a file, the error lists the names.",
         metavar="NAME",
         rich_help_panel=INPUT,
         show_default=False,
@@ -150,7 +152,7 @@ Topic = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptionTexts:
-    """Texts of the options for reading a recording, in the order of the help."""
+    """The options for reading a recording as the shell passes them, in the order of the help."""
 
     rate: Rate = None
     units: Units = None
@@ -166,7 +168,7 @@ class ReadOptionTexts:
     increments: Increments = None
 
     def parsed(self) -> ReadOptions:
-        """Parse and check the options.
+        """Parse and check the options, and return them as `ReadOptions`.
 
         Raises
         ------
@@ -193,8 +195,8 @@ Axes = Annotated[
     list[str] | None,
     typer.Option(
         "--axis",
-        help="Axis to use: gyro_x … accel_z; gyro or accel for all three. Repeat the option, or use commas. Default: "
-        "all axes.",
+        help="Axis to use: gyro_x … accel_z, or gyro or accel for all three axes of a sensor. For several axes, repeat "
+        "the option or use commas. Default: all axes.",
         metavar="AXIS",
         rich_help_panel=INPUT,
         show_default=False,
@@ -203,7 +205,7 @@ Axes = Annotated[
 
 
 def load(path: Path, reading: ReadOptions) -> Imu:
-    """Read the recording in a file."""
+    """Read the recording in a file into memory, with a progress bar."""
     from gmwm.cli.output import progress
     from gmwm.readers.api import read_file
 
@@ -212,14 +214,14 @@ def load(path: Path, reading: ReadOptions) -> Imu:
 
 
 def parse_skips(texts: Sequence[str] | None) -> list[tuple[float, float]]:
-    """Parse time ranges (s) to leave out.
+    """Parse the values of --skip to time ranges (s).
 
     >>> parse_skips(["20min-25min,1h-1h30s"])
     [(1200.0, 1500.0), (3600.0, 3630.0)]
     """
     skips = []
     for part in (part.strip() for text in texts or () for part in text.split(",")):
-        # An exponent may have a minus sign: 1e-3.
+        # The minus sign of an exponent, as in 1e-3, does not separate the ends of the range.
         ends = re.split(r"(?<![0-9.][eE])-", part)
         if len(ends) != 2:
             raise OptionError(argument="skip", expected="a time range such as 20min-25min", got=part)
@@ -229,7 +231,7 @@ def parse_skips(texts: Sequence[str] | None) -> list[tuple[float, float]]:
 
 
 def parse_units(text: str | None) -> dict[str, str] | None:
-    """Parse units to the mapping that `gmwm.read` takes.
+    """Parse the value of --units to the mapping that `gmwm.read` takes.
 
     >>> parse_units("gyro=deg/s,accel=g")
     {'gyro': 'deg/s', 'accel': 'g'}
@@ -248,12 +250,12 @@ def parse_units(text: str | None) -> dict[str, str] | None:
 
 
 def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:
-    """Return the signals that --axis selects. Default: all."""
+    """Return the signals that --axis selects; all signals if --axis is not given."""
     return {axis: imu[axis] for axis in chosen_names(imu.axes, wanted)}
 
 
 def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
-    """Return the known axes that --axis selects. Default: all.
+    """Return the known axes that --axis selects; all axes if --axis is not given.
 
     >>> chosen_names(["gyro_x", "gyro_y", "accel_x"], ["gyro"])
     ['gyro_x', 'gyro_y']
@@ -270,7 +272,7 @@ def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
-    """Return unique names of files: their stems, the names of their folders, or their paths.
+    """Return a unique name for each file: its stem, the name of its folder, or its path.
 
     Raises
     ------
@@ -287,17 +289,17 @@ def names_of(files: Sequence[Path]) -> list[str]:
 
 
 def document_of(files: Sequence[Path]) -> dict[str, object]:
-    """Return the key "file" of a document, or "files" if there are several."""
+    """Return the entry "file" of a JSON document, or "files" if there are several files."""
     return {"file": str(files[0])} if len(files) == 1 else {"files": list(map(str, files))}
 
 
 def only_file(files: Sequence[Path], option: str) -> Path:
-    """Return the only file; raise an error if there are several.
+    """Return the only file of a command.
 
     Raises
     ------
     OptionError
-        If there are several, which `option` does not allow.
+        If there are several files. The message names `option`, which allows only one.
     """
     if len(files) > 1:
         raise OptionError(

@@ -24,7 +24,7 @@ def report(
     file: Annotated[
         Path,
         typer.Argument(
-            help="calibration.json of gmwm calibrate --output, or its folder.",
+            help="The calibration.json that gmwm calibrate --output wrote, or its folder.",
             metavar="CALIBRATION",
             show_default=False,
         ),
@@ -40,7 +40,7 @@ def report(
     pdf: Annotated[
         bool,
         typer.Option(
-            "--pdf", help="Write a PDF. It needs Chromium or Chrome; with --one-page, Matplotlib draws it without them."
+            "--pdf", help="Write a PDF. This needs Chromium or Chrome, except with --one-page, which uses Matplotlib."
         ),
     ] = False,
     output: Annotated[

@@ -40,7 +40,7 @@ def residuals(
     lags: Annotated[
         int | None,
         typer.Option(
-            help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ of the number of samples.",
+            help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ n for n samples.",
             min=1,
             rich_help_panel=RESULT,
             show_default=False,
@@ -56,11 +56,12 @@ def residuals(
         ),
     ] = None,
 ) -> Outcome:
-    """Test the residuals of a model, the standardized innovations of its Kalman filter.
+    """Test the residuals of a model, which are the standardized innovations of its Kalman filter.
 
-    If the model is right, the residuals are white, with mean 0 and standard deviation 1, and normal if all noise is
-    normal. The Ljung-Box test rejects whiteness if a process is missing or has wrong values. The Jarque-Bera test
-    rejects normality after coarse quantization, knocks and outliers; in a long recording, even small ones.
+    If the model is right, the residuals are white, with mean 0 and standard deviation 1. They are also normally
+    distributed if all noise is. The Ljung-Box test rejects whiteness if a process is missing or has wrong values. The
+    Jarque-Bera test rejects normality if the recording has coarse quantization, knocks or other outliers; in a long
+    recording, even small deviations are enough.
     """
     source = model_source(
         model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)

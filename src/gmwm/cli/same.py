@@ -1,4 +1,4 @@
-"""gmwm same: test whether recordings have the same noise."""
+"""gmwm same: test whether two or more recordings have the same noise."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ def same(
     reading: ReadOptions,
     axis: Axes = None,
     tolerance: Annotated[
-        float, typer.Option(help="Largest |ln| of a ratio of deviations that is treated as equal: 0.1 is 10 %.")
+        float, typer.Option(help="Largest |ln| of the ratio of two deviations that counts as equal: 0.1 allows 10 %.")
     ] = 0.0,
-    size: Annotated[float, typer.Option(help="Significance level of all tests together.")] = 0.05,
+    size: Annotated[float, typer.Option(help="Probability of any false difference in all tests together.")] = 0.05,
 ) -> Outcome:
     """Test whether recordings have the same noise at each scale, without a model.
 
-    With more than two recordings, each is compared with the mean of the others.
+    The command compares the wavelet variances of two recordings. If there are more than two, it compares each recording
+    with the mean of the others.
 
-    Use it before and after a change of temperature, supply or mounting, or for two units of one type. To compare the
-    numbers of two calibrations, use gmwm agree.
+    Use it for recordings before and after a change of temperature, supply or mounting, or for two units of one type. To
+    compare the numbers of two calibrations, use gmwm agree.
     """
     from gmwm import Imu
     from gmwm.joint import same

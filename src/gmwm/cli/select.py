@@ -78,12 +78,13 @@ def select(
 ) -> Outcome:
     """Compare all models that are part of a largest model, and recommend one for each axis.
 
-    The wavelet information criterion (WIC) is the objective plus a penalty: the expected increase of the objective for
-    another recording of the same noise. All models have the weights of the largest one. Models that the data cannot
-    distinguish from the best one are marked, and the simplest of them is recommended.
+    The wavelet information criterion (WIC) is the objective plus a penalty. The penalty is the expected increase of the
+    objective if the fitted model is compared with another recording of the same noise. All models are fitted with the
+    weights of the largest model. Models that the data cannot distinguish from the best one are marked, and the simplest
+    of them is recommended.
 
-    Several files are several recordings of one unit. The models are then fitted to the mean of their curves, and ranked
-    by the loss on each recording of a fit to the others.
+    If several files are given, they must be recordings of one unit. The models are then fitted to the mean of their
+    curves, and ranked by cross-validation: each recording is predicted by a fit to the other recordings.
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     asked = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)

@@ -36,7 +36,7 @@ def simulate(
     duration: Annotated[
         str,
         typer.Option(
-            help="Duration of the recording: 90s, 20min, 1h30m, 2h, 1d, or seconds.",
+            help="Duration of the recording, such as 90s, 20min, 1h30m, 2h, 1d or a number of seconds.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -46,15 +46,17 @@ def simulate(
         typer.Option(
             "--model",
             "-m",
-            help="Model with all values: MODEL for all six axes, gyro=MODEL or accel=MODEL for three, gyro_x=MODEL "
-            "for one. Repeat the option for other axes.",
+            help="Model with all parameter values: MODEL for all six axes, gyro=MODEL or accel=MODEL for the three "
+            "axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes.",
             metavar="[AXIS=]MODEL",
             show_default=False,
         ),
     ] = None,
     reference: Annotated[
         bool,
-        typer.Option("--reference", help="Instead of --model: the six axes of the demo, a good MEMS unit."),
+        typer.Option(
+            "--reference", help="Instead of --model: use the models of the demo, for six axes of a good MEMS unit."
+        ),
     ] = False,
     source: GivenText = None,
     rate: Annotated[
@@ -67,17 +69,17 @@ def simulate(
     components: Annotated[
         Path | None,
         typer.Option(
-            help="Also write the process of each term to this .csv or .parquet file, in columns such as 'gyro_x WN "
-            "\\[rad/s]'.",
+            help="Also write the simulated process of each term to this .csv or .parquet file, in columns such as "
+            "'gyro_x WN \\[rad/s]'.",
             show_default=False,
         ),
     ] = None,
 ) -> Outcome:
     """Simulate a static recording with known noise.
 
-    The values of a model are in SI units and per sample, GM.beta in 1/s. Gravity is added to accel_z. Each axis has its
-    own stream of random numbers. --components does not change the recording: each axis, without gravity, is the sum of
-    its columns in that file.
+    Parameter values are in SI units, and their unit of time is one sample, except for GM.beta, which is in 1/s. Gravity
+    is added to accel_z. Each axis has its own stream of random numbers. --components does not change the recording:
+    each axis, without gravity, is the sum of its columns in the file of --components.
     """
     from gmwm.simulation import models_by_axis, reference_imu
     from gmwm.writers import table_path
@@ -123,7 +125,10 @@ def simulate(
 def _written(
     truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
 ) -> tuple[Imu, tuple[str, ...]]:
-    """Simulate a recording, and write it and its processes to their files. Returns it and the names of the columns."""
+    """Simulate a recording, and write it and its processes to their files.
+
+    Returns the recording and the names of the columns in the file of processes.
+    """
     from gmwm._text import duration_text
     from gmwm.simulation import simulate as simulated
 
@@ -138,7 +143,7 @@ def _written(
 
 
 def _given_at(source: str, rate: float | None) -> Given:
-    """Return noise without a recording, at 100 Hz if neither the file nor the user gives the rate."""
+    """Return the noise of --from, at 100 Hz if neither the file nor the user gives the sampling rate."""
     try:
         return given(source, rate)
     except OptionError as error:

@@ -1,4 +1,4 @@
-"""Run a command for each recording of a file that contains several."""
+"""Run a command for each recording in a file that contains several, such as a ROS bag."""
 
 from __future__ import annotations
 
@@ -15,25 +15,24 @@ from gmwm.remarks import Remark
 def each_topic(
     one: Callable[[ReadOptions, Path | None], Outcome], file: Path, reading: ReadOptions, output: Path | None
 ) -> Outcome:
-    """Combine the outcomes of a command for all inertial recordings of a file into one outcome.
+    """Run a command for each IMU topic of a file, and combine the outcomes into one.
 
     Parameters
     ----------
     one : callable
-        The command for one recording and its directory for results.
+        Function that runs the command for one topic, given the options for reading and the directory for results.
     file : Path
-        The file.
     reading : ReadOptions
         Options for reading, without a topic.
     output : Path or None
-        Directory for results; each recording has a directory in it.
+        Directory for results, in which each topic gets its own directory.
 
     Raises
     ------
     OptionError
-        If a topic is given too.
-    GmwmError
-        If no recording can be used.
+        If `reading` already selects a topic.
+    DataError
+        If the command fails for every topic.
     """
     from gmwm.readers.topics import inertial_topics, topic_folder
 
@@ -65,9 +64,9 @@ def each_topic(
 
 
 def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, ...]:
-    """Return the topics of the gyroscopes and of the accelerometers if one file holds exactly one of each.
+    """Return the topic of the gyroscopes and the topic of the accelerometers if one file has exactly one of each.
 
-    The result is empty for several files, and if the user chose a topic or columns.
+    Otherwise the result is empty, and also if there are several files or the user selected a topic or columns.
     """
     from gmwm.readers.topics import separate_sensors
 
@@ -76,4 +75,4 @@ def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, .
     try:
         return separate_sensors(files[0], reading.format) or ()
     except (GmwmError, OSError):
-        return ()  # Opening the recording reports the error.
+        return ()  # The error is reported later, when the recording is opened.

@@ -32,7 +32,8 @@ EXAMPLES = (
 )
 
 SHORT_CORRELATION = 10.0
-"""Correlation time (samples) below which a term of the bias is reported as noise (tests/cli/test_cli_track.py)."""
+"""Correlation time (samples) below which a remark says that a term of the bias is rather noise than bias
+(tests/cli/test_cli_track.py)."""
 
 
 @command
@@ -55,7 +56,8 @@ def track(
     predict: Annotated[
         str | None,
         typer.Option(
-            help="Instead, predict this time after the recording: 90s, 10min, 1h30m or seconds.",
+            help="Predict the processes for this time after the end of the recording, such as 90s, 10min, 1h30m or a "
+            "number of seconds, instead of estimating them in it.",
             metavar="LENGTH",
             rich_help_panel=RESULT,
             show_default=False,
@@ -65,7 +67,7 @@ def track(
         list[str] | None,
         typer.Option(
             help="Process for --output and --plot: bias, level, or a term of the model such as GM[1]. Repeat the "
-            "option for more. Default: all for --output, the bias for --plot.",
+            "option for more processes. Default: all processes for --output, the bias for --plot.",
             metavar="LABEL",
             rich_help_panel=RESULT,
             show_default=False,
@@ -82,8 +84,8 @@ def track(
         typer.Option(
             "--output",
             "-o",
-            help="Write time, data, and each process with its standard deviation to this .csv or .parquet file, in SI "
-            "units. Missing samples are NaN.",
+            help="Write the time, the data, and each process with its standard deviation to this .csv or .parquet "
+            "file, in SI units. Missing samples are NaN.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -91,7 +93,7 @@ def track(
     plot: Annotated[
         Path | None,
         typer.Option(
-            help="Plot the data and the processes of one axis, with their bands, to this .png, .pdf or .svg file.",
+            help="Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -192,7 +194,7 @@ def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
 
 
 def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
-    """Yield remarks about terms of the bias that are correlated only for a few samples."""
+    """Yield a remark for each term of the bias that is correlated only over a few samples."""
     from gmwm.likelihood.tracks import wanders
 
     for term, process in zip(found.model.terms, found.model.processes, strict=True):
@@ -203,7 +205,7 @@ def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
 
 
 def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> None:
-    """Write the time, and for each axis the data and each process with its standard deviation."""
+    """Write a table with the time, and for each axis the data and each process with its standard deviation."""
     from gmwm.writers import write_table
 
     columns: dict[str, Vector] = {"time [s]": next(iter(tracks.values())).times}

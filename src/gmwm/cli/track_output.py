@@ -1,4 +1,4 @@
-"""Summaries of tracks for the output of commands, as numbers and as tables."""
+"""Summaries of the estimated processes (tracks) for the output of `gmwm track`, as JSON and as tables."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last"
 
 
 def as_dict(model: AxisModel, found: Tracks, level: float) -> dict[str, Any]:
-    """Return a summary of tracks with their model, as plain numbers and texts. --output writes the complete tracks."""
+    """Return a summary of the tracks of an axis and their model, as plain values for JSON.
+
+    The complete tracks are written by --output.
+    """
     return {
         **model.to_dict(), "kind": found.kind, "rate": found.rate, "unit": found.unit, "samples": len(found),
         "missing": _missing(found), "first_time": float(found.times[0]), "last_time": float(found.times[-1]),
@@ -32,7 +35,11 @@ def _missing(found: Tracks) -> int:
 
 
 def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
-    """Summarize a track: mean, root mean square about the mean, standard error, first and last value with bands."""
+    """Return the numbers of `NUMBERS` for a track; None for a number that is unknown.
+
+    They are its mean, its root mean square about the mean, the root mean square of its standard deviation, and its
+    first and last values with half the width of their confidence bands.
+    """
     path, error = found.mean[label], found.error[label]
     known = np.isfinite(error)
     low, _ = found.band(label, level)
@@ -47,7 +54,7 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
 
 
 def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datasheet: bool) -> str:
-    """Format a table with the summary of each process."""
+    """Format the summary of each process of an axis as a table."""
     from gmwm.cli.output import table_text
     from gmwm.plots.view import view_of
 
@@ -67,13 +74,17 @@ def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datash
 
 
 def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: float) -> list[str]:
-    """Format a row: first and last value of a prediction; otherwise mean, deviation, error and last value."""
+    """Format the table row of a process.
+
+    For a prediction (`ahead`), the row has the first and last value; otherwise the mean, deviation, error and last
+    value.
+    """
 
     def number(key: str) -> str:
         value = brief.get(key)
         if value is None:
             return "unknown"
-        # A process that does not move has a deviation of the size of rounding errors.
+        # The deviation of a constant process consists of rounding errors only.
         if value <= 1e-9 * (brief["rms_error"] or 0.0):
             return "0"
         return f"{factor * value:.{'3g' if factor * value >= 0.01 else '2e'}}"
@@ -82,7 +93,7 @@ def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: flo
         value, error = brief.get(key), brief.get(by)
         if value is None or error is None:
             return "unknown"
-        # If the model has no error, the digits follow from the deviation instead of from rounding errors.
+        # If the standard error is zero, the deviation determines the number of digits.
         least = 1e-4 * (brief.get("rms_about_mean") or 0.0)
         return _rounded_to_error(factor * value, factor * max(error, least))
 

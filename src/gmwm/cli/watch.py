@@ -59,22 +59,22 @@ def watch(
     ] = None,
     accuracy: Annotated[
         str,
-        typer.Option(help="Desired relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
+        typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE"),
     ] = "0.1",
-    every: Annotated[str, typer.Option(help="Time between updates: 5s, 1min.", metavar="LENGTH")] = "5s",
+    every: Annotated[str, typer.Option(help="Time between updates, such as 5s or 1min.", metavar="LENGTH")] = "5s",
     idle: Idle = None,
     datasheet: Datasheet = False,
     json: Json = False,
 ) -> Outcome:
     """Watch a recording while it is written, and show when it is long enough.
 
-    Shows the Allan deviation of each axis with its standard error. With --model, also shows the estimates, their
-    standard errors, and the time to record for the desired accuracy. A terminal shows a live view; a file or pipe gets
-    one line for each update. The complete table is printed when the watch ends: at Ctrl-C, at the end of standard
-    input, or after --idle.
+    The command shows the Allan deviation of each axis with its standard error. With --model, it also shows the
+    parameter estimates, their standard errors, and the time to record for the desired accuracy. A terminal shows a live
+    view; a file or pipe gets one line for each update. The complete table is printed at the end: after Ctrl-C, at the
+    end of standard input, or after the time of --idle.
 
     The file must be text that grows line by line. An incomplete line is read when it is complete. If the file is
-    truncated or replaced, the watch ends with the result up to there.
+    truncated or replaced, the command stops and prints the result up to that time.
     """
     from gmwm import Model
     from gmwm.inference.planning import as_accuracy
@@ -108,7 +108,11 @@ def watch(
 
 
 def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View) -> GmwmError | None:
-    """Feed the accumulators until the source ends. Returns the error that ended it, if there is a result."""
+    """Feed the accumulators until the source ends.
+
+    Returns the error that ended the source, or None. Raises the error if the samples before it are too few for a
+    result.
+    """
     from gmwm.streaming.passes import feed_chunks
 
     failures: list[GmwmError] = []
@@ -117,7 +121,7 @@ def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View
         try:
             yield from source
         except KeyboardInterrupt:
-            pass  # While Polars reads, its own handler of Ctrl-C raises this: a normal end.
+            pass  # Polars handles Ctrl-C itself while it reads, and raises this. It ends the watch without an error.
         except GmwmError as error:
             failures.append(error)
 
@@ -129,7 +133,7 @@ def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View
 
 
 class _View:
-    """The view of a running watch: when to update it, and where to show it."""
+    """The status display of a running watch. It shows the status at regular times, on a terminal or in lines."""
 
     def __init__(
         self,
@@ -149,7 +153,7 @@ class _View:
         self._samples = 0
 
     def breathe(self) -> bool:
-        """Update the view if it is due. Returns False if the watch must end."""
+        """Update the display if the time between updates has passed. Returns False if the user pressed Ctrl-C."""
         now = time.monotonic()
         if self._measured and now - self._shown >= self._every:
             self._show()
@@ -158,7 +162,7 @@ class _View:
 
     @contextmanager
     def shown(self, measured: Mapping[str, WaveletAccumulator]) -> Iterator[None]:
-        """Show these accumulators while the block runs: live on a terminal, otherwise one line for each update."""
+        """Show the status of these accumulators while the block runs: live on a terminal, otherwise in lines."""
         self._measured = measured
         if not self._out.isatty():
             self._update = lambda text: print(text, file=self._out, flush=True)
@@ -173,7 +177,7 @@ class _View:
             try:
                 yield
             finally:
-                # Otherwise Rich prints a view that is higher than the terminal completely before it removes it.
+                # Without this, Rich would print a view that is higher than the terminal once more before removing it.
                 live.update(Text(""), refresh=True)
 
     def _show(self) -> None:

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 
 def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
-    """Fit a model to each axis. Returns the fits, and the reasons for the axes that could not be fitted."""
+    """Fit a model to the wavelet variance of each axis.
+
+    Returns the fits, and for each axis that could not be fitted the reason. Both are empty without a model.
+    """
     from gmwm import fit
 
     fits: dict[str, Fit] = {}
@@ -34,7 +37,7 @@ def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[
 
 
 def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
-    """Return the duration (s) that each parameter needs for an accuracy; None if it is unknown or infinite."""
+    """Return the recording duration (s) at which each parameter reaches an accuracy; None if unknown or infinite."""
     from gmwm import Model, plan
 
     wv = fit.wavelet_variance
@@ -47,7 +50,7 @@ def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
 
 
 def _errors(fit: Fit) -> dict[str, float]:
-    """Return the relative standard errors of the estimates."""
+    """Return the relative standard error of each parameter; an empty mapping if they cannot be computed."""
     try:
         errors = fit.standard_errors
     except GmwmError:
@@ -84,13 +87,15 @@ def whole_text(
 
 
 def _relative(wv: WaveletVariance) -> Any:
-    """Return the relative standard error of each deviation, ½ √(2/η): its square has a χ² distribution with η degrees
-    of freedom."""
+    """Return the relative standard error of the deviation at each scale.
+
+    The error is ½ √(2/η), because the square of the deviation has a χ² distribution with η degrees of freedom.
+    """
     return 0.5 * (2.0 / wv.degrees_of_freedom) ** 0.5
 
 
 def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
-    """Format the estimates of an axis with intervals, and whether the recording is long enough."""
+    """Format the estimates of an axis as a table, with intervals and whether the recording is long enough."""
     from gmwm._text import duration_text
     from gmwm.cli.output import table_text
     from gmwm.inference.summary import IntervalMethod, intervals_if_known, rows
@@ -117,7 +122,7 @@ def one_line_of(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
     datasheet: bool,
 ) -> str:  # fmt: skip
-    """Format the status in one line: duration, and for each axis the estimates or the smallest deviation."""
+    """Format the status in one line: the duration, and for each axis the estimates, or deviations without a model."""
     from gmwm._text import duration_text
     from gmwm.inference.summary import IntervalMethod, short_values
     from gmwm.plots.view import view_of
@@ -149,7 +154,7 @@ def one_line_of(
 def as_dicts(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
 ) -> dict[str, dict[str, Any]]:
-    """Return the curves and fits, as plain numbers, lists and texts."""
+    """Return the wavelet variance, fit, relative errors and needed duration of each axis as plain values for JSON."""
     from gmwm.inference.summary import IntervalMethod, inference
 
     out = {}

@@ -55,7 +55,7 @@ def wv(
         bool,
         typer.Option(
             "--overlay",
-            help="Plot x, y and z of a sensor in one panel.",
+            help="Plot the axes x, y and z of a sensor in one panel.",
             rich_help_panel=RESULT,
         ),
     ] = False,
@@ -65,9 +65,10 @@ def wv(
     The scale of level j is τ = 2^j samples. Twice the wavelet variance at scale τ is the Allan variance at averaging
     time τ/2. The 95 % confidence intervals come from a chi-square distribution.
 
-    --robust reduces the effect of outliers. With 1 % of bad samples it works up to about level 4, because each bad
-    sample affects 2^j coefficients of level j. If more than half of the coefficients are zero, as for a coarsely
-    quantized sensor, the robust variance may be zero; a warning says so. gmwm compare plots both curves.
+    --robust reduces the effect of outliers. If 1 % of the samples are bad, it works up to about level 4, because each
+    bad sample affects 2^j coefficients of level j. If more than half of the coefficients are zero, as for a coarsely
+    quantized sensor, the robust variance may be zero, and the command prints a warning. gmwm compare plots the
+    classical and the robust variance.
     """
     strength = chosen_efficiency(robust, efficiency)
     recording = opened(
@@ -102,7 +103,7 @@ def _measured(
     scheduler: str | None,
     workers: int | None,
 ) -> dict[str, WaveletVariance]:
-    """Compute the wavelet variance of each axis. The remarks of the inspection become warnings."""
+    """Compute the wavelet variance of each axis. The remarks of the inspection become warnings of the command."""
     from gmwm import wavelet_variance
     from gmwm.cli.parallel import over_axes
     from gmwm.readers.streams import Stream
@@ -130,7 +131,7 @@ def _draw(
 
 
 def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
-    """Format one axis with its confidence intervals, or the axes of a sensor side by side."""
+    """Format a table for each sensor: several axes side by side, or one axis with its confidence intervals."""
     from gmwm.axis_names import by_sensor
     from gmwm.plots.view import view_of
 
@@ -141,7 +142,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
     parts = [f"{first.extent}{transform}{robust}{limits}"]
-    # Deviations in deg/h and mg are numbers of ordinary size, which are easier to read without an exponent.
+    # Deviations in deg/h and mg are mostly between 0.01 and 1000, so they are easier to read without an exponent.
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     for group in sensors.values():
         one = next(iter(group.values()))
