@@ -47,16 +47,16 @@ def read(
         A file in any of the formats of docs/formats.md. The content decides the format, not the name. A list, or
         a pattern such as "logs/hour_*.csv", is one recording in several files that continue one another.
     rate : float, optional
-        Samples per second (Hz). It is needed if the file has no time stamps. If it has, the rate must agree with them
-        within 1 %, and is used instead of theirs.
+        Samples per second (Hz). It is required if the file has no time stamps. If the file has time stamps, the rate
+        must agree with them within 1 %, and replaces the rate that they give.
     columns : mapping or sequence, optional
-        Axis to column name or index (from 0), such as {"gyro_x": "ch1", "time": 0}; None leaves an axis out. Or the
-        axes in the order of the columns, such as ["time", "gyro_x", None]. By default the usual names in the header are
-        recognised.
+        A mapping from axis to column name or index (from 0), such as {"gyro_x": "ch1", "time": 0}, in which None leaves
+        an axis out; or a sequence of the axes in the order of the columns, such as ["time", "gyro_x", None]. By
+        default, common names in the header are recognised.
     units : mapping, optional
-        Any of {"gyro": "deg/s", "accel": "g", "time": "ms"}; it overrides the file. A unit that is neither declared nor
-        stated is an error, except for accelerometers whose norm is gravity, and for time stamps that are plausible in
-        one unit only.
+        Any of {"gyro": "deg/s", "accel": "g", "time": "ms"}; it replaces the units that the file states. If a unit is
+        neither declared here nor stated in the file, the unit of the accelerometers is inferred from the norm of
+        gravity, and the unit of the time stamps if only one is plausible. Otherwise an error is raised.
     gaps : "keep" or "longest"
         Keep all segments between gaps, or only the longest one.
     bad_lines : "error" or "skip"
@@ -69,11 +69,12 @@ def read(
         Factors for raw counts by axis or sensor, such as {"gyro": 1 / 131, "accel_x": 6.1e-5}. Each number of the file
         is multiplied by its factor; the result is in the unit of `units` or of the file.
     increments : bool or sequence, optional
-        True, or the sensors or axes whose numbers are integrals over a sample, such as ["gyro"]. They are multiplied by
-        the rate. Declare the unit of the rate, for example "deg/s" for increments in degrees.
+        The sensors or axes whose numbers are integrals over a sample interval (increments), such as ["gyro"]; True for
+        all. They are multiplied by the rate. Declare the unit of the rate, for example "deg/s" for increments in
+        degrees.
     topic : str, optional
-        Name of the recording, such as the topic of a ROS bag. It is needed unless exactly one recording of the file is
-        known as inertial.
+        Name of the recording in a file with several recordings, such as the topic of a ROS bag. It is required unless
+        exactly one recording in the file is recognised as inertial.
     start, stop : float, optional
         Leave out the samples before and after these times, in seconds from the first sample.
     skip : sequence of (from, to)
@@ -82,7 +83,8 @@ def read(
     Returns
     -------
     Imu
-        Its `remarks` describe how the file was understood, its `time_base` the time stamps.
+        The recording. Its `remarks` describe how the file was interpreted, and its `time_base` describes the time
+        stamps.
 
     Raises
     ------
@@ -91,7 +93,7 @@ def read(
     DataError
         If all axes are constant, fewer than 8 samples are left, or most rows lack the values of some axes.
     OptionError
-        If an option has a value that it may not have.
+        If the value of an option is not allowed.
 
     Warns
     -----
@@ -150,17 +152,17 @@ def stream(
     path, rate, columns, units, format, scale, increments, topic, start, stop, skip, bad_lines
         As for `read`. For the rows after `stop`, only the time stamps are read.
     chunk : int
-        Samples in a chunk, at most.
+        Largest number of samples in a chunk.
 
     Returns
     -------
     Stream
-        Iterate over it to get the chunks, as often as needed.
+        The stream. Each iteration over it yields all chunks from the start of the recording.
 
     Raises
     ------
     ReadError, UnitError, DataError, OptionError
-        As `read`. An error after the first rows is raised when the iteration reaches it.
+        In the same cases as `read`. An error in later rows is raised when the iteration reaches them.
 
     Warns
     -----
@@ -189,7 +191,7 @@ def stream(
 
 def read_file(path: Source, options: ReadOptions) -> Imu:
     """Read the recording in a file into memory, with options that are already checked; see `read`."""
-    with np.errstate(all="ignore"):  # damaged numbers are checked, not warned about
+    with np.errstate(all="ignore"):  # checks find damaged numbers, so NumPy need not warn
         opened = _Opened.of(path, options, in_memory=True)
         imu = replace(recording_of(opened.found, opened.rows, opened.path), source=source_words(path))
     warn(imu.remarks, stacklevel=3)
@@ -199,8 +201,8 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
 
 
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
-    """Open the recording in a file as a stream, with options that are already checked; see `stream`. No segment is left
-    out."""
+    """Open the recording in a file as a stream, with options that are already checked; see `stream`. All segments are
+    kept; the option `gaps` is not applied."""
     with np.errstate(all="ignore"):
         opened = _Opened.of(path, options, in_memory=False)
     warn(opened.found.remarks, stacklevel=3)
@@ -246,7 +248,7 @@ class _Opened:
         except ReadError as error:
             if not options.ranges or "when" not in error.facts:
                 raise
-        # The part between two times may have one rate although the whole has not.
+        # The rows between the start and stop times may have a constant rate although the whole file does not.
         unit, column = time_unit(layout, choice, options.units)[0], choice.columns["time"]
         stamps = np.concatenate([chunk[column] for chunk in rows.chunks([column])])
         times = options.ranges[0][0], options.ranges[-1][1]
@@ -254,7 +256,7 @@ class _Opened:
         return opened(rows.limited(part.start, part.stop), begin)
 
     def times(self, options: ReadOptions) -> tuple[float, float | None, list[tuple[float, float]]]:
-        """Return the options `start`, `stop` and `skip` as times (s) from the first row that is read."""
+        """Return the options `start`, `stop` and `skip` in seconds from the first row that is read."""
         begin = self.found.timing.base.left
         stop = None if options.stop is None else options.stop - begin
         return (

@@ -29,12 +29,12 @@ _SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
 
 MAX_TABLES = 100
-"""Largest number of tables in an archive: phones export some ten. Each is unpacked and searched for columns."""
+"""Largest number of tables in an archive. Each table is unpacked and searched for columns; phones export about ten."""
 
 
 @dataclass(frozen=True)
 class _Table:
-    """A table in an archive: its bytes, its reader and its columns."""
+    """A table in an archive, with its bytes, its reader and its columns."""
 
     source: MemberSource
     reader: TextReader
@@ -65,18 +65,19 @@ class _Table:
         )
 
     def rows(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> Iterator[Rows]:
-        """Yield the rows of the wanted columns."""
+        """Yield the values of the wanted columns, chunk by chunk."""
         return self.reader.rows(self.source, replace(self.layout, skip_bad_lines=skip_bad_lines), wanted)
 
     def read(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> dict[int, NDArray[np.generic]]:
-        """Read all rows of the wanted columns."""
+        """Return all values of each wanted column, by the index of the column."""
         parts = list(self.rows(wanted, skip_bad_lines))
         return {k: np.concatenate([part[k] for part in parts]) if parts else np.empty(0) for k in wanted}
 
 
 @dataclass(frozen=True)
 class _Pair:
-    """Two tables whose rows are paired: the first paired row of each, and the number of pairs."""
+    """Two tables whose rows are paired, with the index of the first paired row of each table and the number of
+    pairs."""
 
     tables: tuple[_Table, _Table]
     first: tuple[int, int]
@@ -85,7 +86,7 @@ class _Pair:
 
 @register
 class ArchiveReader(Reader):
-    """A zip archive with tables in it: Sensor Logger, phyphox, or any text."""
+    """Reader of zip archives of text tables, such as the exports of Sensor Logger and phyphox."""
 
     name: ClassVar[str] = "zip"
     extensions: ClassVar[tuple[str, ...]] = (".zip",)
@@ -95,7 +96,8 @@ class ArchiveReader(Reader):
         return 0.8 if head.startswith(ZIP) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """One recording if the rows of the two tables of a phone can be paired; otherwise one for each table."""
+        """Return one recording if the rows of the gyroscope and accelerometer tables can be paired; otherwise return
+        one recording for each table."""
         tables = _tables(path)
         gyro, accel = (_of_sensor(tables, quantity) for quantity in ("gyro", "accel"))
         if gyro is not None and accel is not None and gyro is not accel:
@@ -107,7 +109,7 @@ class ArchiveReader(Reader):
         return tuple(replace(table.layout, state=table) for table in tables)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield the numbers of one table, or of two paired tables."""
+        """Yield the values of the wanted columns of one table, or of two paired tables."""
         if isinstance(layout.state, _Table):
             yield from layout.state.rows(wanted, layout.skip_bad_lines)
             return
@@ -214,7 +216,8 @@ def _joined(gyro: _Table, accel: _Table) -> Layout | None:
 
 
 def _matched(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tuple[int, int], int] | None:
-    """Pair two columns of time stamps: the first paired row of each, and the number of pairs; None if they do not pair.
+    """Pair two columns of time stamps row by row. Return the index of the first paired row in each column and the
+    number of pairs, or None if the columns cannot be paired.
 
     >>> _matched(np.arange(0.0, 9.0), np.arange(1.6, 12.0))
     ((2, 0), 7)

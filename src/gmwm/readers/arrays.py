@@ -1,7 +1,8 @@
 """Convert named arrays to the columns of a recording, for NumPy, MATLAB and HDF5 files.
 
-A file of arrays holds single columns, tables of a few columns, and numbers that describe the others, such as the rate.
-Arrays of the same length belong together. A table of three columns that has the name of a sensor is its x, y and z.
+Such a file contains single columns, tables of a few columns, and scalars that describe the other arrays, such as the
+rate. Arrays of the same length form one recording. If an array of three columns has the name of a sensor, its columns
+are the x, y and z axes.
 """
 
 from __future__ import annotations
@@ -26,13 +27,15 @@ ROWS = 1 << 20
 """Number of rows in a chunk."""
 
 MAX_ARRAYS = 1000
-"""Largest number of arrays that are read from a file. It limits the work on a file that no logger has written."""
+"""Largest number of arrays that are read from a file. The limit keeps files that are not recordings from taking
+long."""
 
 MAX_COLUMNS = 64
 """Largest number of columns of a table. An array with more columns is an image or a matrix, not a recording."""
 
 RowReader = Callable[[int, int, int], NDArray[Any]]
-"""Function that reads a part of an array: from a first to a last index (excluded) along axis 0 or 1, or a scalar."""
+"""Function of (start, stop, axis) that reads the elements from `start` to `stop` (excluded) along axis 0 or 1 of an
+array. A scalar is read whole."""
 
 _RATE_NAMES = {
     "rate", "fs", "freq", "frequency", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency",
@@ -57,13 +60,13 @@ class Array:
     dtype : dtype
         Type of its numbers.
     rows : callable
-        Gives a part of the array, see `Rows`.
+        Function that reads a part of the array; see `RowReader`.
     unit : str
-        Unit that the file states.
+        Unit that the file states for the array; "" if none.
     axes : tuple of str
-        Roles of the columns if the format fixes them, "" for no role.
+        Role of each column ("time" or an axis such as "gyro_x") if the format determines it; "" for no role.
     units : tuple of str
-        Units of the columns if the format fixes them.
+        Unit of each column if the format determines it.
     """
 
     name: str
@@ -95,7 +98,7 @@ def upright(array: Array) -> Array:
 
 
 def is_rate(name: str) -> bool:
-    """Whether a number of this name is a sampling rate.
+    """Return whether a scalar with this name is a sampling rate.
 
     >>> is_rate("sample_rate"), is_rate("rate_max")
     (True, False)
@@ -114,8 +117,8 @@ def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Arr
 
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
-    """Group arrays of the same length into recordings. If an axis occurs twice, the groups of the file separate
-    recordings.
+    """Group arrays of the same length into recordings. If an axis occurs twice, each group (folder) in the file is a
+    separate recording.
 
     Parameters
     ----------
@@ -156,7 +159,7 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
 
 
 def marks_of(layout: Layout) -> tuple[Mark, ...]:
-    """Return a mark for each chunk and one at the end, for arrays that can be read from any row."""
+    """Return a mark (a row at which reading can start) for each chunk, and one for the end of the arrays."""
     total = _length(layout)
     return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total))
 
@@ -197,7 +200,7 @@ def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
 
 
 def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: RowReader, unit: str = "") -> list[Array]:
-    """Return the array, or one array for each field if its elements are records."""
+    """Describe an array in a file. If its elements are records, return one `Array` for each field of the records."""
     if dtype.names is None:
         return [Array(name, shape, dtype=dtype, rows=rows, unit=unit or _date_unit(dtype))]
     found = []
@@ -228,7 +231,7 @@ def part_of(array: NDArray[Any], start: int, stop: int, axis: int) -> NDArray[An
 
 
 def _date_unit(dtype: np.dtype[Any]) -> str:
-    """Return the unit of dates and durations; "" for numbers, and if one step is several units."""
+    """Return the unit of a type of dates or durations; "" for numbers, and for steps of several units such as 10 ms."""
     unit, count = np.datetime_data(dtype) if dtype.kind in "Mm" else ("", 1)
     return unit if count == 1 else ""
 
@@ -238,7 +241,7 @@ def _is_real(array: Array) -> bool:
 
 
 def _roles(part: Sequence[Array]) -> list[str]:
-    """Return the role of each column of the arrays, without columns that have none."""
+    """Return the roles ("time" or an axis) of the columns of the arrays. Columns without a role are omitted."""
     channels = _channels(part)
     return [role for c in channels if (role := c.axis or recognise(c.name).axis)]
 
@@ -324,8 +327,8 @@ def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
 
 
 def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
-    """Return why time stamps beside a recording do not belong to it, for example another number of rows; "" if they
-    do."""
+    """Describe time stamps in the same folder as a recording that cannot belong to it, for example because their number
+    differs; "" if there are none."""
     if "time" in _roles(part):
         return ""
     folder = split_path(part[0].name)[0]

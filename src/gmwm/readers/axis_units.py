@@ -24,11 +24,11 @@ from gmwm.remarks import Remark
 from gmwm.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Unit, find_unit, parse_unit, unit_names
 
 _INFERRED = ("g", "m/s²", "mg")
-"""Units among which the norm of gravity decides: it is 1, 9.81 or 1000 in them."""
+"""Units that can be inferred from the norm of the accelerometers, because gravity is 1 g, 9.81 m/s² or 1000 mg."""
 _NEAR = 0.10
-"""Relative difference from gravity within which a unit is inferred. The zero-g offset of a low-cost accelerometer is up
-to 80 mg (for example in the InvenSense product specification PS-MPU-6000A), while the units differ by a factor of 9.8
-or more. Pinned by tests/readers/test_units.py."""
+"""Largest relative difference between the norm of the accelerometers and gravity at which a unit is inferred. The
+zero-g offset of a low-cost accelerometer is up to 80 mg (for example in the InvenSense product specification
+PS-MPU-6000A), while the units differ by a factor of 9.8 or more. Pinned by tests/readers/test_units.py."""
 
 _STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
 
@@ -52,14 +52,14 @@ class _Known:
 
 
 def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
-    """Return the unit of the time stamps if it is declared or stated, "" otherwise; and a remark on dates or on a
-    stated unit that a declared one replaces.
+    """Return the unit of the time stamps ("" if it is neither declared nor stated), and a remark if the time stamps are
+    dates or if the declared unit replaces a stated one.
 
     Raises
     ------
     UnitError
-        If the file names an unknown unit, because a unit that the file names is never inferred; or if a unit is
-        declared for dates and times.
+        If the file names an unknown unit (it is not replaced by an inferred one), or if a unit is declared although the
+        time stamps are dates and times.
     """
     column = choice.columns["time"]
     channel = layout.channels[column]
@@ -103,13 +103,13 @@ def resolve(
     Parameters
     ----------
     layout, choice
-        Description of the file, and the columns that are read.
+        Description of the file, and the choice of its columns.
     declared : mapping
-        The `units` option, checked.
+        The option `units` after its check: the unit of each sensor.
     values : mapping of axis to (N,) array
         The numbers as they are in the file, to infer the unit of the accelerometers.
     rate : float
-        Samples per second (Hz), for the noise shown if the unit of a gyroscope is missing.
+        Sampling rate (Hz). The error for a gyroscope without a unit uses it to state the noise density.
     increments : sequence of str
         Axes or sensors that were declared as increments, for which "deg" in the file does not contradict "deg/s".
 
@@ -190,7 +190,8 @@ def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: st
 
 
 def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
-    """Make the error for an unknown unit in the file. Its advice covers increments and other units."""
+    """Make the error for an unknown unit in the file. If the unit fits increments, such as deg, the advice says how to
+    declare increments."""
     message = f"the unit {stated!r} of {axis} is unknown; the units are {', '.join(unit_names(quantity))}"
     rate = find_unit(f"{stated}/s")
     if rate is not None and rate.quantity == quantity:
@@ -212,7 +213,7 @@ def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
 
 
 def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:
-    """Norm of the mean of the three accelerometers, in the unit of the file."""
+    """Return the norm of the vector of the three accelerometer means, in the unit of the file."""
     with np.errstate(over="ignore"):  # damaged numbers may overflow; infinity is near no gravity
         return float(np.linalg.norm([np.mean(values[axis]) for axis in axes]))
 
@@ -247,8 +248,9 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
     """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one.
 
-    A difference of less than 2 × 10 % may be a bias. Another unit is suggested only if it explains the norm within 5 %,
-    half of what is inferred without a stated unit, because the stated unit is stronger evidence.
+    A norm within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm
+    in this unit is within 5 % of gravity. This limit is half of `_NEAR`, because a stated unit is evidence against
+    another one.
     """
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []

@@ -31,8 +31,8 @@ MAGIC = b"\x89MCAP0\r\n"
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15
 _HEAD = Struct("<BQ")
-# Head of a message record and the fixed part of its content, 31 bytes. The specification has unsigned times. They are
-# read as signed integers, like all other times here; the two differ from the year 2262 on.
+# Head of a message record and the fixed part of its content, 31 bytes. The specification defines times as unsigned
+# integers. They are read as signed integers, like all other times here; this changes only times after the year 2262.
 _WHOLE = Struct("<BQHIqQ")
 _FIXED = Struct("<HIqQ")
 _CHUNK_HEAD = Struct("<QQQI")
@@ -52,8 +52,7 @@ class McapStorage(Storage):
     """One MCAP file."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """Return the topics, from the summary at the end of the file, or from a pass over the whole file if it has
-        none."""
+        """Return the topics from the summary at the end of the file. If there is no summary, read the whole file."""
         with self.path.open("rb") as file:
             try:
                 start = self._summary(file)
@@ -123,7 +122,7 @@ class McapStorage(Storage):
         return start
 
     def _records(self, file: BinaryIO, wanted: Set[int]) -> Iterator[tuple[int, bytes]]:
-        """Yield kind and content of the wanted records from the current position to the end."""
+        """Yield the kind and the content of each record of the wanted kinds, from the current position to the end."""
         while True:
             head = file.read(_HEAD.size)
             kind, length = _HEAD.unpack(head)
@@ -161,7 +160,7 @@ class McapStorage(Storage):
         return records
 
     def _inside(self, content: bytes) -> Iterator[tuple[int, bytes]]:
-        """Yield kind and content of the records in a chunk."""
+        """Yield the kind and the content of each record in a chunk."""
         records = BytesIO(self._chunk(content))
         while head := records.read(_HEAD.size):
             kind, length = _HEAD.unpack(head)
@@ -180,7 +179,8 @@ def in_order(times: list[int], messages: list[bytes]) -> Batch:
 
 
 def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-    """Append the messages of some channels. Most of the reading time is spent in this loop, so it is optimised."""
+    """Append the messages of the channels `ids` in a chunk to `times` and `messages`. Most of the reading time is spent
+    in this loop, so it is optimised."""
     position, end = 0, len(records)
     unpack, fixed = _WHOLE.unpack_from, _WHOLE.size
     while position < end:
@@ -235,9 +235,9 @@ class _Found:
 
 
 def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]:
-    """Read a text that follows its length; return it with its end. If not `strict`, invalid bytes are replaced.
+    """Read a string that is stored after its length; return it with the position of its end.
 
-    Schemas of other encodings are not text.
+    If not `strict`, invalid bytes are replaced, because some encodings of schemas are not text.
     """
     (length,) = _WORD.unpack_from(content, position)
     end = position + 4 + length

@@ -69,7 +69,8 @@ class Ros1Storage(Storage):
             yield in_order(times, messages)
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
-        """Read the index: the topics, and for each chunk its position and the number of messages of each connection."""
+        """Read from the index the topics, and for each chunk its position and the number of messages of each
+        connection."""
         file.seek(len(MAGIC))
         head, _ = self._record(file, _BAG)
         position = _LONG.unpack(head["index_pos"])[0]
@@ -154,7 +155,7 @@ class Ros1Storage(Storage):
 
 
 def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:
-    """Yield the fields of a header."""
+    """Yield the name and the value of each field of a record header."""
     position = 0
     while position < len(header):
         (length,) = _WORD.unpack_from(header, position)
@@ -185,7 +186,8 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
 
 
 def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-    """Append the messages of some connections. All headers have the layout of the first one."""
+    """Append the messages of the connections `ids` in a chunk to `times` and `messages`. The layout found in one header
+    is reused for the next headers until it no longer fits."""
     position, end = 0, len(records)
     shape = _Shape(b"")
     while position < end:

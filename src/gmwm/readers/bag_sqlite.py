@@ -15,14 +15,15 @@ if TYPE_CHECKING:
 
 MAGIC = b"SQLite format 3\0"
 _PAGE, _WORD = Struct(">H"), Struct(">I")
-_FIRST, _MOST = 256, 1 << 11  # rows in the first and in the largest batch: few, so that Python can reuse the memory
+_FIRST, _MOST = 256, 1 << 11  # rows in the first and the largest batch; Python reuses memory of small batches
 
 
 class SqliteStorage(Storage):
     """One file of a ROS 2 bag in SQLite."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """Return the topics from the table of topics. Since ROS 2 Iron, it contains the definitions of the types."""
+        """Return the topics in the database. Since ROS 2 Iron, a second table contains the definitions of their
+        types."""
         import sqlite3
 
         with closing(self._connected()) as base:

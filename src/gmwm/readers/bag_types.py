@@ -1,4 +1,4 @@
-"""Message types of ROS recordings: from the definition in the file, or from the definitions that ROS includes."""
+"""Find the message types of ROS recordings, in the file or among the definitions that ROS includes."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ IMU = "sensor_msgs/msg/Imu"
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _TYPE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)+")
-_LARGEST = 4096  # elements of an array of texts or messages: the general decoder generates a line of code for each
-_EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # CDR stores a message without fields like this
+_LARGEST = 4096  # elements of an array of strings or messages; the general decoder has a line of code for each
+_EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # how CDR stores a message without fields
 
 
 def definition(topic: Topic) -> Definition | None:
@@ -91,8 +91,8 @@ def _idl_parts(text: str) -> list[str]:
 
 
 def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: Topic) -> None:
-    """Raise an error for unusual field names, and for long arrays of texts or messages: the decoder is generated from
-    them."""
+    """Raise an error for invalid names of types or fields, and for long arrays of strings or messages, because the code
+    of the decoder is generated from them."""
     plain = bool(_TYPE.fullmatch(name))
     for field, (sort, inner) in fields:
         plain &= bool(_NAME.fullmatch(field))

@@ -1,6 +1,6 @@
-"""Files of ROS recordings: the topics in a file, and the bytes of the messages of one topic, in batches.
+"""Read the files of ROS recordings: list the topics in a file, and yield the bytes of the messages of one topic.
 
-Three containers: the bag of ROS 1, the SQLite database and the MCAP file of ROS 2. Each is a `Storage`.
+The formats are the bag of ROS 1, and the SQLite database and the MCAP file of ROS 2. Each has a subclass of `Storage`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gmwm.errors import ReadError
 from gmwm.readers.byte_sources import ZSTD, zstd_library
 
 Batch = tuple[list[int], list[bytes]]
-"""Messages in the order of recording: their times of recording (ns), and their bytes."""
+"""A list of the times of recording (ns) of messages, in ascending order, and a list of the bytes of each message."""
 
 BATCH_BYTES = 2 << 20
 """Approximate size of the messages in a batch (bytes)."""
@@ -48,9 +48,9 @@ class Topic:
     text, language : str
         Definition of the type and its language: "ros1msg", "ros2msg", "ros2idl", or "" for none.
     ids : tuple of int
-        Numbers of the topic in the container.
+        Identifiers of the topic in the file; there is one for each publisher.
     count : int or None
-        Number of messages, if the container states it.
+        Number of messages; None if the file does not state it.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Topic:
 
 
 class Storage(ABC):
-    """One file of a recording."""
+    """One file of a ROS recording."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -74,7 +74,7 @@ class Storage(ABC):
 
     @abstractmethod
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Yield the messages of a topic."""
+        """Yield the messages of a topic, in batches."""
 
 
 def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
@@ -126,7 +126,8 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
 
 
 def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
-    """Decompress messages that were compressed one by one. A CDR message cannot begin with the bytes of Zstandard."""
+    """Decompress messages that were compressed one by one, and return other messages unchanged. The two can be
+    distinguished, because a CDR message cannot begin with the magic bytes of Zstandard."""
     if not messages[0].startswith(ZSTD):
         return messages
     try:
@@ -153,7 +154,7 @@ def require_checksum(content: bytes, checksum: int, path: Path) -> None:
 
 
 def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
-    """Merge topics of the same name, because several publishers of a topic are one recording."""
+    """Merge topics of the same name, because the messages of several publishers of a topic form one recording."""
     found: dict[tuple[str, str, str], Topic] = {}
     for topic in topics:
         key = (topic.name, topic.type, topic.encoding)

@@ -1,8 +1,8 @@
 """Base class of readers, and the registry that finds the reader for a file.
 
-A format is one module in this folder: a subclass of `Reader` under `@register`. A reader recognises its files,
-describes their columns before any number is read, and gives the numbers in chunks. Axes, units and the time base are
-decided in `gmwm.readers.api`, for all formats alike.
+Each format has one module in this folder, which defines a subclass of `Reader` with the decorator `@register`. A reader
+recognises its files, describes their columns before it reads any number, and yields the numbers in chunks.
+`gmwm.readers.api` determines the axes, the units and the time base in the same way for all formats.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ HEAD_BYTES = 1 << 16
 """Number of bytes at the beginning of a file that readers use to recognise the format."""
 
 Rows = Mapping[int, NDArray[Any]]
-"""Consecutive rows of a recording: the numbers of each wanted column, float64 or int64, by its index."""
+"""Consecutive rows of a recording, as a mapping from the index of each wanted column to its numbers (float64 or
+int64)."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,14 @@ class Channel:
     name : str
         Name of the column in the file; "" if it has none.
     unit : str
-        Unit by the definition of the format; "" if the format does not fix it. A unit inside `name` is found later,
-        for all formats alike.
+        Unit if the format defines it; "" otherwise. A unit in `name` is recognised later, in the same way for every
+        format.
     axis : str
-        "gyro_x" … "accel_z", "time" or "temperature" if the format fixes it; "" to decide by the name.
+        "gyro_x" … "accel_z", "time" or "temperature" if the format defines it; "" if the name decides.
     increments : bool
-        Whether a value is the integral over its sample (rad, m/s), to be multiplied by the rate.
+        Whether the values are integrals over the sample interval (rad, m/s). gmwm multiplies them by the rate.
     scale : float
-        Factor from the numbers of the file to `unit`, such as the size of a count.
+        Factor that converts the numbers in the file to `unit`, such as the size of a count.
     """
 
     name: str
@@ -72,11 +73,11 @@ class Layout:
     remarks : tuple of Remark
         Remarks on how gmwm reads the file.
     state : object
-        Data of the reader, to find the numbers.
+        Data with which the reader finds the numbers.
     inertial : bool
         Whether the recording is of an inertial sensor, if the file has several recordings.
     stray_time : str
-        Why the time stamps in the file do not belong to this recording; "" if they do, or if there are none.
+        Reason why the time stamps in the file do not belong to this recording; "" if they do, or if there are none.
     rate_of_samples : bool
         Whether `rate` describes these samples instead of a setting of the device. gmwm warns if the time stamps show
         another rate.
@@ -85,7 +86,7 @@ class Layout:
     extent : (int, float) or None
         Number of samples and duration (s), if the reader knows them.
     unreadable : ReadError or None
-        Why the recording cannot be read.
+        The error to raise if the recording cannot be read; None otherwise.
     skip_bad_lines : bool
         Whether lines that cannot be read become rows of missing values instead of an error.
     stamped : bool
@@ -109,12 +110,12 @@ class Layout:
     stamped: bool = True
 
     def read_as(self, bad_lines: str, stamped: bool) -> Layout:
-        """Return the layout with the options for its rows.
+        """Return a copy of the layout with the options that determine how its rows are read.
 
         Parameters
         ----------
         bad_lines : "skip" or "error"
-            Whether lines that cannot be read are left out.
+            Whether a line that cannot be read becomes a row of missing values or raises an error.
         stamped : bool
             Whether the time stamps are used.
         """
@@ -128,14 +129,14 @@ class Layout:
 
 @dataclass(frozen=True)
 class Mark:
-    """Beginning of a chunk, from which a file can be read.
+    """A position in a file from which rows can be read: the beginning of a chunk.
 
     Parameters
     ----------
     row : int
-        Number of the first row of the chunk, from 0; the number of rows for the mark at the end.
+        Number of the first row of the chunk, from 0. For the mark at the end of the file, the number of rows.
     place : object
-        Data of the reader, to find the row.
+        Data with which the reader finds the row.
     """
 
     row: int
@@ -143,18 +144,21 @@ class Mark:
 
 
 class Reader(ABC):
-    """Base class of a format: recognise a file, describe its columns, and give its numbers.
+    """Base class of readers. A reader recognises files of one format, describes their columns, and yields their
+    numbers.
 
-    Methods take the `path` of the file; `head`, its first 64 kB; a `layout` from `layouts`; `wanted`, the indices of
-    the columns, from 0; and a `mark` from `marks` to begin at. How to write a reader: docs/howto/add-a-reader.md.
+    The methods take the `path` of the file; `head`, its first 64 kB; `layout`, a result of `layouts`; `wanted`, the
+    indices of the columns (from 0); and `mark`, a result of `marks` at which reading begins. The page
+    docs/howto/add-a-reader.md shows how to write a reader.
     """
 
     name: ClassVar[str]
     """Name of the format, for the `format` option."""
     extensions: ClassVar[tuple[str, ...]]
-    """Usual file name extensions, lower case, with the dot; empty for a format that only its name chooses."""
+    """Usual file name extensions, lower case, with the dot; empty if the user must name the format."""
     folder_sign: ClassVar[str] = ""
-    """Name of the file in a directory of this format by which it is recognised; "" if a recording is a file."""
+    """If a recording is a directory, the name of the file in it that identifies the format; "" if a recording is a
+    file."""
 
     @abstractmethod
     def sniff(self, path: Path, head: bytes) -> float:
@@ -180,12 +184,13 @@ class Reader(ABC):
         """
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return a mark for the beginning of each chunk and one for the end; empty if reading must start at the
-        beginning."""
+        """Return a mark for the beginning of each chunk and one for the end of the file. The tuple is empty if reading
+        must start at the beginning of the file."""
         return ()
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks of `chunks` from a mark on. By default, the rows before the mark are read and dropped."""
+        """Yield the same chunks as `chunks`, from a mark on. By default, the rows before the mark are read and
+        discarded."""
         row = 0
         for chunk in self.chunks(path, layout, wanted):
             if row >= mark.row:
@@ -201,12 +206,13 @@ _READERS: dict[str, Reader] = {}
 def register(reader: R) -> R:
     """Register a format; use as a class decorator.
 
-    A class of the same name that is defined again, as in a notebook, replaces the older one.
+    If a class is defined again, as in a notebook, it replaces the older class.
 
     Parameters
     ----------
     reader : class
-        A subclass of `Reader`. Its `name` must differ from the names of the other formats; case does not count.
+        A subclass of `Reader`. Its `name` must differ from the names of the other formats by more than upper and lower
+        case.
 
     Returns
     -------
@@ -216,7 +222,7 @@ def register(reader: R) -> R:
     Raises
     ------
     OptionError
-        If gmwm or another class has a format of this name.
+        If another class has already registered a format of this name.
     """
     key = next((name for name in _READERS if name.casefold() == reader.name.casefold()), reader.name)
     if key in _READERS:
@@ -232,7 +238,7 @@ def register(reader: R) -> R:
 
 
 def registered() -> tuple[Reader, ...]:
-    """Return all formats, in the order in which they are tried."""
+    """Return the readers of all formats, in the order in which they are tried."""
     return tuple(_READERS.values())
 
 
@@ -275,7 +281,7 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
 
 
 def _sign_of(folder: Path) -> Path:
-    """Return the file by which a directory is recognised as one recording."""
+    """Return the file that identifies a directory as one recording."""
     for reader in _READERS.values():
         if reader.folder_sign and (folder / reader.folder_sign).is_file():
             return folder / reader.folder_sign
@@ -290,11 +296,12 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
     path : Path
         The file; it is opened only if `format` is None.
     format : str, optional
-        Name of the format; case does not count. By default, the reader that recognises the file best.
+        Name of the format, in upper or lower case. By default, the reader with the highest score is chosen.
 
     Returns
     -------
     Reader
+        The reader of the format.
 
     Raises
     ------

@@ -40,9 +40,9 @@ class RowSummary:
     lost : int
         Number of lost samples.
     impossible : int
-        Number of those whose values no sensor measures.
+        Number of the lost samples with values that no sensor can measure.
     gaps : tuple of (sample, seconds)
-        For each gap, the first sample after it and its length.
+        For each gap, the number of the first sample after it, and its length (s).
     live : TimeBase or None
         The time base of a live stream.
     about : tuple of Remark
@@ -60,8 +60,8 @@ class RowSummary:
     about: tuple[Remark, ...] = ()
 
     def followed_by(self, later: RowSummary) -> RowSummary:
-        """Merge with the summary of the rows that directly follow."""
-        # A part counts its samples from the number of its first row in the file.
+        """Merge this summary with the summary of the rows that directly follow."""
+        # The samples of each part are numbered from the number of its first row in the file.
         shift = self.stop - later.first
         moved = tuple((sample + shift, seconds) for sample, seconds in later.gaps)
         return replace(
@@ -88,9 +88,9 @@ class SampleBuilder:
     first : int
         Number of the first row that will be added.
     lost_before : bool
-        Whether the row before it is lost.
+        Whether the row before `first` is lost.
     owned : bool
-        Whether the rows may be changed, which saves a copy.
+        Whether the arrays of the rows may be modified in place, which saves a copy.
     """
 
     def __init__(
@@ -99,7 +99,8 @@ class SampleBuilder:
         self._found, self._first, self._owned = found, first, owned
         self._known = KnownClock(found.timing, first)
         self._live = None if found.pace is None else RunningClock(found.pace)
-        # Rows whose segment is not known yet, and the numbers of those that are lost or follow a row without a place.
+        # The rows whose segment is not known yet, a mask of the lost ones, and a mask of those after a row without a
+        # time stamp.
         self._waiting: dict[str, Vector] = {role: np.empty(0) for role in found.roles}
         self._lost, self._cut = np.zeros(0, dtype=bool), np.zeros(1, dtype=bool)
         self._came, self._segment, self._begun = first, 0, self._known.segment_at(first)
@@ -108,10 +109,10 @@ class SampleBuilder:
         self._last, self._next, self._broken = first - 1, first, lost_before
         self._run: tuple[int, float] | None = None
         self._start: float | None = None
-        # Of each break, the rows before and after it, and the sample after it.
+        # For each break between segments, the rows before and after it, and the number of the sample after it.
         self._breaks, self._count = list[tuple[int, int, int]](), 0
         self._impossible = 0
-        self._cuts = {first} if lost_before else set[int]()  # rows after a row without a place
+        self._cuts = {first} if lost_before else set[int]()  # rows after a row without a time stamp
 
     def add(self, rows: Rows) -> Iterator[Samples]:
         """Add the next rows, and yield the samples whose segments are now known.
@@ -119,12 +120,12 @@ class SampleBuilder:
         Raises
         ------
         ReadError, DataError
-            If `read` would refuse the rows.
+            In the same cases as `read`.
         """
         found, columns = self._found, self._found.choice.columns
         sifted = sift(rows, columns, found.choice.axes)
         self._count += sifted.unplaced
-        # Rows that were written after the clock was found do not belong to the recording.
+        # Rows that were appended to the file after its time stamps were read are ignored.
         left = None if self._live else self._known.left()
         rows = {k: column[:left] for k, column in sifted.rows.items()}
         size = next(iter(rows.values())).size
@@ -155,7 +156,7 @@ class SampleBuilder:
         yield from self.end()
 
     def end(self) -> Iterator[Samples]:
-        """Yield the last samples."""
+        """Yield the samples that were held back until the end of a live stream."""
         if self._live:
             yield from self._settled(self._live.end())
 
@@ -163,7 +164,7 @@ class SampleBuilder:
         """Return the summary of all rows so far."""
         live = None if self._live is None else self._live.base()
         stamped = self._known.gaps(self._first, self._came) if live is None else live.gaps
-        # Where the clock was set back, no sample is missing.
+        # No sample is missing where the clock was set back.
         known = {row for row, _ in stamped} | self._cuts
         gaps = [((a, b), sample) for a, b, sample in self._breaks if b - a > 1 or b in known]
         return RowSummary(
@@ -214,9 +215,9 @@ class SampleBuilder:
     def _samples(
         self, ready: dict[str, Vector], turns: NDArray[np.int64], clock: tuple[NDArray[np.int64], Vector], rows: _Rows
     ) -> Samples:
-        """Make samples in SI units. `turns` are the positions at which a segment begins."""
+        """Make `Samples` from values in SI units. `turns` are the positions at which a segment begins."""
         begins = self._broken or bool(turns.size and turns[0] == 0)
-        gap = begins and self._next > 0  # rows before the first sample of the recording are no gap
+        gap = begins and self._next > 0  # lost rows before the first sample are no gap
         self._parted |= gap and self._next == self._first
         if begins or self._run is None:
             turns = np.union1d([0], turns).astype(np.int64)
@@ -262,7 +263,7 @@ def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, r
     parts : sequence of Samples
         All samples in order.
     found : Interpretation
-        How they were read.
+        Columns, units and rate of the recording.
     base, remarks
         Time base and remarks of the recording.
 

@@ -1,7 +1,8 @@
 """Sources of bytes: a file, a compressed file, or a member of a zip archive.
 
-Unpacked bytes are counted. A file that unpacks to more than any recording (a decompression bomb) raises an error before
-it fills the disk or the memory. A truncated file raises an error too, because compressed formats mark their end.
+Unpacked bytes are counted. If a file unpacks to more bytes than any recording has (a decompression bomb), an error is
+raised before the file fills the disk or the memory. A truncated file raises an error too, because compressed formats
+mark their end.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ MAX_RATIO = 200
 tests/readers/test_compressed.py."""
 
 RATIO_FROM = 64 << 20
-"""Number of unpacked bytes from which the ratio is checked: a small file may be very regular."""
+"""Number of unpacked bytes from which on the ratio is checked. The data of a smaller file can be very regular."""
 
 MAX_MEMBERS = 1000
-"""Largest number of files in an archive: phones export some ten tables."""
+"""Largest number of files in an archive; phones export about ten tables."""
 
 GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
 """The first bytes of compressed files and archives."""
@@ -128,7 +129,7 @@ class MemberSource(FileSource):
         info = archive.getinfo(self.member)
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             archive.close()
-            # The library unpacks blocks of the other methods as a whole: a few kB become gigabytes.
+            # The library unpacks blocks of the other compression methods as a whole, so a few kB can become gigabytes.
             raise PackedError(
                 f"{self} is compressed with method {info.compress_type}; only deflate is read in zip archives",
                 code="unsupported",

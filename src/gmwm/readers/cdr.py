@@ -38,7 +38,7 @@ _DEPTH = 32  # largest nesting depth: a definition that contains itself would ha
 _LONG = 16  # longer arrays of numbers are not channels
 _LEAVES = 512
 _STEPS = 100_000  # largest number of parts of a message
-_LENGTHS = 256  # texts and sequences in a message: with more, the next message hardly ever has the same lengths
+_LENGTHS = 256  # strings and sequences in a message: with more, the next message hardly ever has the same lengths
 _TEMPLATES = 8  # layouts to try in a batch before the general decoder decodes the rest
 _TIME_WORDS = ("i4", "u4")  # seconds and nanoseconds; unsigned in ROS 1, which matters from 2038 on
 _WORDS = {"<": Struct("<I"), ">": Struct(">I")}
@@ -59,7 +59,7 @@ class Definition:
     name : str
         Name of the type, for example "sensor_msgs/msg/Imu".
     types : mapping
-        For each type its fields: names and descriptions.
+        For each type name, the name and the description of each field of the type.
     encoding : "cdr" or "ros1"
         Serialisation of the messages.
     """
@@ -69,9 +69,9 @@ class Definition:
     encoding: Encoding
 
     def leaves(self) -> tuple[str, ...]:
-        """Names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]".
+        """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]".
 
-        A time stamp is one number, in nanoseconds. Texts, sequences and long arrays are left out.
+        A time stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out.
         """
         names: list[str] = []
         for name in self._leaves(self.name, "", 0):
@@ -126,9 +126,10 @@ class Template:
     order : "<" or ">"
         Byte order.
     places : mapping
-        For each wanted number its NumPy type and its offset (bytes); "time" is a type of two words.
+        For each wanted number, its NumPy type and its offset in the message (bytes). The type "time" is two 32-bit
+        words.
     words : tuple of (offset, value)
-        The lengths of all strings and sequences.
+        Offset (bytes) and value of the length of each string and sequence.
     size : int
         Length of the message (bytes).
     """
@@ -281,7 +282,7 @@ class Decoder:
     definition : Definition
         The type of the messages.
     wanted : sequence of str
-        The `leaves` to decode.
+        Names of the numbers to decode, from `Definition.leaves`.
     """
 
     def __init__(self, definition: Definition, wanted: Sequence[str]) -> None:
@@ -397,7 +398,7 @@ class Decoder:
 
 
 def _put(out: dict[str, NDArray[Any]], name: str, values: NDArray[Any], rows: NDArray[np.int64], count: int) -> None:
-    """Write values into the rows of a column."""
+    """Write values into the given rows of a column of `out`."""
     if values.size == count:
         out[name] = values
         return

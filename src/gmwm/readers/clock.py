@@ -1,7 +1,7 @@
-"""The clock of a recording: sampling rate, segments and irregularities, from all time stamps.
+"""Determine the clock of a recording, its sampling rate, segments and irregularities, from all time stamps.
 
-The time stamps come in chunks of any size, so a file in memory and one larger than memory have the same clock. They are
-analysed in blocks of 2²⁰ rows, each with 2¹⁶ rows before and after it.
+The time stamps come in chunks of any size. They are analysed in blocks of 2²⁰ rows, each with 2¹⁶ rows before and after
+it, so the result is the same for a file in memory and for a file larger than memory.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
 BLOCK, MARGIN = 1 << 20, 1 << 16
-"""Rows of a block, and rows before and after it that are analysed with it: more than 3/64 of all, over which a change
-of the rate is recognised."""
+"""Number of rows of a block, and of the rows on each side that are analysed with it. A change of the rate is found if
+it lasts for 3/64 of all these rows, which is less than one side."""
 _RATE_TOLERANCE = 1e-2
-"""Relative difference between a declared rate and the time stamps beyond which they contradict each other.
-The clock of a MEMS gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
+"""Largest relative difference at which a declared rate agrees with the rate of the time stamps. The clock of a MEMS
+gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
-"""Relative differences between the declared rate and the time stamps that cause a remark, and a warning. The error of a
-crystal is 1e-4 or less."""
+"""Relative differences between the declared rate and the rate of the time stamps above which gmwm gives a remark, or a
+warning. The error of a crystal is 1e-4 or less."""
 _REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
-"""Conditions for regular losses: the fewest gaps, the smallest share of lost samples, and the largest relative standard
-deviation of their intervals."""
+"""Samples are lost regularly if there are at least 5 gaps, at least 1 % of the samples are lost, and the relative
+standard deviation of the distances between gaps is at most 0.1."""
 
 
 @dataclass(frozen=True)
 class _Block:
-    """What the time stamps of a block show. Ticks are counted from the first time stamp and continue over steps
-    backward.
+    """Results for the time stamps of one block. Ticks, the unit of the time stamps, are counted from the first time
+    stamp of the recording. They continue to increase where the clock was set back.
 
     Attributes
     ----------
@@ -51,11 +51,11 @@ class _Block:
     found : Found
         Sampling interval, and gaps by the number of the row in the recording.
     walls : sequence of (row, tick)
-        Rows before which the clock was set back, and their time stamps.
+        Each row before which the clock was set back, and its time stamp.
     index, tick : float
-        Means of the index of the samples, with the lost ones, and of the time stamps.
+        Mean index of the samples, in which lost samples are counted, and mean of the time stamps.
     spread : float
-        Sum of the squared distances of the indices from their mean.
+        Sum of the squared differences of the sample indices from their mean.
     inside, span, squares : int, float, float
         Number and sum of the intervals within segments, and the sum of their squared differences from `reference`.
     reference, median : float
@@ -65,9 +65,9 @@ class _Block:
     whole : float
         Sum of all intervals.
     spacing : float
-        Distance of float64 numbers of the size of the time stamps.
+        Spacing of float64 numbers at the magnitude of the time stamps.
     duplicates, backward : int
-        Number of time stamps that repeat the one before, and that step backward.
+        Number of time stamps that equal the previous one, and number that are smaller than the previous one.
     steps : Steps
         Wraps of a counter and changes of summer time.
     end : float
@@ -95,14 +95,14 @@ class _Block:
 
 
 def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> tuple[Timing, Remark | None]:
-    """Return rate, segments and irregularities of a recording; with a remark if the unit of time is inferred or
+    """Return the rate, segments and irregularities of a recording, and a remark if the unit of time is inferred or
     unusually long.
 
     `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it agrees with the
-    time stamps within 1 %; they only place the gaps then. If the difference is more than 0.1 %, and a clock of the
-    declared rate departs from the time stamps of the longest segment by more than a sample and three times their
-    jitter, the remark on it is also a warning. Segments begin a whole number of sampling intervals apart, except where
-    the clock was set back.
+    time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the difference is a
+    warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to more than one
+    sampling interval and three times the jitter. The start times of the segments differ by whole sampling intervals,
+    except where the clock was set back.
 
     Parameters
     ----------
@@ -139,8 +139,8 @@ def rows_between(
 ) -> tuple[slice, float]:
     """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows.
 
-    Parameters and errors are the same as for `clock_of`, for a whole column. Before a clock is known, each row has the
-    time of its time stamp.
+    The parameters and errors are the same as for `clock_of`, except that `values` is the whole column. The clock is not
+    known yet, so the time of a row is its time stamp.
     """
     unit = unit or as_stamps(values, unit, rate)[0].unit
     window = _Window.of(values, values[0].item(), unit)
@@ -150,7 +150,7 @@ def rows_between(
 
 
 def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int, int]]:
-    """Yield blocks of rows with margins, and the positions at which the block begins and ends inside them."""
+    """Yield blocks of rows with their margins, and the positions in these rows at which the block begins and ends."""
     waiting: list[NDArray[Any]] = []
     count = begin = 0
     for chunk in chunks:
@@ -305,14 +305,14 @@ def _starts(
 def _interval(
     blocks: Sequence[_Block], rows: Rows, lost: Rows, count: int, per_second: int
 ) -> tuple[float, Remark | None]:
-    """Return the sampling interval in ticks, with the digits that the time stamps show, and a remark if it is a
-    mean."""
+    """Return the sampling interval (ticks), rounded to the digits that the time stamps resolve. Return also a remark if
+    it is the mean of different intervals."""
     interval, median, spacing = _slope(blocks), blocks[0].median, max(b.spacing for b in blocks)
     whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
     mean = whole / max(1, count - 1 + int(np.sum(lost)) - repeated)
     exact = 2 * spacing + 1e-9 * median
     if all(b.exact for b in blocks) and abs(mean - median) <= exact and abs(interval - median) <= exact + 1e-7 * median:
-        # All intervals are multiples of one within the resolution of float64.
+        # All intervals are multiples of one interval within the resolution of float64.
         return _shortest_decimal(mean, 4 * spacing / whole, per_second), None
     longest = int(np.max(np.diff(rows, prepend=0, append=count)))
     if abs(interval - median) * longest <= 0.5 * median:
@@ -351,8 +351,8 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
 
 
 def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second: int) -> Remark | None:
-    """Return a remark if rounded time stamps of this rate could be those of a higher rate with regular losses: all are
-    multiples of the interval of most rows, and none repeats."""
+    """Return a remark if the time stamps have two explanations: rounding at this rate, or a higher rate with regular
+    losses. This is so if all intervals are multiples of the most common interval, and no time stamp repeats."""
     if not all(b.exact and not b.found.rows.size and not b.duplicates for b in blocks):
         return None
     other = per_second / blocks[0].median
@@ -365,8 +365,8 @@ def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second
 
 
 def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> float:
-    """Round the interval to the fewest decimal digits, of the interval or of its rate, within the tolerance of
-    float64."""
+    """Round an interval so that it, or its rate, has the fewest decimal digits. Its relative change is at most the
+    tolerance."""
     tolerance = max(tolerance, 4 * float(np.finfo(np.float64).eps))
     if tolerance > 1e-6:
         return interval
@@ -407,7 +407,7 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
 
 
 def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remark]:
-    """Report a declared rate that differs from the rate of the time stamps (Hz); `grave` if it is also a warning."""
+    """Report a declared rate that differs from the rate of the time stamps (Hz), with a warning if `grave`."""
     apart = abs(measured / rate - 1)
     if apart <= _RATE_REMARK:
         return

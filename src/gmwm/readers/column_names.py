@@ -1,7 +1,7 @@
 """Find the axis and the unit in the name of a column.
 
 A name is split into words. A word for the sensor ("gyro", "omega", "w") and a letter for the axis determine the axis,
-in any of the usual spellings: gyro_x, Gyr_X, gx, w_RS_S_x, angular_velocity.x, GyroX, xgyro.
+for example in gyro_x, Gyr_X, gx, w_RS_S_x, angular_velocity.x, GyroX and xgyro.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _TIME = {
 }  # fmt: skip
 _TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature"}
 
-# Texts in brackets that are not units: the source of the data, the clock, or a note that the data are raw.
+# Strings in brackets that are not units: the source of the data, the clock, or a note that the data are raw.
 _REMARKS = {
     "raw", "counts", "count", "lsb", "lsbs", "adc", "digits", "bits", "cal", "calibrated", "uncalibrated", "body",
     "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
@@ -51,7 +51,7 @@ _ELEMENT = re.compile(r"\[([012])\]")
 """An element of an array of three numbers: gyroADC[0] is the x axis."""
 
 LONGEST = 200
-"""Number of characters of a name or unit that are read. Longer names are not names, and would take minutes."""
+"""Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
 
@@ -75,7 +75,7 @@ class ColumnName:
 
 
 def recognise(name: str) -> ColumnName:
-    """Recognise axis and unit in a column name.
+    """Recognise the axis and the unit in a column name.
 
     >>> recognise("w_RS_S_x [rad s^-1]")
     ColumnName(axis='gyro_x', unit='rad/s', ros=False)
@@ -108,7 +108,7 @@ def recognise(name: str) -> ColumnName:
 
 
 def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
-    """Return the axis of a column whose name is only a letter, from its unit: X (rad/s)."""
+    """Return the axis of a column whose name is only a letter and a unit, such as X (rad/s)."""
     if words in (["x"], ["y"], ["z"]) and not tail:
         for quantity in ("gyro", "accel"):
             if found := unit_of(unit, quantity):
@@ -133,12 +133,12 @@ def named_unit(name: str, axis: str) -> str:
 
 
 def unknown_unit(name: str, stated: str, axis: str) -> str:
-    """Return the text in the place of the unit of a column if it is not a unit of its axis; otherwise "".
+    """Return what a column states as its unit if this is not a unit of its axis; otherwise "".
 
     Parameters
     ----------
     name : str
-        Name of the column, its unit in brackets.
+        Name of the column, which can end with a unit in brackets.
     stated : str
         Unit that the file states beside the name; "" for none.
     axis : str
@@ -157,7 +157,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
 
 
 def unit_of(text: str, axis: str) -> str:
-    """Return the unit in a text if it is a unit of `axis`; otherwise ""."""
+    """Return the standard spelling of a unit if it is a unit of `axis`; otherwise ""."""
     text = text.strip()[:LONGEST]
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
@@ -186,7 +186,7 @@ def _harmless(text: str) -> bool:
 
 
 def _words(text: str) -> list[str]:
-    """Split a name into words in lower case: at signs, at camelCase, and before digits that are not an exponent."""
+    """Split a name into words in lower case, at punctuation, at underscores and inside camelCase."""
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     return [word.casefold() for word in re.split(r"[^\w²°µμ]+|_", text) if word]
 

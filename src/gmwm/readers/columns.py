@@ -25,8 +25,9 @@ class Choice:
     Attributes
     ----------
     columns : dict of role to index
+        Index of the column of each role: an axis, "time" or "temperature".
     remarks : tuple of Remark
-        Columns that are not read, and columns chosen among several.
+        Remarks on columns that are not read, and on a column that was chosen among several.
     """
 
     columns: dict[str, int]
@@ -38,7 +39,7 @@ class Choice:
         return tuple(axis for axis in AXES if axis in self.columns)
 
     def only(self, axes: Sequence[str]) -> Choice:
-        """Return the choice with only those axes that are in `axes`."""
+        """Return the choice without the axes that are not in `axes`. The time and the temperature are kept."""
         kept = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
         return Choice(kept, self.remarks)
 
@@ -175,7 +176,7 @@ def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
     """Return the index of the time stamp in the header of ROS messages if other columns, such as the time of recording,
     also contain a time.
 
-    A driver that does not set it leaves zeros.
+    The header is not used if its first time stamp is 0, because some drivers do not set it.
     """
     for k in times:
         words = clean(layout.channels[k].name).casefold().replace("/", ".")
@@ -214,7 +215,7 @@ def _nameless(layout: Layout, path: Path) -> ReadError:
 
 
 def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:
-    """Parse columns to the mapping or list that `gmwm.read` takes.
+    """Parse the text of the option `columns` to the mapping or list that `gmwm.read` takes.
 
     >>> parse_columns("time,gyro_x,,accel_z")
     ['time', 'gyro_x', '', 'accel_z']

@@ -1,4 +1,4 @@
-"""Text compressed with gzip or Zstandard, unpacked while it is read by the text format that recognises it."""
+"""Read text that is compressed with gzip or Zstandard. It is unpacked while the reader of its text format reads it."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ class CompressedReader(Reader):
 
 
 def packed_text(source: FileSource, name: Path) -> tuple[TextReader, tuple[Layout, ...]]:
-    """Return the text format of compressed bytes, and the recordings in them.
+    """Return the reader of the text in a compressed file, and the recordings in it.
 
     Parameters
     ----------
     source : FileSource
-        The bytes.
+        The source of the unpacked bytes.
     name : Path
         Name of the unpacked file.
 
     Raises
     ------
     ReadError
-        If they are not text.
+        If the unpacked bytes are not text.
     """
     with source.open() as file:
         head = file.read(HEAD_BYTES)

@@ -1,7 +1,7 @@
-"""ArduPilot's logs (.bin): each instance of the messages IMU, ACC and GYR is a recording.
+"""Read ArduPilot's logs (.bin). Each instance (sensor) of the messages IMU, ACC and GYR is a recording.
 
 A message begins with two bytes and its type; FMT messages define the length and the fields of each type. A log has no
-end mark: a message that was cut off at the end is not read. Bytes that are not part of a message are skipped, and the
+end mark, so an incomplete message at the end is ignored. Bytes that are not part of a message are skipped, and the
 samples that are missing there show as gaps in the time stamps.
 
 Sources: ArduPilot, libraries/AP_Logger/LogStructure.h and AP_InertialSensor/LogStructure.h.
@@ -32,7 +32,7 @@ _TYPES: Mapping[str, str] = {
     "b": "i1", "B": "u1", "h": "i2", "H": "u2", "i": "i4", "I": "u4", "f": "f4", "d": "f8", "n": "S4",
     "N": "S16", "Z": "S64", "c": "i2", "C": "u2", "e": "i4", "E": "u4", "L": "i4", "M": "u1", "q": "i8", "Q": "u8",
 }  # fmt: skip
-"""NumPy types of the characters of a format. Scaled ones (c, C, e, E) do not occur in the inertial messages."""
+"""NumPy type for each character of a format string. The scaled types (c, C, e, E) do not occur in inertial messages."""
 
 ROLES: Mapping[str, tuple[str, str]] = {
     **{f"Gyr{axis}": (f"gyro_{axis.lower()}", "rad/s") for axis in "XYZ"},
@@ -46,7 +46,7 @@ ADVICE = "Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG
 
 @dataclass(frozen=True)
 class _Message:
-    """A type of message: its length in the file, its name, and the type of its fields."""
+    """A type of message: its number, its length in the file (bytes), its name, and the type of its fields."""
 
     number: int
     length: int
@@ -56,7 +56,8 @@ class _Message:
 
 @dataclass(frozen=True)
 class _Selection:
-    """Which messages belong to a recording: their type, and the number of the sensor (-1 if messages have none)."""
+    """The messages of a recording: their type, the number of the sensor (-1 if they have none), and the fields to
+    read."""
 
     message: _Message
     instance: int
@@ -65,7 +66,8 @@ class _Selection:
 
 @dataclass
 class _Summary:
-    """Result of a pass over a log: the types, counts and times of the inertial messages, and damaged places."""
+    """Result of a pass over a log: types, counts and times of the inertial messages, and the number of damaged
+    places."""
 
     types: dict[int, _Message] = field(default_factory=dict)
     counts: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -86,9 +88,9 @@ class DataflashReader(Reader):
         return 1.0 if head.startswith(_MARK + bytes([_FMT])) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """One recording for each sensor: IMU_0, IMU_1, … and GYR_0, ACC_0, … if raw samples were logged.
+        """Return one recording for each sensor: IMU_0, IMU_1 and so on, and GYR_0, ACC_0 and so on for raw samples.
 
-        IMU_0 is preferred, the first of ArduPilot's sensors.
+        IMU_0, the first sensor, is preferred.
         """
         found = _Summary()
         for message, table in _messages(path, found):
@@ -153,8 +155,8 @@ def _count(found: _Summary, message: _Message, table: NDArray[Any]) -> None:
 
 
 def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Message, NDArray[Any]]]:
-    """Yield the inertial messages of a log, one table for each type and block; `found` collects types and damaged
-    places."""
+    """Yield the inertial messages of a log as tables, one for each message type and block of the file. Types and
+    damaged places are added to `found`."""
     lengths = [0] * 256
     lengths[_FMT] = _FMT_LENGTH
     rest = b""
@@ -171,7 +173,8 @@ def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Me
 
 
 def _walk(block: bytes, lengths: list[int], found: _Summary, only: str) -> tuple[dict[int, list[int]], int]:
-    """Return the positions of inertial messages in a block by type, and the number of bytes that were read."""
+    """Return the positions of the inertial messages in a block, by type, and the number of bytes up to the first
+    message that continues in the next block."""
     places: dict[int, list[int]] = {number: [] for number in found.types}
     position, end = 0, len(block)
     while position + 3 <= end:

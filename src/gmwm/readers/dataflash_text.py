@@ -1,8 +1,9 @@
-"""ArduPilot's logs as text (.log, as Mission Planner writes them): each instance of IMU, ACC and GYR is a recording.
+"""Read ArduPilot's logs in text form (.log), which Mission Planner writes. The recordings are as in the binary logs.
 
 A line is a message: its name and its values, separated by commas. FMT lines define the names of the values. Lines with
-other values, such as a last line that was cut off, are not read; the samples that are missing there show as
-gaps in the time stamps. The messages are the same as in `gmwm.readers.dataflash`.
+the wrong number of values or with values that are not numbers, such as an incomplete last line, are skipped. The
+samples that are missing there show as gaps in the time stamps. The messages are the same as in
+`gmwm.readers.dataflash`: each instance (sensor) of IMU, ACC and GYR is a recording.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ _ROWS = 1 << 16
 
 @dataclass
 class _Found:
-    """A recording in the log: message name, instance (-1 if it has none), names of the values, extent, and whether T is
-    used."""
+    """A recording in the log: name and instance (-1 if it has none) of its messages, names of their values, number of
+    messages, first and last time stamp, and whether any temperature T is not zero."""
 
     name: str
     instance: int
@@ -39,13 +40,13 @@ class _Found:
 
 @dataclass
 class _Log:
-    """The inertial messages of a log: names of their values, and the number of damaged lines."""
+    """The names of the values of each inertial message in a log, and the number of damaged lines."""
 
     names: dict[str, tuple[str, ...]] = field(default_factory=dict)
     damaged: int = 0
 
     def messages(self, path: Path, only: str = "") -> Iterator[tuple[str, list[float]]]:
-        """Iterate over the inertial messages: their name and their values."""
+        """Yield the name and the values of each inertial message."""
         with path.open(encoding="utf-8", errors="replace") as file:
             for line in file:
                 name = line.partition(",")[0].strip()
@@ -77,7 +78,7 @@ class DataflashTextReader(Reader):
         return 1.0 if [part.strip() for part in first.split(b",")[:4:3]] == [b"FMT", b"FMT"] else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """One recording for each sensor, as for the binary logs; IMU_0 is preferred."""
+        """Return one recording for each sensor, as for binary logs. IMU_0 is preferred."""
         log, found = _Log(), dict[tuple[str, int], _Found]()
         for name, values in log.messages(path):
             names = log.names[name]

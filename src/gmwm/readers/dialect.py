@@ -1,7 +1,7 @@
 """Detect the dialect of a text file: delimiter, decimal sign, comments, header, and the first line of numbers.
 
-The first 64 kB decide. Numbers and time stamps are recognised by their form; the lines above them are titles, headers,
-rows of units and comments. The scores and majorities below are pinned by tests/readers/test_text.py and
+The first 64 kB determine the dialect. Numbers and time stamps are recognised by their form; the lines above them are
+titles, headers, rows of units and comments. The thresholds below are pinned by tests/readers/test_text.py and
 test_headers.py.
 """
 
@@ -20,7 +20,7 @@ BLANKS = " "
 """The delimiter of columns that are separated by any number of blanks and tabs."""
 
 LONGEST_COMMENT = 8192
-"""Number of characters up to which a comment is searched for names and units."""
+"""Length of the longest comment (characters) that is searched for names and units."""
 
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
@@ -29,7 +29,7 @@ MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none
 
 _NUMBER = re.compile(r"[+-]?(\d++\.?\d*+|\.\d++)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-"""A number with points between groups of three digits, as programs write it that use a decimal comma."""
+"""Pattern of a number with points between groups of three digits, as programs with a decimal comma write it."""
 _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|\[[^\]\[]*\]")
 
 
@@ -42,11 +42,11 @@ class Dialect:
     delimiter : str
         One character; " " for any number of blanks.
     decimal_comma : bool
-        Whether 0,5 is one half.
+        Whether the decimal sign is a comma, so that 0,5 is one half.
     fields : int
-        Fields in a row of numbers, including an empty one after a trailing delimiter.
+        Number of fields in a row of numbers, including an empty one after a trailing delimiter.
     columns : int
-        Columns, without the empty field after a trailing delimiter.
+        Number of columns, without the empty field after a trailing delimiter.
     first_line : int
         Line in which the numbers begin, counted from 1.
     names : tuple of str
@@ -66,19 +66,22 @@ class Dialect:
     stamps : tuple of bool
         For each column, whether the first rows hold dates with times or times of day that are not all the same.
     header : tuple of str
-        The lines above the numbers that have as many cells as they, which may occur again below.
+        The lines above the numbers that have more than one cell. Some programs repeat them between the numbers.
     above : tuple of str
         All lines above the numbers.
     sensors : (int, tuple of str) or None
-        The column that states which of several sensors a row is of, and its values; None if there is none.
+        In a file with rows of several sensors, the index of the column that states the sensor, and the values of this
+        column; None otherwise.
     sensor : (int, str) or None
-        The column and the value of the rows that are read; None to read all.
+        Index of this column, and its value in the rows to read; None to read all rows.
     stamp_parts : (int, int) or None
-        The columns of the seconds and the nanoseconds of time stamps in two columns, as of ROS messages.
+        Indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
+        otherwise.
     cleaning : tuple of (pattern, replacement)
-        What is replaced in each line before it is split: labels of the numbers, arrows after a time.
+        Replacements in each line before it is split. They remove labels of numbers, and arrows after a time.
     cut : tuple of str
-        If the file was cut off within a number: its last cell, and the last cell of the line before. Otherwise empty.
+        The last cell of the file, and the last cell of the line before, if the file ends within a number; empty
+        otherwise.
     """
 
     delimiter: str
@@ -104,7 +107,8 @@ class Dialect:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Split a line into cells, without the blanks and quotes around them. A quoted delimiter is text."""
+    """Split a line into cells, without the blanks and quotes around them. A delimiter between quotes does not split the
+    line."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
     if '"' in line:
@@ -141,7 +145,7 @@ def detect(lines: list[str], path: object) -> Dialect:
     Raises
     ------
     ReadError
-        If no line holds numbers, or the header has another number of columns than the rows.
+        If no line holds numbers, or the header and the rows differ in their number of columns.
     """
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
@@ -275,7 +279,7 @@ def _delimiter(lines: list[str]) -> tuple[str, bool]:
 
 
 def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:
-    """Return, for each field of a row of the usual length, whether most rows contain a number in it."""
+    """Return for each field whether it is a number in most rows. Only rows of the most common length are considered."""
     fields = Counter(map(len, rows[len(rows) // 2 :])).most_common(1)[0][0]
     body = [row for row in rows[len(rows) // 2 :] if len(row) == fields]
     return [2 * sum(is_number(row[c], decimal_comma) for row in body) > len(body) for c in range(fields)]
@@ -304,12 +308,13 @@ def _parted(
     delimiter: str,
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Return names and units if the delimiter also splits the time stamps, which have one name; None if it does not.
+    """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; None
+    otherwise.
 
     Raises
     ------
     ReadError
-        If it splits the fraction of a second from the rest.
+        If the delimiter is a comma that separates the fraction of a second from the seconds.
     """
     at = parted_stamp(row)
     if at is None or any(len(cells) == len(row) for _, cells in header):
@@ -378,8 +383,8 @@ def _axes(names: Sequence[str]) -> int:
 
 
 def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Combine the names of two header lines: "Gyroscope" above "X (deg/s)". A merged cell is only above its first
-    column."""
+    """Combine the names of two header lines, such as "Gyroscope" above "X (deg/s)". A merged cell has its name only
+    above its first column."""
     joined, group = [], ""
     for above, name in zip(groups, names, strict=True):
         group = clean(above) or group
@@ -388,21 +393,22 @@ def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """Return the cells of a comment that has one cell for each column; otherwise none."""
+    """Return the cells of a comment that has one cell for each column; otherwise an empty list."""
     text = line.strip()[len(comment_sign(line)) :].strip()
     text = re.sub(r"^(units?|columns?|fields?|header)\s*[:=]\s*", "", text, flags=re.IGNORECASE)
     return _cells(text, columns, delimiter)
 
 
 def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """Return the cells of a header that may have its own delimiter; none if no cell is a known name or a unit."""
+    """Return the cells of a header, which can have its own delimiter. The list is empty if no cell is a known name or a
+    unit."""
     cells = _cells(line, columns, delimiter)
     return cells if any(recognise(cell).axis or is_unit(cell) for cell in cells) else []
 
 
 def _cells(text: str, columns: int, delimiter: str) -> list[str]:
-    """Split text into one cell for each column, by the delimiter of the rows, by commas or by blanks; none if that
-    fails."""
+    """Split text into one cell for each column, by the delimiter of the rows, by commas or by blanks. The list is empty
+    if none of these gives one cell for each column."""
     ways = [split(text, delimiter), split(text, ",")]
     if not re.search(r"[,;\t|]", text):
         # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
@@ -412,7 +418,8 @@ def _cells(text: str, columns: int, delimiter: str) -> list[str]:
 
 
 def _stated_units(comments: list[str]) -> dict[str, str]:
-    """Return the units that comments state for a whole sensor: "gyro in deg/s, accel in g", "units: rad/s, m/s^2"."""
+    """Return the units that comments state for a whole sensor, as in "gyro in deg/s, accel in g" or "units: rad/s,
+    m/s^2"."""
     found: dict[str, str] = {}
     for line in comments:
         text = _single_blanks(line).casefold()
@@ -431,14 +438,14 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
 
 
 def _stated_rate(comments: list[str]) -> float | None:
-    """Return the only sampling rate (Hz) that comments state: "// Update Rate: 100.0Hz", "#Log,Output Rate,200.0"."""
+    """Return the sampling rate (Hz) if comments state exactly one, as in "// Update Rate: 100.0Hz"; otherwise None."""
     stated = (match for line in comments for match in _RATE.findall(_single_blanks(line)))
     found = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
     return found.pop() if len(found) == 1 and min(found) > 0 else None
 
 
 def _single_blanks(line: str) -> str:
-    """Return a line with one blank in place of several, which patterns would divide in many ways."""
+    """Replace each run of blanks by one blank. On long runs, the patterns would take very long."""
     return " ".join(line.split())
 
 
@@ -450,8 +457,8 @@ _RATE = re.compile(
 
 
 def _is_clear(word: str, clause: str) -> bool:
-    """Return whether a unit of time in a comment must be the unit of the time stamps. Minutes and hours may state a
-    duration."""
+    """Return whether a unit of time in a comment is certainly the unit of the time stamps. Minutes and hours often
+    belong to a duration."""
     stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
     return word in _CLEAR or (word in _LONG and stands_alone)
 

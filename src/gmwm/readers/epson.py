@@ -1,7 +1,7 @@
-"""CSV of Epson's logging programs for M-G IMUs, with scale factors in a comment and units in the column names.
+"""Read CSV files of Epson's logging programs for M-G IMUs, with scale factors in a comment and units in column names.
 
 A log is scaled (Gx[dps], Ax[mG]) or raw (Gx[dec]). For raw logs, a line with SF_GYRO=… and SF_ACCL=… states the size of
-a count. Increments have the names DAx and DVx. There are no time stamps; a comment states the output rate.
+a count. Columns of increments are named DAx, DVx and so on. There are no time stamps; a comment states the output rate.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _UNITS = {"dps": "deg/s", "deg/s": "deg/s", "mG": "mg", "mg": "mg", "deg": "deg/
 
 @register
 class EpsonReader(TextReader):
-    """CSV of Epson's IMU loggers, scaled or raw."""
+    """Reader of the CSV files of Epson's IMU loggers, with scaled or raw values."""
 
     name: ClassVar[str] = "epson"
     extensions: ClassVar[tuple[str, ...]] = (".csv",)
@@ -58,7 +58,7 @@ class EpsonReader(TextReader):
         scaled = (
             Remark.of("scaled", kind, factor=scale, unit=unit, source="file") for kind, (scale, unit) in counts.items()
         )
-        # The line of factors looks like a comment that states units.
+        # `units` is emptied, because the line of factors looks like a comment that states units.
         return replace(found, channels=tuple(channels), remarks=(*found.remarks, *scaled), units={})
 
 

@@ -1,4 +1,5 @@
-"""Refuse Polars in a process that was forked after it was used: its threads are missing there, and it never ends."""
+"""Raise an error if Polars is used in a process that was forked after an earlier use of Polars. The threads of Polars
+do not exist in the forked process, so a call would never return."""
 
 from __future__ import annotations
 

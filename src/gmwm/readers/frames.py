@@ -1,4 +1,4 @@
-"""Tables in memory as recordings: data frames, xarray, mappings with a time or with missing values.
+"""Read recordings from tables in memory: data frames, xarray objects, and mappings with a time or missing values.
 
 The libraries are recognised by their methods, so that none of them is imported.
 """
@@ -32,7 +32,7 @@ _NAME = Path("the table")
 
 
 def is_table(data: object) -> bool:
-    """Return whether data are a data frame, a table of Arrow, an xarray object, an array of records, or a mapping in
+    """Return whether data are a data frame, an Arrow table, an xarray object, an array of records, or a mapping in
     which some names are not axes or some values are missing.
 
     >>> is_table(np.zeros((9, 6))), is_table(np.zeros(9, dtype=[("gyro_x", float)]))
@@ -58,7 +58,7 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
     Parameters
     ----------
     data : table
-        See `is_table`, or a mapping of name to array.
+        One of the tables of `is_table`, or a mapping of name to array.
     rate : float or None
         Samples per second (Hz); None if the table has a time.
     units : mapping or None
@@ -69,7 +69,7 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
     Raises
     ------
     ReadError, DataError, UnitError
-        As `read`.
+        In the same cases as `read`.
     """
     options = ReadOptions(rate=rate, units={} if units is None else units)
     arrays = [one for name, values in _columns(data) for one in _arrays(str(name), values)]
@@ -130,7 +130,7 @@ def _columns(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _of_pandas(column: Any) -> NDArray[Any]:
-    """Return the values of a column or an index, dates with a time zone in UTC."""
+    """Return the values of a column or an index. Dates with a time zone are converted to UTC."""
     zoned = getattr(column.dtype, "tz", None) is not None
     return np.asarray(column.to_numpy(dtype="M8[ns]") if zoned else column.to_numpy())
 
@@ -154,7 +154,8 @@ def _of_xarray(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _arrays(name: str, values: Any) -> list[Array]:
-    """Return the arrays of a column or a table, with NaN for masked and missing values."""
+    """Convert a column or a table to arrays of the readers, with NaN for masked and missing values. The list is empty
+    if the values are not numbers."""
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     array: NDArray[Any] = np.asarray(values)

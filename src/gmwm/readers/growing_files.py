@@ -29,14 +29,14 @@ BLOCK = 1 << 20
 LINES = 256
 """Number of lines from which units, rate and time stamps are determined, unless they take too long to arrive."""
 FEWEST = 24
-"""Number of lines that are sufficient after some seconds."""
+"""Number of lines that are sufficient if the other lines do not arrive within some seconds."""
 
 Take = Callable[[], bytes | None]
 """Function that returns the bytes since its last call, possibly none, or None at the end of the data."""
 
 
 class GrowingFile:
-    """The content of a growing file, from its beginning. `trouble` is the reason why reading ended."""
+    """The content of a growing file, from its beginning. `trouble` is the reason why reading ended, or ""."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.trouble = path, ""
@@ -105,7 +105,7 @@ class GrowingPipe:
         """Do nothing, because the caller owns the pipe."""
 
     def _pump(self, stream: BinaryIO) -> None:
-        # Read without a buffer: a buffer stays locked while it waits, and the interpreter could not exit.
+        # Read without a buffer: a buffered reader holds a lock while it waits, so the interpreter could not exit.
         read = getattr(stream, "raw", stream).read
         data = b"-"
         while data:
@@ -122,12 +122,12 @@ class Lines:
     Parameters
     ----------
     take : callable
-        Returns the bytes since its last call.
+        Function that returns the bytes since its last call; see `Take`.
     breathe : callable
-        Called before each check for new data; if it returns False, the lines end.
+        Function that is called before each check for new data. If it returns False, reading ends.
     idle : float, optional
-        Time (s) without new data after which the lines end. It counts from the first check that finds no data, because
-        data can wait while the caller processes the last lines.
+        Time (s) without new data after which reading ends. It is counted from the first check that finds no data,
+        because data can already be available while the caller processes the previous lines.
     """
 
     def __init__(self, take: Take, breathe: Callable[[], bool], idle: float | None = None) -> None:
@@ -151,7 +151,7 @@ class Lines:
         return out
 
     def _is_idle(self, data: bytes) -> bool:
-        """Whether there were no data for too long."""
+        """Return whether no data have arrived for `idle` seconds."""
         now = time.monotonic()
         self._quiet_since = None if data else now if self._quiet_since is None else self._quiet_since
         return self._idle is not None and self._quiet_since is not None and now - self._quiet_since >= self._idle
@@ -228,7 +228,7 @@ class _LiveRows:
     layout: Layout
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Iterate over the rows, once."""
+        """Iterate over the rows, which is possible only once."""
         return self.reader.rows(self.text, self.layout, wanted)
 
 

@@ -1,7 +1,8 @@
-"""HDF5 files: data sets, tables of records and groups, also in newer MATLAB files.
+"""Read data sets, tables of records and groups from HDF5 files and from MATLAB files of version 7.3.
 
-Only data in the file itself are read. Links to other files, virtual and external data sets are not followed. Attributes
-named unit or units state a unit, attributes such as rate state the rate. A description of the file may state units too.
+Only data in the file itself are read. Links to other files, and virtual or external data sets, are ignored. Attributes
+named unit or units state a unit, and attributes such as rate state the sampling rate. A description of the file can
+also state units.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _NO_NUMBERS = (b"char", b"logical", b"cell", b"function_handle")
 
 @register
 class Hdf5Reader(Reader):
-    """Data sets of an HDF5 file."""
+    """Reader of data sets in HDF5 files."""
 
     name: ClassVar[str] = "hdf5"
     extensions: ClassVar[tuple[str, ...]] = (".h5", ".hdf5", ".hdf")
@@ -49,7 +50,7 @@ class Hdf5Reader(Reader):
         return 1.0 if head.startswith(MAGIC) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return the recordings: data sets of the same length are the columns of one."""
+        """Return the recordings. Data sets of the same length are the columns of one recording."""
         return layouts_of(arrays_in(path), path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -61,7 +62,7 @@ class Hdf5Reader(Reader):
         return marks_of(layout)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks from a row on."""
+        """Yield the chunks from the row of a mark on."""
         return chunks_of(layout, wanted, path, mark.row)
 
 
@@ -73,7 +74,7 @@ def arrays_in(path: Path) -> list[Array]:
     MissingDependencyError
         If h5py is not installed.
     ReadError
-        If the file is damaged, or holds more than any recording does.
+        If the file is damaged, or contains more data sets or bytes than any recording has.
     """
     library = _library(path)
     found: list[Array] = []
@@ -105,7 +106,7 @@ def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array
     Raises
     ------
     ReadError
-        If there are too many.
+        If there are too many arrays, or the groups are nested too deeply.
     """
     found += _stated_rates(group, where)
     for key in group:
@@ -168,7 +169,7 @@ def _unit(node: Any) -> str:
 
 
 def _stated_rates(node: Any, where: str) -> list[Array]:
-    """Return the rates that attributes state, as arrays of one number."""
+    """Return the sampling rates that attributes state, each as a scalar array."""
     rates = []
     for key in node.attrs:
         if isinstance(key, str) and is_rate(key):

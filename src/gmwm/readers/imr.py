@@ -1,4 +1,4 @@
-"""NovAtel's .imr files: raw measurements of an inertial sensor, converted by Waypoint, after a header of 512 bytes.
+"""Read NovAtel's .imr files: a header of 512 bytes, and raw inertial measurements that Waypoint has converted.
 
 Source: NovAtel, Waypoint documentation, "IMR File" (docs.novatel.com).
 """
@@ -22,8 +22,8 @@ from gmwm.remarks import Quantity, Remark
 
 _SIGNATURE = b"$IMURAW\0"
 _HEADER_BYTES = 512
-# After the signature and the byte order: version, whether angles and velocities are increments, rate, two scales, two
-# types of time, bias of time, name of the sensor. The rest of the header is not used.
+# Fields after the signature and the byte order: version, whether angles and velocities are increments, rate, two
+# scales, two types of time, bias of time, and name of the sensor. The rest of the header is not used.
 _FIELDS = "dii3diid32s"
 _ORDERS = {0: "<", 1: ">"}
 _CLOCKS = {1: "UTC", 2: "GPS"}
@@ -31,7 +31,8 @@ _CLOCKS = {1: "UTC", 2: "GPS"}
 
 @dataclass(frozen=True)
 class _Header:
-    """The header: byte order, sensors that record increments, rate (Hz), scales to deg and m/s, and remarks."""
+    """Content of the header: byte order, whether each sensor records increments, rate (Hz), scales to deg and m/s,
+    remarks."""
 
     order: str
     increments: tuple[bool, bool]
@@ -42,7 +43,7 @@ class _Header:
 
 @register
 class ImrReader(Reader):
-    """NovAtel Waypoint .imr, by its signature $IMURAW."""
+    """Reader of NovAtel's .imr files, which begin with $IMURAW."""
 
     name: ClassVar[str] = "imr"
     extensions: ClassVar[tuple[str, ...]] = (".imr",)
@@ -52,7 +53,7 @@ class ImrReader(Reader):
         return 1.0 if head.startswith(_SIGNATURE) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return the time and six axes, with the scales of the header."""
+        """Return one recording with the time and six axes, scaled by the factors in the header."""
         header = _header(path)
         dtype = record("i4", header.order)
         whole_records(path, dtype, _HEADER_BYTES)
@@ -83,7 +84,7 @@ def _header(path: Path) -> _Header:
     Raises
     ------
     ReadError
-        If the signature is missing, the header is truncated, or a field has a value that it cannot have.
+        If the signature is missing, the header is truncated, or a field has an invalid value.
     """
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES)

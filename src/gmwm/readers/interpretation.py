@@ -1,4 +1,4 @@
-"""How gmwm interprets the columns of a recording: the working axes, their units, and the clock."""
+"""Interpret the columns of a recording: find the axes that work, their units, and the clock."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 HEAD = 1 << 18
 """Number of rows from which the unit of the accelerometers and the unit of time stamps are inferred: 44 min at 100 Hz.
-It is a choice."""
+The number is a choice."""
 TEMPERATURE = "temperature"
 
 
@@ -49,13 +49,13 @@ class Interpretation:
     factors : mapping of axis to factors
         Factors by which the numbers in the file are multiplied, one after the other.
     timing : Timing
-        Rate and segments of all rows; of the first rows of a live stream.
+        Rate and segments of all rows; for a live stream, of the first rows.
     pace : Pace or None
         The pace of the time stamps of a live stream; None for a file.
     remarks : tuple of Remark
         Remarks on how gmwm read the file.
     sparse : bool
-        Whether the clock counts fewer rows than the file has.
+        Whether some rows of the file are left out, so that the clock counts fewer rows than the file has.
     first_temperature : float or None
         The first reading of the temperature (°C); None if it is not read.
     """
@@ -80,7 +80,8 @@ class Interpretation:
         return (*self.choice.axes, *([TEMPERATURE] if TEMPERATURE in self.choice.columns else []))
 
     def without_temperature(self) -> Interpretation:
-        """Return the same columns without the temperature: a part of a recording cannot interpolate it at its ends."""
+        """Return the interpretation without the temperature, because a part of a recording cannot interpolate it at its
+        ends."""
         columns = {role: k for role, k in self.choice.columns.items() if role != TEMPERATURE}
         return replace(self, choice=Choice(columns, self.choice.remarks), first_temperature=None)
 
@@ -114,7 +115,7 @@ def understand(
     Raises
     ------
     ReadError, UnitError, DataError, OptionError
-        If the recording cannot be read like this.
+        In the same cases as `gmwm.read`.
     """
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     constants = {} if source is None else _dead(rows, choice, source)
@@ -183,8 +184,8 @@ def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temp
 
 
 def _first_samples(rows: Rows, choice: Choice, axes: Sequence[str]) -> dict[str, Vector]:
-    """Return the samples among the first rows, in the numbers of the file; rows without a value in one of `axes` are
-    dropped."""
+    """Return the values of each axis in the first rows, in the unit of the file. Rows without a value in one of `axes`
+    are left out."""
     head = sift({k: column[:HEAD] for k, column in rows.items()}, choice.columns, axes)
     kept = slice(None) if head.lost is None else ~head.lost
     return {axis: as_floats(head.rows[choice.columns[axis]])[kept] for axis in choice.axes}
@@ -232,7 +233,8 @@ def _timing(
 ) -> tuple[Timing, tuple[Remark, ...]]:
     """Return the time base, and remarks on the unit or form of the time stamps.
 
-    `stamps` has chunks of the time column, None if there is none; then the recording has one segment of `samples`.
+    `stamps` yields the chunks of the time column. If it is None, the recording has no time stamps, and is one segment
+    of `samples` rows.
     """
     if stamps is None:
         return unstamped(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
@@ -249,15 +251,16 @@ class TimeColumn:
     Parameters
     ----------
     source, choice, axes
-        The recording, and its axes that work.
+        The rows of the recording, its columns, and the axes that work.
 
     Attributes
     ----------
     alone : bool
-        Whether only the column of the time stamps is read. Rows without a time stamp or without a value in any axis are
-        left out by the values of all columns; a recording whose first rows have all values is assumed to have none.
+        Whether only the time column is read. The other columns are needed to leave out rows without a value in any
+        axis. If the first rows have all values, gmwm assumes that the recording has no such rows.
     rows, other, unplaced : int
-        Number of rows, and of those that were left out because they have no value in any axis, or no time stamp.
+        Number of rows, number of rows left out because they have no value in any axis, and number of rows left out
+        because they have no time stamp.
     """
 
     def __init__(self, source: RowSource, choice: Choice, axes: Sequence[str]) -> None:
@@ -283,7 +286,8 @@ class TimeColumn:
             yield sifted.rows[time]
 
     def of(self, clock: Callable[[Iterable[NDArray[Any]]], T]) -> T:
-        """Analyse the time stamps with `clock`; use all columns if the time stamps alone do not suffice."""
+        """Return the result of `clock` for the time stamps. If a row has no time stamp, the analysis is repeated with
+        all columns."""
         try:
             return clock(self)
         except _UnplacedRowsError:
@@ -292,16 +296,17 @@ class TimeColumn:
 
 
 class _UnplacedRowsError(Exception):
-    """Rows without a time stamp."""
+    """Raised if a row has no time stamp."""
 
 
 def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
-    """Require time stamps or a rate, and time stamps that are numbers, dates with times, or times of day.
+    """Require that a recording has time stamps or a rate, and that time stamps are numbers, dates with times, or times
+    of day.
 
     Raises
     ------
     ReadError
-        If there is neither, or the time stamps cannot be read.
+        If it has neither, or the time stamps cannot be read.
     """
     for role, column in choice.columns.items():
         if role != "time" and holds_stamps(layout, column):
@@ -374,7 +379,7 @@ def constant(what: str, role: str, value: float, rows: int) -> DataError:
 
 
 def column_words(layout: Layout, choice: Choice, role: str, path: Path) -> str:
-    """Name a column in messages: the file, the role, and the name in the file."""
+    """Return the name of a column for messages, from the file, the role, and the name in the file."""
     k = choice.columns[role]
     name = layout.channels[k].name or f"number {k}"
     return f"{path}: {role}" + ("" if name == role else f" (column {name!r})")

@@ -1,4 +1,4 @@
-"""CSV of kalibr_bagcreater: seven column names with fixed units, because the tool copies them into ROS messages."""
+"""Read CSV files of kalibr_bagcreater. Their seven columns have fixed names and units, those of the ROS messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _UNITS = {"timestamp": "ns", "omega": "rad/s", "alpha": "m/s²"}
 
 @register
 class KalibrReader(TextReader):
-    """Kalibr's imu0.csv: nanoseconds, rad/s and m/s²."""
+    """Reader of Kalibr's imu0.csv, with times in ns and values in rad/s and m/s²."""
 
     name: ClassVar[str] = "kalibr"
     extensions: ClassVar[tuple[str, ...]] = (".csv",)

@@ -1,4 +1,4 @@
-"""Text tables of known programs and devices, whose column names do not state the axis, the unit or the clock.
+"""Recognise text tables of known programs and devices whose column names do not state the axis, the unit or the clock.
 
 Sources: PX4 guide, "ULog" and ulog2csv of pyulog; ArduPilot, libraries/AP_InertialSensor/LogStructure.h; blackbox-tools
 of Betaflight; Movella DOT user manual, "Data export"; MicroStrain MIP protocol, field sets 0x8004 and 0x8005; INSTINCT,
@@ -25,14 +25,15 @@ class KnownTable:
     program : str
         Name in messages.
     needed : tuple of str
-        Patterns that the names of some columns match.
+        Patterns, each of which must match the name of a column.
     columns : tuple of (pattern, role, unit)
-        Roles of columns: "time", "temperature", "gyro" or "accel". A group in the pattern is the axis: x, y, z or 0, 1,
-        2. The first pattern that a name matches counts. A unit that is "" is stated by the name, or by the user.
+        For each pattern of column names, the role ("time", "temperature", "gyro" or "accel") and the unit of the
+        column. A group in the pattern matches the axis: x, y, z or 0, 1, 2. If several patterns match, the first one is
+        used. If the unit is "", the name of the column states it, or the user.
     file : str
-        Pattern of the name of the file; "" if it may have any.
+        Pattern of the name of the file; "" for any name.
     above : str
-        Pattern that occurs above the header; "" if nothing need to.
+        Pattern of text above the header; "" for any text.
     """
 
     program: str
@@ -140,8 +141,8 @@ _TABLES = (
 
 
 def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:
-    """Recognise a table by its column names; return the program, and role and unit of the columns by index. "" if
-    unknown.
+    """Recognise a table by its column names. Return the name of the program ("" if unknown), and the role and unit of
+    each known column by its index.
 
     Parameters
     ----------

@@ -1,6 +1,5 @@
-"""Estimate the number of lost samples before each row: a level that is a whole number, from values with noise.
-
-See `gmwm.readers.sampling_interval` for what the values are.
+"""Estimate the number of samples lost before each row. This level is a whole number, and is estimated from noisy
+values, which `gmwm.readers.sampling_interval` defines.
 """
 
 from __future__ import annotations
@@ -15,24 +14,26 @@ Rows = NDArray[np.int64]
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
 
 _SOON = 64
-"""Number of rows within which a late delivery ends, unless a longer interval shows that it lasts longer."""
+"""Largest number of rows that are delivered late together, unless a longer interval shows that there are more."""
 _STATES = 3
 """Number of levels above and below the first guess among which the path is searched."""
 _DOUBTFUL = 0.45
-"""Distance from the first guess, in samples, from which a row is doubtful: a wrong level is 0.5 away or more."""
+"""Difference between a value and the first guess (samples) above which the level of the row is doubtful. The difference
+from a wrong level is 0.5 or more."""
 _KEEP, _MARGIN = 64, 32
-"""Number of rows of a part whose path is searched, and of the rows before and after it that are searched with it."""
+"""Number of rows of each part in which the path is searched, and number of rows on each side that are searched with
+it."""
 _NEXT = 8
-"""Largest number of rows between two rises of blocks that belong to the same loss, or an eighth of a block if
-longer."""
+"""Largest number of rows between two rises that belong to the same loss. In long blocks, it is an eighth of a block."""
 _RISE, _AT_STEP = 8.0, 2.0
-"""Cost of a rise, in mean deviations of a row, and the reduction of this cost before the longest interval."""
+"""Cost of a rise of the level, in units of the mean deviation of a row, and the amount by which it is lower at the
+longest interval."""
 
 
 def follow(x: Vector) -> Rows:
-    """Return the whole numbers that fit x = levels + noise best, by dynamic programming.
+    """Return the levels, whole numbers, that fit x = levels + noise best, by dynamic programming.
 
-    They decrease only where a row was written twice: below all levels of some rows before.
+    The levels decrease only where a row was written twice: there they fall below the levels of all recent rows.
     """
     rough = _median_of_five(np.round(x))
     past = np.concatenate([rough[:1], least_ahead(rough[::-1], _SOON)[::-1][:-1]])
@@ -41,13 +42,13 @@ def follow(x: Vector) -> Rows:
     guess = least_ahead(rough + fallen, horizon) - fallen
     if np.max(np.abs(x - guess)) <= _DOUBTFUL:
         return np.asarray(guess.astype(np.int64))
-    # A rise that a fall follows soon was a late delivery.
+    # A rise that is followed by a fall within `_SOON` rows is a late delivery.
     path = _best_path(x, guess.astype(np.int64))
     return np.asarray((least_ahead(path + fallen, _SOON) - fallen).astype(np.int64))
 
 
 def _median_of_five(v: Vector) -> Vector:
-    """Running median of five. It does not change a sequence that never decreases."""
+    """Return the running median of five values. It does not change a sequence that never decreases."""
     if v.size < 5 or np.all(v[1:] >= v[:-1]):
         return v
     wide = np.concatenate([v[:1], v[:1], v, v[-1:], v[-1:]])
@@ -127,7 +128,7 @@ def _viterbi(cost: Vector, steps: Rows, price: float) -> Rows:
 
 
 def median_of_three(v: Vector) -> Vector:
-    """Running median of three. It does not change a sequence that never decreases."""
+    """Return the running median of three values. It does not change a sequence that never decreases."""
     if v.size < 3:
         return v
     a, b, c = v[:-2], v[1:-1], v[2:]
@@ -137,7 +138,8 @@ def median_of_three(v: Vector) -> Vector:
 
 
 def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
-    """Return the levels of rows from the levels of blocks: each rise is placed at the row that fits best."""
+    """Return the level of each row, from the level of each block of `width` rows. Each rise is placed at the row at
+    which it fits the values `x` best, preferably after a long interval (`steps`)."""
     level = np.maximum.accumulate(level)
     d = x[: level.size * width] - np.repeat(level, width)
     up, down = (max(float(np.mean(np.maximum(v, 0.0))), 0.05) for v in (d, -d))
@@ -158,7 +160,7 @@ def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
         last = -x.size
         for row, a, b in _cheapest(costs, price):
             jump, row = levels[b] - levels[a], low + row
-            if row - last <= max(_NEXT, width // 8):  # one gap, of which the delay of some rows makes two
+            if row - last <= max(_NEXT, width // 8):  # one gap that delayed rows split in two
                 jump, rise[last] = jump + rise[last], 0.0
                 row = max(row, last, key=lambda one: float(steps[one - 1]))
             rise[row], last = jump, row
@@ -173,12 +175,12 @@ def _cheapest(costs: Vector, price: Vector) -> list[tuple[int, int, int]]:
     costs : (M, n) array
         Cost of each row at each level.
     price : (n,) array
-        Price of a rise before each row.
+        Cost of a rise before each row.
 
     Returns
     -------
     list of (row, from, to)
-        The rises in order: the row after, and the indices of the levels.
+        The rises in order: the first row after the rise, and the indices of the levels before and after it.
     """
     total = np.concatenate([np.zeros((costs.shape[0], 1)), np.cumsum(costs, axis=1)], axis=1)[:, :-1]
     values, sources, rows = [total[0]], [np.zeros(total.shape[1], dtype=int)], [np.zeros(total.shape[1], dtype=int)]

@@ -1,7 +1,7 @@
 """Rows of a file that hold no usable sample: missing values, lines that cannot be read, and rows of other messages.
 
-A reader marks a missing value: NaN in a column of numbers, `MISSING` in a column of integers. Here it is decided what
-that means for the recording, in the same way for every format, in memory and in streams:
+A reader marks a missing value: NaN in a column of numbers, `MISSING` in a column of integers. This module decides what
+a missing value means for the recording, in the same way for all formats, in memory and in streams:
 
 - A row with a time stamp and no value in any axis belongs to another message, or its sample was not stored. It is left
   out. If a sample is missing there, the time stamps show the gap.
@@ -28,8 +28,8 @@ CUT = -1
 """Key of a Boolean column among the rows: the recording is split before a marked row, and the number of missing samples
 is unknown."""
 IMPOSSIBLE = 1e12
-"""Size of a value (rad/s, m/s²) that no sensor measures: a choice. Shock sensors end at 2e6 m/s², and counts of 32 bits
-without a scale at 2e9."""
+"""Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors
+measure up to 2e6 m/s², and 32-bit counts without a scale reach 2e9."""
 MISSING = int(np.iinfo(np.int64).min)
 """Value of a missing integer. It is also the missing time of NumPy (NaT)."""
 
@@ -52,16 +52,17 @@ def is_missing(column: NDArray[np.generic]) -> NDArray[np.bool_] | None:
 
 @dataclass(frozen=True)
 class Sifted:
-    """Rows of a recording that count for its clock, and which of them are lost samples.
+    """The rows that the clock of a recording counts, and masks of the lost samples and splits among them.
 
     Attributes
     ----------
     rows : mapping of column index to (n,) array
+        The rows that the clock counts.
     lost : (n,) array of bool, or None
-        Rows without a value in some axis; None if there is none.
+        Mask of the rows without a value in at least one axis; None if there is no such row.
     cut : (n + 1,) array of bool, or None
-        Rows before which the recording is split, or a row that cannot be placed was left out; the last entry is for the
-        row that follows.
+        Mask of the rows before which the recording is split, for example because a row without a time stamp was left
+        out there; None if there is no such row. The last entry is for the next row after these.
     unplaced, other : int
         Number of rows that were left out because they have no time stamp, and because they have no value in any axis.
     """
@@ -74,7 +75,7 @@ class Sifted:
 
 
 def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
-    """Remove the rows that do not count for the clock, and mark lost samples.
+    """Leave out the rows that the clock does not count, and mark lost samples.
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
 
 
 def about_lost(base: TimeBase, impossible: int) -> Iterator[Remark]:
-    """Yield the remarks on lost samples, `impossible` of them for their values."""
+    """Yield the remarks on lost samples. `impossible` of them are lost because no sensor can measure their values."""
     if base.lost > impossible:
         yield Remark.of("samples-lost", count=base.lost - impossible)
     if impossible:

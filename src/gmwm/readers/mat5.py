@@ -1,7 +1,7 @@
 """Read numbers from a MATLAB file of versions 5 to 7.
 
 SciPy reads these files too, but a damaged file can crash the process there. Here, each length is checked against the
-number of available bytes. Numeric matrices and structures are read. Texts, cells, logical values, sparse and complex
+number of available bytes. Numeric matrices, strings and structures are read. Cells, logical values, sparse and complex
 matrices, objects and functions are skipped.
 
 Source: The MathWorks, MAT-File Format (Level 5).
@@ -33,7 +33,8 @@ _MAX_FIELDS = 1000
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the numeric matrices and the texts in a file. Fields of structures are named "structure/field".
+    """Yield the name and the value of each numeric matrix and each string in a file. Fields of structures are named
+    "structure/field".
 
     Parameters
     ----------
@@ -43,9 +44,9 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     Raises
     ------
     ReadError
-        If the file is truncated or damaged, or decompresses to more than any recording.
+        If the file is truncated or damaged, or decompresses to more bytes than any recording has.
     """
-    # Not mapped: if a mapped file is truncated while it is read, the process is killed.
+    # The file is not memory-mapped: if a mapped file is truncated while it is read, the process is killed.
     data = memoryview(path.read_bytes())
     head = bytes(data[:_HEADER])
     if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
@@ -78,7 +79,7 @@ class _Element:
 
 
 def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
-    """Read the element at a position. A short element has its bytes in the tag."""
+    """Read the element at a position. The bytes of a short element are inside its tag of 8 bytes."""
     tag = data[at : at + 8]
     if len(tag) < 8:
         raise _cut(path)

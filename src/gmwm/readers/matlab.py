@@ -1,4 +1,4 @@
-"""MATLAB's .mat files. `gmwm.readers.mat5` reads versions 5 to 7, and h5py version 7.3, which is HDF5.
+"""Read MATLAB's .mat files. `gmwm.readers.mat5` reads versions 5 to 7; h5py reads version 7.3, which is HDF5.
 
 Arrays are recognised by their names. Two layouts of other programs are known: `data_imu`, a table of time,
 accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `t` and `freq` (NaveGo).
@@ -35,7 +35,7 @@ _KALIBR_ALLAN = (("time", *AXES[3:], *AXES[:3]), ("", *("m/s²",) * 3, *("rad/s"
 
 @register
 class MatlabReader(Reader):
-    """Arrays and structures of a .mat file."""
+    """Reader of arrays and structures in .mat files."""
 
     name: ClassVar[str] = "matlab"
     extensions: ClassVar[tuple[str, ...]] = (".mat",)
@@ -45,7 +45,7 @@ class MatlabReader(Reader):
         return 1.0 if head.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return the recordings: arrays of the same length are the columns of one."""
+        """Return the recordings. Arrays of the same length are the columns of one recording."""
         with path.open("rb") as file:
             head = file.read(512 + len(MAGIC))
         texts: list[str] = []
@@ -77,7 +77,7 @@ def _known(array: Array, others: Sequence[Array]) -> Array:
 
 
 def _older(path: Path, texts: list[str]) -> list[Array]:
-    """Return the arrays of a file of versions 5 to 7; append its texts to `texts`."""
+    """Return the arrays of a file of versions 5 to 7; append its strings to `texts`."""
     found: list[Array] = []
     for name, value in variables(path):
         if value.dtype.kind == "U":

@@ -1,4 +1,5 @@
-"""NumPy's .npy and .npz files, without pickles. The header is checked against the size of the file."""
+"""Read NumPy's .npy and .npz files. Pickled objects are not read, and each header must agree with the size of the
+file."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ _MAGIC = b"\x93NUMPY"
 
 @register
 class NpyReader(Reader):
-    """One array in a file of NumPy: a table, columns with names, or a single column."""
+    """Reader of .npy files, which contain one array: a table, named columns, or a single column."""
 
     name: ClassVar[str] = "npy"
     extensions: ClassVar[tuple[str, ...]] = (".npy",)
@@ -42,7 +43,7 @@ class NpyReader(Reader):
         return layouts_of(fields_of("", shape, dtype, stored), path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the memory-mapped file."""
+        """Yield rows of the array."""
         return chunks_of(layout, wanted, path)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
@@ -56,7 +57,7 @@ class NpyReader(Reader):
 
 @register
 class NpzReader(Reader):
-    """Several arrays in a file of NumPy, each under its name."""
+    """Reader of .npz files, which contain several named arrays."""
 
     name: ClassVar[str] = "npz"
     extensions: ClassVar[tuple[str, ...]] = (".npz",)
@@ -69,7 +70,7 @@ class NpzReader(Reader):
         return 1.0 if head[30 : 30 + size].endswith(b".npy") else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return the recordings: arrays of the same length are the columns of one."""
+        """Return the recordings. Arrays of the same length are the columns of one recording."""
         with open_archive(path) as archive:
             members = [archive.getinfo(name) for name in dict.fromkeys(file_names(archive)) if name.endswith(".npy")]
         require_ratio(sum(m.file_size for m in members), sum(m.compress_size for m in members), path)
@@ -88,7 +89,7 @@ class NpzReader(Reader):
             try:
                 shape, order, dtype = _header(file, source)
             except PicklesError:
-                return []  # texts and settings, which are never unpickled
+                return []  # strings and settings; nothing is unpickled
             _require_size(shape, dtype, member.file_size - file.tell(), source)
         packed = _Packed(source, shape, order, dtype)
         return fields_of(name, shape, dtype, packed)
@@ -96,7 +97,8 @@ class NpzReader(Reader):
 
 @dataclass(frozen=True)
 class _Stored:
-    """An array in a file, read part by part. It is not mapped: if a mapped file is truncated, the process is killed."""
+    """An array in a file, read part by part. It is not memory-mapped, because truncation of a mapped file kills the
+    process."""
 
     path: Path
     offset: int
@@ -107,7 +109,7 @@ class _Stored:
     def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
         if not self.shape:
             return self._values(0, 1).reshape(())
-        # The rows of consecutive numbers in the file.
+        # The shape in the order of the numbers in the file.
         shape = self.shape[::-1] if self.fortran else self.shape
         along = len(shape) - 1 - axis if self.fortran else axis
         inner, outer, size = math.prod(shape[along + 1 :]), math.prod(shape[:along]), shape[along]
@@ -131,7 +133,7 @@ class _Stored:
 
 
 class PicklesError(ReadError):
-    """The array contains Python objects, which only a pickle can restore."""
+    """Raised for an array of Python objects, which only a pickle can restore."""
 
 
 class _Packed:
@@ -159,7 +161,7 @@ class _Packed:
 
 
 def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Return shape, order and type of an array, from the header of its file.
+    """Read the header of an array. Return its shape, whether it is in Fortran order, and its type.
 
     Raises
     ------

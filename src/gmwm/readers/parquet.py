@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     import polars as pl
 
 ROWS = 1 << 18
-"""Rows in a chunk: a stream of six axes needs 200 MB less than with 2²⁰ rows. With fewer, a file of a single row group
-takes longer, because each chunk decodes a part of the group."""
+"""Number of rows in a chunk. A stream of six axes needs 200 MB less memory than with 2²⁰ rows. With fewer rows, a file
+of a single row group takes longer, because each chunk decodes a part of the group."""
 
 _MAGIC = b"PAR1"
 
 
 @register
 class ParquetReader(Reader):
-    """Parquet files, recognised by their signature."""
+    """Reader of Parquet files."""
 
     name: ClassVar[str] = "parquet"
     extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
@@ -96,7 +96,8 @@ class ParquetReader(Reader):
 
 
 def _scan(path: Path) -> pl.LazyFrame:
-    """Return the rows of a file, lazily. A name is not a pattern, and may have bytes that are not UTF-8."""
+    """Return the rows of a file as a lazy frame. The file name is not a pattern, and can contain bytes that are not
+    UTF-8."""
     require_threads(path)
     import polars as pl
 

@@ -1,7 +1,8 @@
-"""Consecutive parts of a long recording that can be read independently, in other processes or on other machines.
+"""Divide a long recording into consecutive parts that can be read independently, in other processes or on other
+machines.
 
-A part contains its file name, its rows, and the columns, units, rate and segments of the recording. It also reads some
-rows before it, so that a lost sample between two parts is found.
+A part has the name of the file, a range of rows, and the columns, units, rate and segments of the recording. When a
+part is read, a few rows before it are read too, to find out whether the sample before it is lost.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ SHORTEST = 4096
 class Part:
     """Description of consecutive rows of a recording in a file. It is small and can be sent to other processes.
 
-    Iterate over it for its chunks, as over a Stream. Their segments are counted from 0 for the one that the part before
-    ends with, so that a part with a gap right before it begins with segment 1.
+    Iteration yields the chunks of the part, as for a `Stream`. Segment 0 is the segment in which the previous part
+    ends, so a part directly after a gap begins with segment 1.
 
     Attributes
     ----------
@@ -44,13 +45,13 @@ class Part:
     format : str
         Name of the reader.
     topic : str or None
-        The recording in the file, if it was chosen.
+        Name of the recording in the file; None if none was chosen.
     found : Interpretation
         Columns, units and rate from the first rows of the recording.
     size : int
         Largest number of samples in a chunk.
     back, begin, end : Mark
-        A place before the first row, and where the rows of the part begin and end.
+        Marks of a position before the part, of the beginning of the part, and of its end.
     whole : bool
         Whether the part is the whole recording.
     skip_bad_lines : bool
@@ -89,12 +90,12 @@ class Part:
 
 
 class PartReader:
-    """Reads a part once; `summary` is known after the last chunk.
+    """Reads a part once. `summary` is available after the last chunk.
 
     Raises
     ------
     ReadError, DataError
-        If `read` would refuse the rows, and if the file is missing or has changed.
+        In the same cases as `gmwm.read`, and if the file has changed since it was divided.
     """
 
     summary: RowSummary
@@ -128,7 +129,7 @@ class PartReader:
         self.summary = builder.summary()
 
     def _lost_before(self) -> bool:
-        """Whether the row before the part is lost."""
+        """Return whether the row before the part is lost."""
         part = self._part
         if part.first == 0:
             return False
@@ -150,7 +151,7 @@ class PartReader:
 
 
 def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
-    """Split a recording into consecutive parts: see `Stream.parts`."""
+    """Split a recording into consecutive parts; see `Stream.parts`."""
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
         raise OptionError(argument="count", expected="a whole number of parts from 1", got=count)
     origin = stream._rows
@@ -168,7 +169,7 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
             "a recording from which time ranges are left out cannot be divided into parts",
             advice="Write the time ranges to keep to a file of their own instead of {--start}, {--stop} or {--skip}.",
         )
-    # Rows that the clock leaves out have no index in the segments, so the recording is read from its beginning.
+    # If rows are left out, the row numbers of the clock differ from those of the file. The recording is then one part.
     marks = () if stream._found.sparse else origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
     whole = Part(
@@ -193,7 +194,7 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
 
 
 def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
-    """Return the indices of the marks at which parts begin, without the first part."""
+    """Return the indices of the marks at which the second and the later parts begin."""
     rows = [mark.row for mark in marks]
     cuts, last = list[int](), 0
     for k in range(1, count) if rows else ():

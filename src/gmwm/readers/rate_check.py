@@ -10,7 +10,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import ReadError
 from gmwm.remarks import Quantity
 
-# The thresholds separate the made-up clocks of tests/readers/test_steady.py (steady, drifting, jittered, in bursts,
+# The thresholds separate the simulated clocks of tests/readers/test_steady.py (steady, drifting, jittered, in bursts,
 # with pauses, with one change) and test_timebase.py (out of order, set back), which pin them.
 
 _BLOCK = 64
@@ -20,15 +20,15 @@ _BLOCKS = 64
 _BESIDE = 3
 """Number of blocks compared on each side of a change: a gap or a pause affects only one of them."""
 _BESIDE_BURSTS = 8
-"""The same number if samples come in bursts, whose mean varies more from block to block."""
+"""The same number if samples come in bursts. The mean interval then varies more from block to block."""
 _CHANGED = 1.05
-"""Ratio of two rates from which the rate has changed: oscillators drift by less, the settings of a sensor differ by
-more."""
+"""Smallest ratio of two rates that is a change of the rate. Oscillators drift by less, and the settings of a sensor
+differ by more."""
 _CHANGED_BURSTS = 1.2
 """The same ratio if samples come in bursts: a block can contain one burst more or less."""
 _NEAR = 8.0
-"""Number of sampling intervals. A time stamp that steps back by less is out of order; by more, the clock was set
-back."""
+"""A time stamp that is earlier than the previous one by less than this number of sampling intervals is out of order. If
+it is earlier by more, the clock was set back."""
 _SOME, _SHARE = 2, 1e-3
 """Number of time stamps out of order that is accepted in any recording, and the accepted share."""
 _RESETS, _RESET_SHARE = 8, 1e-2
@@ -64,7 +64,8 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
     Raises
     ------
     ReadError
-        If more than two time stamps, and more than a thousandth of them, are out of order.
+        If more than two time stamps and more than 0.1 % of them are out of order, or if the time steps backward more
+        than 8 times and in more than 1 % of the rows.
     """
     steps = np.diff(ticks)
     back = np.flatnonzero(steps < 0)
@@ -88,8 +89,8 @@ def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
     Raises
     ------
     ReadError
-        If it changes, with the time as the fact `when`. The message has both rates, the row, and the time from the
-        first sample if `ticks` count from it; `row` is the number of rows before the first one of `ticks`.
+        If the rate changes. The message states both rates, and the row and time of the change. The fact `when` is this
+        time (s), counted from the zero of `ticks`. `row` is the number of rows before the first one of `ticks`.
     """
     change = rate_change(ticks)
     if change is None:
@@ -111,7 +112,7 @@ def rate_change(ticks: Vector) -> Change | None:
     Blocks of at least 64 intervals are compared, three on either side. The median interval of a block does not depend
     on gaps, and the mean does not depend on jitter and rounding. Both must change by about the same factor, and all
     blocks of one side must lie beyond all of the other side. If samples come in bursts, the median has no meaning, and
-    the mean must change by 20 % over eight blocks.
+    the mean must change by 20 %, with eight blocks on either side.
 
     Parameters
     ----------

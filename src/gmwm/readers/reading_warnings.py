@@ -1,4 +1,4 @@
-"""Warnings on reading: the remarks that `read` and `stream` also issue as Python warnings."""
+"""Select the remarks that `read` and `stream` also issue as Python warnings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def of_file(remarks: Iterable[Remark], path: object) -> tuple[Remark, ...]:
 
 
 def warn(remarks: Iterable[Remark], stacklevel: int) -> None:
-    """Issue the remarks that are also warnings; `stacklevel` as in a `warnings.warn` of the caller."""
+    """Issue the remarks that are also warnings. `stacklevel` means the same as in a call of `warnings.warn` by the
+    caller."""
     for remark in remarks:
         category = _CATEGORIES.get(remark.code)
         if category is not None:

@@ -1,4 +1,4 @@
-"""Recordings of ROS, read without ROS: ROS 1 bags, and databases and MCAP files of ROS 2, alone or in their directory.
+"""Read ROS recordings without ROS: bags of ROS 1, and databases and MCAP files of ROS 2, as files or directories.
 
 Every topic whose messages hold numbers is a recording. It is inertial if its type is sensor_msgs/Imu or its fields have
 the names of axes. The time is the stamp in the header of each message, or the time of recording if the stamp is not
@@ -46,7 +46,7 @@ TEMPERATURE = "(temperature)"
 _ELEMENT = re.compile(r"(.*)\[([012])\]")
 _TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"
 _SENSORS = {"angular_velocity": "gyro", "linear_acceleration": "accel"}
-_PEEK = 64  # first messages by which a sensor that is zero throughout is recognised; noise is never zero in 64 samples
+_PEEK = 64  # first messages that show whether a sensor is always zero; noise is not zero in 64 samples
 _YAML_LIMIT = 1 << 20  # bytes: a metadata.yaml lists one line for each file and topic; a larger one takes 10 s
 _FILES = 10_000  # files of a recording: a bag is split into parts of some hundred MB at least
 _PACKED = (".db3.zstd", ".mcap.zstd")
@@ -63,7 +63,7 @@ class _Stream:
 
 @register
 class RosbagReader(Reader):
-    """ROS 1 and ROS 2 recordings, by their signatures; a directory by its metadata.yaml."""
+    """Reader of ROS 1 and ROS 2 recordings. Files are recognised by their signatures, directories by metadata.yaml."""
 
     name: ClassVar[str] = "rosbag"
     extensions: ClassVar[tuple[str, ...]] = (".bag", ".db3", ".mcap", ".yaml", ".zstd")
@@ -205,7 +205,7 @@ def _listed(path: Path) -> list[Path]:
             code="too-many",
             advice="Pass one of the files of the recording instead.",
         )
-    # Only names are used, so a list cannot lead out of its directory.
+    # Folders in the list are ignored, so it cannot refer to files outside its directory.
     files = [path.parent / name for name in names]
     missing = [file.name for file in files if not file.is_file()]
     if missing:
@@ -218,7 +218,7 @@ def _listed(path: Path) -> list[Path]:
 
 
 def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
-    """Yield the messages of a topic in all files; each file may have another number for the topic."""
+    """Yield the messages of a topic in all files. The identifiers of the topic can differ between the files."""
     for storage in storages:
         for own in storage.topics():
             if (own.name, own.type, own.encoding) == (topic.name, topic.type, topic.encoding):
@@ -275,7 +275,7 @@ def _temperatures(
         decoder = Decoder(kind, [STAMP, "temperature"])
         for times, messages in _batches(storages, topic):
             numbers = _decoded(decoder, messages, topic, path)
-            # The temperature is placed by the same clock as the samples.
+            # The temperatures need times of the same clock as the samples.
             stamps.append(numbers[STAMP] if stamp == STAMP else np.array(times, dtype=np.int64))
             values.append(numbers["temperature"])
     at, there = np.concatenate(stamps), np.concatenate(values)
@@ -377,7 +377,7 @@ def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> boo
 
 
 def _first(topic: Topic, kind: Definition, names: Sequence[str], storages: Sequence[Storage]) -> dict[str, Any]:
-    """Return numbers of the first messages of a topic; empty arrays if it has no messages."""
+    """Return the numbers `names` of the first messages of a topic; empty arrays if it has no messages."""
     for _, messages in _batches(storages, topic):
         return _decoded(Decoder(kind, names), messages[:_PEEK], topic, storages[0].path)
     return {name: np.empty(0) for name in names}

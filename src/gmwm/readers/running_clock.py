@@ -1,4 +1,4 @@
-"""Find the rows at which segments begin, block by block: for a file with a known clock, and for a live stream."""
+"""Find the rows at which segments begin, block by block, for files whose clock is known and for live streams."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 KEPT = 4096
 """Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
 _BEHIND = 128
-"""Smallest number of later rows that decide whether a row begins a segment: late deliveries end before."""
+"""Smallest number of later rows that are needed to decide whether a row begins a segment. Late deliveries end within
+these rows."""
 _SOME = 1024
-"""Smallest number of the last rows in which a change of the rate is recognised."""
+"""Smallest number of recent rows whose rate is compared with the rate of the first rows."""
 _CHANGED, _CHANGED_BURSTS = 1.05, 1.2
-"""Ratios of two rates from which the rate has changed, as in `gmwm.readers.rate_check`."""
+"""Smallest ratios of two rates that are a change of the rate, as in `gmwm.readers.rate_check`."""
 _APART = 1e-3
 """Relative difference between the rates of the first rows and of all rows that causes a warning, as for a declared
 rate."""
@@ -36,7 +37,7 @@ rate."""
 
 @dataclass(frozen=True)
 class Settled:
-    """Rows up to `stop` whose segments are known: the rows that begin a segment, and their times (s)."""
+    """The row up to which segments are known (`stop`), the new rows that begin a segment, and their times (s)."""
 
     stop: int
     firsts: tuple[int, ...]
@@ -44,14 +45,14 @@ class Settled:
 
 
 class KnownClock:
-    """Clock of a recording whose time stamps were all analysed before.
+    """Clock of a recording whose time stamps have all been analysed.
 
     Parameters
     ----------
     timing : Timing
         Segments of all rows.
     row : int
-        Number of the first row that will be given.
+        Number of the first row that will be added.
     """
 
     def __init__(self, timing: Timing, row: int = 0) -> None:
@@ -60,18 +61,19 @@ class KnownClock:
         self._rows = timing.segments[-1][1] if timing.base.stamped else None
 
     def take(self, rows: int) -> Settled:
-        """Add the next rows."""
+        """Add the next rows, and return the segments that begin in them."""
         row, stop = self._row, self._row + rows
         self._row = stop
         a, b = np.searchsorted(self._firsts, [row, stop]).tolist()
         return Settled(stop, tuple(self._firsts[a:b].tolist()), self._starts[a:b])
 
     def left(self) -> int | None:
-        """Number of rows that follow; None if they were not counted, because they have no time stamps."""
+        """Return the number of rows that follow; None if it is unknown because the recording has no time stamps."""
         return None if self._rows is None else self._rows - self._row
 
     def gaps(self, first: int, stop: int) -> tuple[tuple[int, float], ...]:
-        """Return the gaps before the rows from `first` to `stop`: the row after each, and its length (s)."""
+        """Return the gaps directly before the rows `first` to `stop` − 1: for each gap, the row after it and its length
+        (s)."""
         return tuple(gap for gap in self._gaps if first <= gap[0] < stop)
 
     def segment_at(self, row: int) -> tuple[int, float]:
@@ -95,9 +97,9 @@ class Pace:
     seconds, per_second : float, int
         Seconds in a tick if it is longer than a second, and ticks in a second if it is shorter; 1 otherwise.
     width : int
-        Rows that were compared to find the gaps.
+        Number of rows in the blocks that were compared to find the gaps; 1 for single rows.
     spacing : float
-        Distance of float64 numbers of the size of the time stamps, in ticks; 0 for integers.
+        Spacing of float64 numbers at the magnitude of the time stamps (ticks); 0 for integers.
     """
 
     first: int | float
@@ -130,7 +132,7 @@ class Pace:
 
     @property
     def behind(self) -> int:
-        """Number of later rows that decide whether a row begins a segment."""
+        """Number of later rows that are needed to decide whether a row begins a segment."""
         return min(_BEHIND + 4 * self.width, KEPT)
 
     def ticks(self, values: NDArray[Any]) -> Vector:
@@ -145,7 +147,7 @@ class Pace:
 
 @dataclass
 class Counted:
-    """Sums over intervals of time stamps.
+    """Counts and sums over the intervals between time stamps.
 
     Attributes
     ----------
@@ -154,9 +156,9 @@ class Counted:
     span, squares : float
         Sum of these intervals (ticks), and sum of their squared differences from the sampling interval.
     duplicates, backward : int
-        Number of time stamps that repeat the one before, and that step backward.
+        Number of time stamps that equal the previous one, and number that are smaller than the previous one.
     gaps : list of (row, seconds)
-        For each gap, the first row after it and its length.
+        For each gap, the first row after it and its length (s).
     """
 
     inside: int = 0
@@ -170,8 +172,9 @@ class Counted:
 class RunningClock:
     """Find gaps in the time stamps of a live stream block by block, with the sampling interval of the first rows.
 
-    A long interval is a gap if the time stamps after it stay late. This needs some rows more, so the segments of the
-    last rows of a block are decided with the next block. A file is not read like this: all its time stamps are known.
+    A long interval is a gap if the time stamps after it stay late. To find this out, some later rows are needed, so the
+    segments of the last rows of a block are determined with the next block. For a file, whose time stamps are all
+    known, `KnownClock` is used instead.
 
     Parameters
     ----------
@@ -205,7 +208,7 @@ class RunningClock:
         return self._settle(max(self._stop, self.rows - self.pace.behind))
 
     def end(self) -> Settled:
-        """Decide the last rows, at the end of the stream."""
+        """Return the segments of the last rows, at the end of the stream."""
         return self._settle(self.rows)
 
     def base(self) -> TimeBase:
@@ -223,7 +226,7 @@ class RunningClock:
         )
 
     def remarks(self) -> Iterator[Remark]:
-        """Yield remarks on the time stamps of these rows."""
+        """Yield remarks on the time stamps of the rows whose segments are known."""
         counted, pace = self._counted, self.pace
         yield from about_stamps(self.base())
         if self._stop > pace.rows and counted.span > 0:
@@ -301,8 +304,8 @@ class RunningClock:
         return Settled(stop, tuple(firsts), tuple(starts))
 
     def _count(self, steps: Vector, raw: Vector, firsts: list[int]) -> None:
-        """Add the intervals before the rows that were decided last. The first of these rows is row `_stop` (or row
-        1)."""
+        """Add the intervals before the rows whose segments have just been determined. The first of these rows is row
+        `_stop` (or row 1)."""
         inside = np.ones(steps.size, dtype=bool)
         inside[[row - max(self._stop, 1) for row in firsts]] = False
         kept, counted = steps[inside], self._counted

@@ -2,15 +2,15 @@
 
 The time stamp of row k is t_k = t_0 + (k + L_k) T + d_k. L_k counts the samples lost so far and never decreases. The
 delay d_k is jitter, the rounding of the time stamps, or the time that a sample waits in a buffer. So
-r_k = t_k / T - k = L_k + (slow drift of the clock) + d_k / T, in samples. A late delivery moves r for a while, a lost
-sample moves it for good.
+r_k = t_k / T - k = L_k + (slow drift of the clock) + d_k / T, in samples. A late delivery increases r for a while; a
+lost sample increases it permanently.
 
-1. Statistics over blocks of W rows (mean, least or largest r; single rows if they are regular) average the delays out.
-   W is the shortest for which the statistics agree with each other modulo 1 (`_coherence`).
+1. A statistic of r over blocks of W rows (mean, minimum or maximum) reduces the delays; W = 1 if single rows are
+   regular. W is the shortest length for which the statistics of neighbouring blocks agree modulo 1 (`_coherence`).
 2. Modulo 1, r does not depend on the lost samples. Its phase gives the interval T and the drift of the clock.
-3. Without the drift, the statistics are whole numbers: the levels. What follows a rise of the level within twice its
-   length must stay above, or the rise was a late delivery.
-4. Each rise is placed at the row that fits best the levels before and after.
+3. Without the drift, the statistics are whole numbers, the levels. If the level falls again after a rise,
+   within twice the length of the rise, the rise was a late delivery.
+4. Each rise is placed at the row at which the levels before and after it fit best.
 """
 
 from __future__ import annotations
@@ -31,38 +31,38 @@ _COARSE = 0.35
 _REGULAR = 0.35
 """Smallest coherence of single rows: the value for jitter of 0.23 sampling intervals (exp(-2π²σ²))."""
 _TURNS = 0.15
-"""Smallest coherence of two rows from which the interval is refined: over longer distances the clock wanders too
-far."""
+"""Smallest coherence between rows at some distance at which this distance is used to refine the interval. Over longer
+distances the clock drifts too far."""
 _LATE = 0.01
 """Largest share of rows that may be more than 0.75 samples from their level: delays have a heavier tail than jitter."""
 _STEADY = 0.85
 """Coherence of neighbouring blocks that is sufficient: their statistics have a standard deviation of 0.06 samples."""
 _NEAR = 0.02
-"""Largest relative change of the interval when the phases of blocks are compared. A larger change is a multiple of the
-phase."""
+"""Largest relative change of the interval when the phases of blocks are compared. A larger change would mean that whole
+turns of the phase were miscounted."""
 _MOST_LOST = 2.5
-"""Ratio of the mean interval to the short intervals above which rows come in bursts, and no sample is lost."""
+"""Ratio of the mean interval to the median interval above which the rows come in bursts instead of being lost."""
 _RUNS, _RUN = 8, 16
-"""Conditions for that: the number of bursts, and the number of rows up to which a burst needs no pause of four times
-its length."""
+"""Rows come in bursts only if there are at least 8 of them, with fewer than 16 rows on average or a ratio above four
+times `_MOST_LOST`."""
 _LONG = 1.5
 """Interval, in samples, halfway between the intervals without and with a lost sample."""
 _FAR = 256
-"""Number of samples from which a gap is closed before the phases are compared, because the clock may drift within
+"""Length of a gap (samples) above which it is removed before phases are compared, because the clock may drift within
 it."""
 _SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
-"""Number of rows over which the phase is averaged, step between two of its values, and number of blocks for phases of
-blocks."""
+"""Number of rows over which the phase is averaged, step between two of its values, and number of blocks over which the
+phase of blocks is averaged."""
 _SOME = 1 << 17
 """Number of rows from which the interval is first found; all rows then refine it."""
 _PER_DOUBLING = 0.03
-"""Increase of the coherence that is required of a block with twice the rows."""
+"""Increase of the coherence above which a block with twice the rows is preferred."""
 _BLOCKS = 12
-"""Smallest number of blocks."""
+"""Smallest number of blocks into which the recording is divided in the search for a better block length."""
 _AGREES = 0.02
-"""Relative difference up to which an interval agrees with the declared one."""
+"""Largest relative difference at which an interval agrees with the declared interval."""
 _SLIPS = 5
-"""Number of regular steps from which they are rounding at another rate, and not losses."""
+"""Smallest number of regular steps that are taken as rounding at another rate instead of losses."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Found:
     rows, lost : (G,) arrays
         Row after each gap, and the number of samples lost there, at least 1.
     width : int
-        Rows whose statistics were compared; 1 if single rows show the lost samples.
+        Number of rows in the blocks whose statistics were compared; 1 if single rows show the lost samples.
     repeated : (R,) array
         Rows that were written twice.
     """
@@ -96,7 +96,7 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     ticks : (N,) array
         Time stamps that never decrease.
     resolution : float
-        Unit of which they are multiples, in ticks.
+        Unit of which the time stamps are multiples (ticks).
     declared : float, optional
         Declared sampling interval in ticks. It decides if several intervals explain the time stamps.
     """
@@ -125,7 +125,7 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
     steps = np.abs(np.diff(ticks))
     for decimals in range(10):
         unit = 1
-        for some in (steps[:: max(1, steps.size // 4096)], steps):  # a few show that most units are too large
+        for some in (steps[:: max(1, steps.size // 4096)], steps):  # a few steps rule out most units
             counts = some * 10.0**decimals
             whole = np.round(counts)
             allowed = 4 * spacing * 10.0**decimals + 1e-9 * counts + 1e-12
@@ -197,7 +197,7 @@ def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
 
 
 def _are_slips(found: Found) -> bool:
-    """Return whether there are no gaps, or so many regular ones that they are the rounding of another rate."""
+    """Return whether there are no gaps, or so many that they are taken as rounding at another rate."""
     count = found.rows.size + found.repeated.size
     return count == 0 or count >= _SLIPS
 
@@ -212,7 +212,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
         if runs >= _RUNS and (steps.size < _RUN * runs or mean / single > 4 * _MOST_LOST):
             return None
     if resolution >= _COARSE * single:
-        # The phase of rounded time stamps says nothing: only those without jitter show losses row by row.
+        # The phase of rounded time stamps is not usable, so only time stamps without jitter show losses row by row.
         odd = np.count_nonzero(np.abs(steps / single - np.round(steps / single)) > 1e-6) + np.count_nonzero(steps == 0)
         if odd > max(2, 0.002 * steps.size):
             return None
@@ -230,7 +230,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
 
 
 def _is_rounding(found: Found, resolution: float, single: float) -> bool:
-    """Return whether the losses are so regular that they are the rounding of another rate."""
+    """Return whether the losses are so regular that they are taken as rounding at another rate."""
     apart = np.diff(found.rows)
     return bool(
         found.rows.size >= _SLIPS
@@ -240,7 +240,8 @@ def _is_rounding(found: Found, resolution: float, single: float) -> bool:
 
 
 def _with_long_steps(level: Rows, steps: Vector) -> Rows:
-    """Remove rises and falls of the levels that no single interval (in samples) shows: the clock wandered there."""
+    """Remove the rises and falls of the levels without a correspondingly long or short interval (in samples). They are
+    drift of the clock."""
     rise = np.diff(level)
     near = np.abs(steps[steps < _LONG] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
@@ -333,7 +334,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
     """Find losses from statistics of blocks of rows."""
     closed, far = _closed(ticks, interval)
     n = closed.size
-    # The least or largest of rounded time stamps is a whole number at any interval that is a multiple of their unit.
+    # Minima and maxima of rounded time stamps are whole numbers for any interval that is a multiple of their unit.
     rounded = resolution >= _COARSE * interval
     names = ("mean",) if rounded else tuple(_STATISTICS)
     width = 4
@@ -350,7 +351,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
                 continue
             if value > 0.5:
                 near[name] = refined
-            # A shorter block finds losses that are near each other.
+            # A shorter block separates losses that are near each other.
             if value - _PER_DOUBLING * np.log2(size) > best[0] - _PER_DOUBLING * np.log2(best[1]):
                 best = (value, size, name, refined)
         width *= 2
@@ -365,7 +366,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
     for _ in range(2):
         level = least_ahead(median_of_three(np.round(b - phase)), horizon)
         rows_level = placed(r - np.interp(np.arange(n), centres, phase), level, width, steps)
-        # With the losses known, the phase is the statistic of the blocks without them.
+        # The losses are now known. Without them, the statistic of each block is its phase.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
     return _assembled(ticks, closed, far, rows_level, interval=interval, width=width, name=name)
 
@@ -398,14 +399,14 @@ def _refined(ticks: Vector, interval: float, width: int, name: str) -> float:
 
 
 def _turn(b: Vector, lag: int) -> float:
-    """Return the mean change of the phase over some blocks, in turns."""
+    """Return the mean change of the phase over `lag` blocks, in turns."""
     z = np.exp(2j * np.pi * b)
     return float(np.angle(np.mean(np.conj(z[:-lag]) * z[lag:]))) / (2 * np.pi)
 
 
 def _coherence(b: Vector) -> float:
-    """Return the agreement of neighbouring blocks modulo 1: 1 if exact, and exp(-4π²σ²) for statistics with deviation
-    σ."""
+    """Return how well neighbouring blocks agree modulo 1: 1 for exact agreement, exp(-4π²σ²) if the statistics have a
+    standard deviation of σ samples."""
     z = np.exp(2j * np.pi * b)
     return float(np.abs(np.mean(np.conj(z[:-1]) * z[1:])))
 

@@ -41,7 +41,7 @@ def multiply(
     Returns
     -------
     tuple of Remark
-        The declared factors and increments.
+        Remarks on the declared factors and increments.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def multiply(
 
 
 def parse_scale(text: str | None) -> dict[str, float] | None:
-    """Parse scale factors, numbers or fractions, to the mapping that `gmwm.read` takes.
+    """Parse the text of the option `scale`, with numbers or fractions, to the mapping that `gmwm.read` takes.
 
     >>> parse_scale("gyro=1/131,accel_x=6.1e-5")
     {'gyro': 0.007633587786259542, 'accel_x': 6.1e-05}

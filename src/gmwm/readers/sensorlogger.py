@@ -1,4 +1,4 @@
-"""Tables of the phone application Sensor Logger: time,seconds_elapsed,z,y,x, one file for each sensor.
+"""Read tables of the phone application Sensor Logger: one file for each sensor, with time,seconds_elapsed,z,y,x.
 
 The name of the file states the sensor: Gyroscope.csv in rad/s, TotalAcceleration.csv in m/s² with gravity,
 Accelerometer.csv in m/s² without gravity. The time is in nanoseconds.
@@ -24,12 +24,12 @@ _SENSORS = {
     "accelerometeruncalibrated": ("accel", ""),  # m/s² from some phones, g from others: inferred from gravity
 }
 WITHOUT_GRAVITY = "accelerometer"
-"""The table from which the filter of the phone has removed gravity."""
+"""Name of the table from which the filter of the phone has removed gravity."""
 
 
 @register
 class SensorLoggerReader(TextReader):
-    """One table of Sensor Logger, recognised by its header and its name."""
+    """Reader of a table of Sensor Logger, recognised by its header and its name."""
 
     name: ClassVar[str] = "sensorlogger"
     extensions: ClassVar[tuple[str, ...]] = (".csv",)

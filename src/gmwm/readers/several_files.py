@@ -1,8 +1,8 @@
-"""Several files that continue one another, such as a file for each hour, as one recording.
+"""Read several files that continue one another, such as a file for each hour, as one recording.
 
-They are a sequence of paths, or a pattern such as logs/hour_*.csv, whose files are in the order of the numbers in their
-names. The time stamps show how much is missing between two files. Without time stamps this is not known: the recording
-is split there, and nothing is filled.
+The files are given as a sequence of paths, or as a pattern such as logs/hour_*.csv. The files of a pattern are sorted
+by the numbers in their names. The time stamps show how many samples are missing between two files. Without time stamps,
+this number is unknown, so the recording is split there and nothing is filled.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ def source_words(path: Source) -> str:
 
 
 class SeveralFiles(Reader):
-    """Reads several files one after the other. It is not registered, because no content chooses it."""
+    """Reads several files one after the other. It is not registered, because the number of files chooses it, not their
+    content."""
 
     name: ClassVar[str] = "several files"
     extensions: ClassVar[tuple[str, ...]] = ()
@@ -104,7 +105,7 @@ class SeveralFiles(Reader):
         Raises
         ------
         ReadError
-            If there is none with the same columns.
+            If the file has no recording with the same columns.
         """
         for own in reader.layouts(file):
             names = [channel.name for channel in own.channels]

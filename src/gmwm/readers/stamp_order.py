@@ -1,4 +1,4 @@
-"""Put time stamps in order: counters that wrap around, summer time, single stamps out of order, clocks set back."""
+"""Correct time stamps for counters that wrap around, summer time, single stamps out of order, and clocks set back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ _BITS = (16, 24, 32)
 _HOUR = 3600
 """Step of a clock at a change to or from summer time (s)."""
 _HOUR_WITHIN = 0.25
-"""Largest difference of such a step from an hour and one sampling interval (s); half an interval if that is longer."""
+"""Largest difference (s) between such a step and an hour plus one sampling interval. The limit is two sampling
+intervals if they are shorter than this, and at least half a sampling interval."""
 _LOST = 64
 """Largest number of samples that may be lost where a counter wraps around."""
 _LONGEST = 1e10
@@ -33,7 +34,8 @@ order."""
 
 @dataclass(frozen=True)
 class Steps:
-    """Rows before which a counter wraps around, with its length in ticks, and before which summer time changes (±1)."""
+    """The rows before which a counter wraps around, each with the length of the counter (ticks), and the rows before
+    which the clock changes by an hour for summer time (1 for forward, −1 for back)."""
 
     wraps: tuple[tuple[int, float], ...] = ()
     hours: tuple[tuple[int, int], ...] = ()
@@ -61,7 +63,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Ordered:
-    """Time stamps in ticks without counter wraps and summer time, and the rows at which these occurred."""
+    """Time stamps (ticks) that are corrected for counter wraps and summer time, and the rows of these corrections."""
 
     ticks: Vector
     steps: Steps
@@ -96,9 +98,9 @@ def nominal_interval(ticks: Vector) -> float:
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> Ordered:
     """Undo wraps of a counter and changes to and from summer time.
 
-    A step backward is a wrap if one sampling interval, or a few dozen, are left of it after 2¹⁶, 2²⁴ or 2³² ticks are
-    added (for time stamps that are not integers: ns, µs or ms). A step of an hour, forward or backward, is summer time
-    if one sampling interval is left of it.
+    A backward step is a wrap if it becomes one sampling interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added
+    to it. For time stamps that are not integers, the ticks of the counter can also be ns, µs or ms. A step is a change
+    of summer time if it becomes one sampling interval when an hour is added or subtracted.
     """
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
@@ -136,7 +138,7 @@ def _wraps(
     back = np.flatnonzero(steps < 0)
     for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
         rest = steps[back] + length
-        some = np.round(rest / nominal)  # sampling intervals that are left
+        some = np.round(rest / nominal)  # number of sampling intervals that remain
         missing = (some >= 1) & (some <= min(_LOST, length / nominal / 8)) & (np.abs(rest / nominal - some) <= 0.25)
         wraps = back[(np.abs(rest - nominal) <= near) | missing]
         if wraps.size and wraps.size >= 0.5 * back.size and length > 8 * nominal:

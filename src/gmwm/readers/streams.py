@@ -1,4 +1,4 @@
-"""A recording in SI units that is read chunk by chunk, from a file that may be larger than memory."""
+"""Read a recording chunk by chunk, in SI units, from a file that may be larger than memory."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 CHUNK = 1_000_000
 """Default number of samples in a chunk."""
 LARGE = 300_000_000
-"""File size (bytes) from which commands and fleets stream a file. It is a choice: smaller files fit into the memory of
-any computer together with the copies that an estimate needs."""
+"""Smallest size of a file (bytes) that the commands, and the calibration of a fleet, stream. The value is a choice:
+smaller files fit into the memory of any computer together with the copies that an estimate needs."""
 Kept = Sequence[tuple[float, float]]
 """Ranges of time (s), in order."""
 
@@ -44,14 +44,13 @@ T = TypeVar("T")
 
 
 def is_large(path: Path) -> bool:
-    """Return whether commands and fleets stream a file, or the files of a pattern, instead of reading it into
-    memory."""
+    """Return whether a file, or all files of a pattern together, are so large that the commands stream them."""
     files = [Path(file) for file in files_of(path)]
     return sum(file.stat().st_size for file in files if file.is_file()) >= LARGE
 
 
 def without_float_warnings(items: Iterator[T]) -> Iterator[T]:
-    """Yield the items of a reader, without NumPy's warnings about damaged numbers: they are checked later."""
+    """Yield the items of a reader, without NumPy's warnings about damaged numbers, which are checked later."""
     while True:
         with np.errstate(all="ignore"):
             item = next(items, None)
@@ -69,7 +68,7 @@ class FileRows:
     path, reader, layout
         The file, its reader, and the description of the recording.
     topic : str or None
-        The name of the recording that was given.
+        Name of the recording that the user chose; None if none was chosen.
     limits : (int, int) or None
         The first row, and the row after the last one; None for all rows.
     """
@@ -94,7 +93,8 @@ class FileRows:
         return replace(self, limits=(begin, end))
 
     def held(self, choice: Choice) -> HeldRows:
-        """Read the rows of the chosen columns into memory. Only time stamps need the precision of integers."""
+        """Read the rows of the chosen columns into memory. Integers become float64, except in the time stamps, which
+        need the precision."""
         wanted = list(choice.columns.values())
         parts: dict[int, list[Any]] = {k: [] for k in wanted}
         cuts, marked = [], False
@@ -165,9 +165,9 @@ class Stream:
     axes : tuple of str
         Names of the axes, gyroscopes first.
     time_base : TimeBase
-        Properties of the time stamps; for a live stream, of the first rows, and after an iteration of all rows.
+        Properties of the time stamps. For a live stream, they describe the first rows, and all rows after an iteration.
     remarks : tuple of Remark
-        How the file was understood.
+        Remarks on how the file was interpreted.
     """
 
     def __init__(
@@ -186,7 +186,7 @@ class Stream:
 
     @property
     def rows(self) -> int:
-        """Number of rows that count for the clock; number of first rows if the recording has no time stamps."""
+        """Number of rows that the clock counts. Without time stamps, it is the number of rows that were read first."""
         return self._found.timing.segments[-1][1]
 
     def wavelet_variance(
@@ -214,23 +214,24 @@ class Stream:
         Parameters
         ----------
         levels : int, optional
-            Number of levels J; by default all that have a coefficient.
+            Number of levels J; by default all levels that have at least one coefficient.
         exact : int, optional
-            Number of levels that use every coefficient of 2^exact samples or more, 6 to 24. By default as many as fit
-            into 512 MiB: 21 for six axes. Workers return what they know of a part; their default is 19 for six axes.
+            Number of levels, 6 to 24, that use every coefficient. By default, as many as 512 MiB of memory allow: 21
+            for six axes. With workers, the default is 19 for six axes, because each worker returns the samples at the
+            ends of its part.
         robust, efficiency : bool, float
             As for `gmwm.wavelet_variance`.
         passes : 2 or 1
-            Number of times that a robust estimate reads a recording that exceeds this memory. Two passes are exact
-            and give the slope, see `SecondPass`. One pass agrees to 1e-4 with the estimate from all coefficients, and
-            to 5e-3 at a level with so many outliers that only the median is left.
+            Number of times that a robust estimate reads a recording that exceeds this memory. Two passes are exact, and
+            also give the slope of the curve; see `SecondPass`. One pass agrees to 1e-4 with the estimate from all
+            coefficients, and to 5e-3 at a level with so many outliers that only the median is left.
         confidence : float
             Confidence level of the limits, between 0 and 1.
         threads : int, optional
             Number of axes to process in parallel; by default the number of processors.
         scheduler, workers, parts : optional
-            To read parts of the recording in other processes: a Dask scheduler, or a number of processes to start here,
-            and the number of parts.
+            Options to read parts of the recording in other processes: `scheduler` is a Dask scheduler, `workers` is the
+            number of processes to start on this computer, and `parts` is the number of parts.
         done : callable, optional
             Called in this thread with the number of samples so far after every chunk. A second pass continues the
             count, up to twice the number of samples.
@@ -243,7 +244,8 @@ class Stream:
         Raises
         ------
         ReadError, DataError
-            If `read` would refuse the data, when the data are reached; or if the recording changed between two passes.
+            In the same cases as `gmwm.read`, when the iteration reaches the data; or if the recording changed between
+            two passes.
         OptionError
             If an option is unknown or out of range.
 
@@ -299,7 +301,7 @@ class Stream:
         Raises
         ------
         ReadError, DataError
-            If `read` would refuse the data, when the data are reached; or if no segment has 64 samples.
+            In the same cases as `gmwm.read`, when the iteration reaches the data; or if no segment has 64 samples.
         OptionError
             If an option has an invalid value.
         """
@@ -310,9 +312,9 @@ class Stream:
     def parts(self, count: int) -> tuple[Part, ...]:
         """Split the recording into consecutive parts of about the same length, to be read in other processes.
 
-        Parquet, .npy, HDF5, .imu and .imr can be read from any row. So can text, whose lines are counted first in a
-        pass that parses no numbers. Any other format is one part. Parts begin where the chunks of the reader do (2¹⁸ or
-        2²⁰ rows, 8 MB of text), so a short recording has fewer parts.
+        Parquet, .npy, HDF5, .imu and .imr files can be read from any row. Text can too, after a pass that counts its
+        lines without parsing numbers. A file of any other format is one part. Each part begins with a chunk of the
+        reader (2¹⁸ or 2²⁰ rows, or 8 MB of text), so a short recording has fewer parts.
 
         Parameters
         ----------
@@ -322,7 +324,7 @@ class Stream:
         Returns
         -------
         tuple of Part
-            In order. A part can be pickled; where it is read, the file must have the same path.
+            The parts in order. A part can be pickled, and read on any computer on which the file has the same path.
 
         Raises
         ------

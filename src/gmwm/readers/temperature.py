@@ -1,8 +1,8 @@
-"""Temperature of every row, interpolated between the rows that have a reading.
+"""Give every row a temperature, by linear interpolation between the rows that have a reading.
 
-Other rows are interpolated linearly: by the time stamps if they increase, so that rows of the temperature alone are
-used too, and over the rows otherwise. Before the first reading, and over more than `LONGEST` rows without one, the
-nearest earlier reading counts. The result does not depend on how the rows are divided into chunks.
+The interpolation is over the time stamps if they increase, and over the row numbers otherwise. Readings in rows without
+samples are used too. Rows before the first reading get the first reading. If more than `LONGEST` rows have no reading,
+they get the last reading before them. The result does not depend on how the rows are divided into chunks.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gmwm.readers.lost_samples import is_missing
 
 LONGEST = 1 << 20
 """Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most this number of rows wait
-for the next reading, which bounds the memory. It is a choice."""
+for the next reading, which bounds the memory. The value is a choice."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,9 @@ def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: 
     Parameters
     ----------
     chunks : iterable of Rows
+        The rows of the recording.
     columns : mapping of role to column index
-        "temperature", and "time" if the time stamps are read.
+        Indices of the columns "temperature", and "time" if the time stamps are read.
     first : float
         The first reading (°C).
     """

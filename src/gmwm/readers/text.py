@@ -1,6 +1,6 @@
-"""CSV and other text tables, read in blocks that Polars parses.
+"""Read CSV and other text tables in blocks, which Polars parses.
 
-The header is parsed here, and Polars gets a schema, so it infers nothing from the first rows.
+This module parses the header and passes a schema to Polars, so that Polars infers nothing from the first rows.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LINE_BYTES = 8 * BLOCK_BYTES
 
 TAIL_BYTES, TAIL_LINES = 1 << 16, 1000
 """Number of bytes and lines at the end of a file that are compared with a last line without a newline."""
-_ENOUGH = 10  # lines from which the usual length of a number is known; pinned by tests/readers/test_stamps.py
+_ENOUGH = 10  # number of lines that show the usual length of a number; pinned by tests/readers/test_stamps.py
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Place:
 
 @register
 class TextReader(Reader):
-    """Delimited text, with or without header, comments, units and time."""
+    """Reader of delimited text, with or without header, comments, units and time."""
 
     name: ClassVar[str] = "text"
     extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
@@ -63,11 +63,11 @@ class TextReader(Reader):
         return 0.5 if re.search(rb"\d", head) else 0.1
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return the columns, with names from the header or a comment; one recording for each sensor in the rows."""
+        """Return the recordings, with column names from the header or a comment; see `layouts_of`."""
         return self.layouts_of(FileSource(path))
 
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
-        """Return the recordings in a text, from a file or unpacked: several if a column states the sensor of each
+        """Return the recordings in a file or in unpacked text. There are several if a column states the sensor of each
         row."""
         layout = self.layout(source)
         dialect: Dialect = layout.state
@@ -105,7 +105,7 @@ class TextReader(Reader):
         return self.rows(FileSource(path), layout, wanted, mark.place)
 
     def layout(self, source: FileSource) -> Layout:
-        """Return the columns of a text, from a file or unpacked."""
+        """Return the layout of a file or of unpacked text."""
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
@@ -135,7 +135,7 @@ class TextReader(Reader):
     def rows(
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
     ) -> Iterator[Rows]:
-        """Yield the numbers of a text, from the first row or from the block at `place` on."""
+        """Yield the numbers in text, from the first row or from the block at `place` on."""
         dialect: Dialect = layout.state
         _require_end(source, layout)
         stamp, read = dialect.columns, list(wanted)
@@ -206,9 +206,9 @@ def _head_lines(source: FileSource) -> list[str]:
 
 
 def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()] | None:
-    """Check the end of the last line: None if it ends with a newline, () if it does not but may be complete.
+    """Check the end of the last line. Return None if it ends with a newline, and () if it does not but may be complete.
 
-    If the last number has fewer digits than the last number of all lines before, it was cut off. In this case, return
+    If the last number has fewer digits than the last number of every line before, it was cut off. In this case, return
     the last cell of the last line, and the last cell of the line before.
     """
     with source.open() as file:

@@ -1,8 +1,8 @@
 """Parse blocks of a text table, and handle the lines that are not rows.
 
 Polars parses a block at once. It reads a short row as nulls without an error, so a block with nulls is checked line by
-line. A cell that is empty or holds NA is a missing value. A line with another number of cells, or with text in place of
-a number, is a bad line: an error, or a row of missing values. A repeated header is left out.
+line. A cell that is empty or holds NA is a missing value. A line with the wrong number of cells, or with text in place
+of a number, is a bad line. It raises an error or becomes a row of missing values. A repeated header is left out.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class RowParser:
         return {k: self._column(frame.get_column(str(k)), k, block, line) for k in self.wanted}
 
     def _column(self, column: pl.Series, k: int, block: bytes, line: int) -> NDArray[Any]:
-        """Return the numbers of column `k` of a block: NaN or `MISSING` for a missing value."""
+        """Return the numbers of column `k` of a block, with NaN or `MISSING` for a missing value."""
         if k in self.long:
             return np.ascontiguousarray(column.fill_null(MISSING).to_numpy())
         if k not in self.stamps:
@@ -105,7 +105,7 @@ class RowParser:
         Raises
         ------
         ReadError
-            With the line, the column and the content of the cell.
+            If there is such a number. The message states the line, the column and the content of the cell.
         """
         columns = [k for k in self.wanted if k not in self.stamps]
         for number, text in self._lines(block, line):
@@ -142,7 +142,7 @@ class RowParser:
         Raises
         ------
         ReadError
-            At the first bad line, unless bad lines are skipped.
+            If a line is bad, unless bad lines are skipped.
         """
         import polars as pl
 
@@ -201,7 +201,8 @@ class RowParser:
         Raises
         ------
         ReadError
-            With the file, the line, the column and the content of the cell, unless bad lines are skipped.
+            If a line is bad, unless bad lines are skipped. The message states the line, and the column and content of
+            the cell.
         """
         gap = (b" " if self.dialect.delimiter == BLANKS else self.dialect.delimiter.encode()).join(
             [_GAP] * self.dialect.columns

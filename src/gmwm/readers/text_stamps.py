@@ -2,8 +2,8 @@
 
     2024-05-01T12:00:00.123456789Z   2024-05-01 12:00:00,123+02:00   2024/05/01 12:00:00   20240501T120000   12:00:00.5
 
-The year must come first: 05/01/2024 is a day in January for some readers and in May for others. A time with an offset
-is converted to UTC; a time without one is read as UTC. Up to nine decimals of a second are read.
+The year must come first, because 05/01/2024 is a day in January in some countries and in May in others. A time with an
+offset is converted to UTC; a time without one is read as UTC. Up to nine decimals of a second are read.
 """
 
 from __future__ import annotations
@@ -152,12 +152,12 @@ def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
     Returns
     -------
     (N,) array
-        NaT for a cell that cannot be read.
+        The times, with NaT for a cell that cannot be read.
     """
     zoned = None if is_time_of_day(first) else bool(_zone(first))
     widths = cells.str.len_bytes().to_numpy()
     found = np.empty(widths.size, dtype="M8[ns]")
-    # Some programs leave out zeros at the end, so there are a few widths.
+    # Some programs leave out zeros at the end, so the cells can have several widths.
     for width in np.unique(widths).tolist():
         those = widths == width
         alike = cells if those.all() else cells.filter(those)
@@ -169,8 +169,8 @@ def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
 class Midnights:
     """Continue times of day beyond midnight, block by block.
 
-    A step backward of more than 12 h is midnight. A step forward by a day less at most a minute is a time stamp out of
-    order next to midnight. Any other step stays as it is. Pinned by tests/readers/test_stamps.py.
+    A step backward of more than 12 h is midnight. A forward step of a day, or up to a minute less, is a time stamp out
+    of order next to midnight. All other steps are kept. Pinned by tests/readers/test_stamps.py.
     """
 
     def __init__(self) -> None:

@@ -20,22 +20,23 @@ from gmwm.remarks import Quantity, Remark
 from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
-# Unless a paper is named, these thresholds separate the made-up clocks of tests/readers/test_timebase.py and
+# Unless a paper is named, these thresholds separate the simulated clocks of tests/readers/test_timebase.py and
 # test_steady.py: uniform, rounded, jittered, in bursts, with lost samples. The tests pin them.
 
 _PLAUSIBLE = (0.1, 1e5)
 """Range of rates (Hz) that are plausible for a unit of time that is not stated."""
 _USUAL = 1e4
-"""Rate (Hz) above which a unit is not inferred if another unit gives a lower rate: such recordings are rare."""
+"""Rate (Hz) above which a unit is not inferred if another unit gives a lower rate, because such recordings are rare."""
 _EPOCH = (1e9, 2.2e9)
-"""Seconds since 1970 in the years 2001 to 2039, the usual time stamps of computers."""
+"""Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""
 _AGREES = 0.05
-"""Relative difference within which a declared rate agrees with time stamps in one unit; units differ by 1000."""
+"""Largest relative difference at which a declared rate agrees with time stamps in a unit; units differ by a factor of
+1000."""
 _RATE_TOLERANCE = 1e-2
-"""Relative difference between a stated rate and the time stamps beyond which they contradict each other, as for a
-declared rate."""
+"""Largest relative difference at which the rate that a file states agrees with the rate of the time stamps. It is the
+same as for a declared rate."""
 _JITTER = 0.5
-"""Jitter, as a share of the sampling interval, beyond which neighbouring samples may be exchanged."""
+"""Jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Stamps:
     origin : float
         The first time stamp, in `unit`.
     spacing : float
-        Distance of float64 numbers of the size of the time stamps, in `unit`; 0 for integers.
+        Spacing of float64 numbers at the magnitude of the time stamps, in `unit`; 0 for integers.
     unit : str
         "s", "ms", "us" or "ns".
     integer : bool
@@ -72,7 +73,8 @@ class Stamps:
 class Timing:
     """The time base of a recording, its segments, their start times (s), and remarks on the time stamps.
 
-    `width` is the number of rows that were compared to find the gaps, see `gmwm.readers.sampling_interval`.
+    `width` is the number of rows in the blocks that were compared to find the gaps; see
+    `gmwm.readers.sampling_interval`.
     """
 
     base: TimeBase
@@ -88,7 +90,8 @@ def unstamped(rate: float, samples: int) -> Timing:
 
 
 def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stamps, Remark | None]:
-    """Count time stamps in their unit from the first one; with a remark if the unit is inferred or long.
+    """Count time stamps in their unit from the first one. Return also a remark if the unit is inferred or longer than a
+    second.
 
     Parameters
     ----------
@@ -131,7 +134,7 @@ def require_countable(values: NDArray[Any]) -> None:
     Raises
     ------
     ReadError
-        With the row of the first such time stamp among the values.
+        If there is such a time stamp. The message states the first one.
     """
     if values.dtype.kind != "f" or not values.size or float(np.max(np.abs(values))) <= _COUNTABLE:
         return
@@ -149,7 +152,7 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
     Raises
     ------
     UnitError
-        If several units are plausible, or none; the message has the rate in each unit.
+        If several units are plausible, or none. The message states the rate in each unit.
     """
     interval = nominal_interval(ticks)
     rates = {unit: per_second / interval for unit, per_second in TIME_UNITS.items()}

@@ -22,11 +22,11 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     OptionError
         If there is no recording of this name, or several.
     ReadError
-        If the choice is not unique without a name, or the recording cannot be read.
+        If no name is given and the choice is not unique, or the recording cannot be read.
     """
     layouts = reader.layouts(path)
     if topic is not None:
-        # The first instance of a message, and a topic of ROS without its slash.
+        # The number of the first instance of a message, and the slash of a ROS topic, can be left out.
         spelled = ((topic,), (f"{topic}_0", f"/{topic}"))
         named = next((found for names in spelled if (found := [x for x in layouts if x.topic in names])), [])
         if len(named) == 1:
@@ -68,7 +68,8 @@ def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
 
 
 def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
-    """Return the names of the recordings in a file that have all six axes; if there is none, of all inertial ones.
+    """Return the names of the recordings in a file that have all six axes. If there is none, return the names of all
+    inertial recordings.
 
     Raises
     ------
@@ -91,12 +92,12 @@ def topic_folder(topic: str) -> str:
 
 
 def separate_sensors(path: Source, format: str | None = None) -> tuple[str, str] | None:
-    """Return the names of the gyroscopes' and the accelerometers' recording of a file that holds exactly one of each.
+    """Return the names of the recording of the gyroscopes and the recording of the accelerometers in a file.
 
     Returns
     -------
     (gyroscopes, accelerometers), or None
-        None if the file holds other inertial recordings.
+        None unless the file has exactly these two inertial recordings.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""PX4's flight logs (.ulg): each gyroscope and accelerometer of the autopilot is a recording.
+"""Read PX4's flight logs (.ulg). Each gyroscope and accelerometer of the autopilot is a recording.
 
 Sources: PX4 guide, "ULog file format"; PX4-Autopilot, msg/SensorCombined.msg, SensorGyro.msg, SensorAccel.msg.
 """
@@ -34,7 +34,7 @@ _MOST_TEMPERATURES = 1 << 18
 
 @dataclass
 class _Summary:
-    """What the first pass over the messages of one sensor finds.
+    """Result of the first pass over the messages of one sensor.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class _Summary:
     stamped : set of str
         The kinds of stamps that are not always 0.
     warm : bool
-        Whether there is a temperature; simulated sensors have a temperature of 0.
+        Whether the sensor has a temperature. Simulated sensors have a temperature of 0, which does not count.
     device : int
         Identity of the sensor.
     """
@@ -86,11 +86,12 @@ class _Summary:
 
 @dataclass(frozen=True, eq=False)
 class _Selection:
-    """Where the columns of a recording are.
+    """The message and the fields from which the columns of a recording are read.
 
     Attributes
     ----------
     message : Message
+        The message to read.
     names : tuple of str
         Field of each column; the temperature of another message has none.
     temperatures : (times, values) or None

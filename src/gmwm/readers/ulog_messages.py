@@ -1,6 +1,6 @@
-"""Messages of PX4's flight logs (.ulg), block by block.
+"""Read the messages in PX4's flight logs (.ulg), block by block.
 
-Source: PX4 guide, "ULog file format". tests/readers compares with pyulog.
+Source: PX4 guide, "ULog file format". The tests compare the result with pyulog.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _OTHER = frozenset(b"IMPQLCSR")
 _LARGEST = 10_000
 """Largest size (bytes) of a message of an unknown kind; a larger one is taken for damage, as in pyulog."""
 _MOST_FIELDS = 2000
-"""Largest number of fields of a message: sensors have some ten; deeply nested types could exhaust the memory."""
+"""Largest number of fields of a message: sensors have about ten; deeply nested types could exhaust the memory."""
 _DEEPEST = 50
 """Largest depth of nested types."""
 _TYPES = {
@@ -42,7 +42,9 @@ class Message:
     Attributes
     ----------
     name : str
+        Name of the message, such as "sensor_gyro".
     instance : int
+        Number of the sensor, from 0.
     fields : dtype
         Fields without the padding at the end.
     largest : int
@@ -56,7 +58,7 @@ class Message:
 
     @property
     def topic(self) -> str:
-        """Name and instance."""
+        """Name and instance of the message, such as "sensor_gyro_0"."""
         return f"{self.name}_{self.instance}"
 
 
@@ -67,8 +69,9 @@ class Log:
     Attributes
     ----------
     path : Path
+        The file.
     messages : dict of id to Message
-        Logged messages by their numbers; others than the wanted ones are None.
+        Logged messages by their identifiers; None for messages that are not wanted.
     dropouts : int
         Number of places where the logger lost data.
     """
@@ -109,8 +112,8 @@ class Log:
             )
 
     def _walk(self, block: bytes, begin: int, names: tuple[str, ...]) -> tuple[dict[int, list[int]], int]:
-        """Return the places of wanted messages in a block that begins at byte `begin` of the file, by their numbers,
-        and the number of bytes that were read."""
+        """Return the positions of the wanted messages in a block that begins at byte `begin` of the file, by the
+        identifier of the message, and the number of bytes of the block that were used."""
         places: dict[int, list[int]] = {}
         at, end = 0, len(block)
         while at + 3 <= end:
@@ -138,7 +141,7 @@ class Log:
         return places, at
 
     def _define(self, kind: int, body: bytes, names: tuple[str, ...]) -> None:
-        """Read a message about messages.
+        """Read a message that defines other messages, or that holds the flags of the log.
 
         Raises
         ------
@@ -188,7 +191,7 @@ class Log:
                     yield from self._flat(kind, f"{one}.", (*above, name), budget)
 
     def _table(self, block: bytes, message: Message, starts: NDArray[np.int64]) -> Table:
-        """Return the messages that begin at some places of a block."""
+        """Return the messages that begin at the positions `starts` of a block, as a table."""
         raw = np.frombuffer(block, dtype=np.uint8)
         sizes = raw[starts].astype(np.int64) + (raw[starts + 1].astype(np.int64) << 8) - 2
         if np.any((sizes < message.fields.itemsize) | (sizes > message.largest)):

@@ -1,4 +1,4 @@
-"""Read an array of several units: one file with numbered columns or with topics, or a file for each unit."""
+"""Read the recordings of an array of several sensors (units), from one file or from a file for each unit."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from gmwm.readers.several_files import found_reader
 from gmwm.readers.topics import inertial_topics, one_layout
 from gmwm.signals import Imu
 
-# The number of a unit: in brackets, or the first digits that are not the exponent of a unit.
+# The number of a sensor is in brackets, or it is the first digits that are not the exponent of a unit such as m/s2.
 _NUMBERS = (re.compile(r"\[\s*(\d+)\s*\]|\(\s*(\d+)\s*\)"), re.compile(r"(?<![\ds^])(\d+)"))
 
 
 def read_array(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], **reading: Any) -> dict[str, Imu]:
-    """Read the recordings of all units of an array.
+    """Read the recordings of all units (sensors) of an array.
 
     Parameters
     ----------
@@ -32,17 +32,17 @@ def read_array(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
         One file whose columns have the numbers of the units, such as gyro_x[2] or imu2_acc_x; one file with several
         inertial topics; or a file for each unit.
     **reading
-        Options of `gmwm.read`, the same for all units; for numbered columns without `columns`.
+        Options of `gmwm.read`, which are the same for all units. `columns` is not allowed for numbered columns.
 
     Returns
     -------
     dict of str to Imu
-        The recordings by the number, the topic or the name of the file.
+        The recording of each unit, by the number of the unit, the topic, or the name of the file.
 
     Raises
     ------
     ReadError
-        If a single file has neither numbered columns nor several topics; or as for `gmwm.read`.
+        If a single file has neither numbered columns nor several topics, and in the same cases as `gmwm.read`.
     """
     return read_units(path, ReadOptions(**reading))
 
@@ -77,7 +77,7 @@ def read_units(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
 def numbered_columns(layout: Layout) -> dict[str, dict[str, int]]:
     """Return the column of each axis, for each number in column names; empty unless there are several numbers.
 
-    The letters of an axis are never its number: gyro[0], gyro[1] and gyro[2] are one unit.
+    An index that stands for an axis is not the number of a unit: gyro[0], gyro[1] and gyro[2] are the axes of one unit.
     """
     units: dict[str, dict[str, int]] = {}
     for k, channel in enumerate(layout.channels):

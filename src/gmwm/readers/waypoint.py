@@ -1,4 +1,4 @@
-"""Binary .imu records of six types of sensors, as used in surveying.
+"""Read files of binary .imu records. There are six types of records, of sensors that are used in surveying.
 
 The file does not state its sensor. All records of 56 bytes have the same scale. There are four types of records of 32
 bytes, so the user names the type: `format="imu:LN200"`.
@@ -49,7 +49,7 @@ class RecordReader(Reader):
         return 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return the time and six axes, if the records have the size of this type."""
+        """Return one recording with the time and six axes, if the records have the size of this type."""
         return (_layout(path, self.kind, self.kind.name),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -73,19 +73,20 @@ class ImuReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".imu",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0.6 if records of either size have plausible times; 0.1 for a single record and this extension."""
+        """Return 0.6 if records of one of the two sizes have plausible times, and 0.1 for a single record in an .imu
+        file."""
         fitting = [_times(head, kind) for kind in _fitting(head)]
         if any(times.size > 1 for times in fitting):
             return 0.6
         return 0.1 if fitting and path.suffix.lower() in self.extensions else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return the time and six axes, if the scale is known.
+        """Return one recording with the time and six axes, if the scale is known.
 
         Raises
         ------
         ReadError
-            If several types have records of this size; the message has the gravity in each.
+            If several types have records of this size; the message states the gravity for each type.
         """
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
@@ -186,7 +187,7 @@ def require_times(
     Raises
     ------
     ReadError
-        If they do not, because the records are of another type.
+        If their times are not plausible. The records are then of another type.
     """
     with path.open("rb") as file:
         file.seek(offset)

@@ -1,4 +1,4 @@
-"""Text exported by Xsens MT Manager: comments with //, PacketCounter, SampleTimeFine, Acc_X … OriInc_q3.
+"""Read text exported by Xsens MT Manager, with // comments and columns such as PacketCounter and Acc_X.
 
 Acc is in m/s² and Gyr in rad/s. If an export has only increments, VelInc (m/s) is the integral of the accelerometer
 over a sample, and OriInc is the quaternion of the rotation in a sample, whose vector part is half the angle.
@@ -37,7 +37,7 @@ _INCREMENTS = {
 
 @register
 class XsensReader(TextReader):
-    """Text of Xsens MT Manager, with increments if there are no rates."""
+    """Reader of text of Xsens MT Manager. Increments are used for a sensor without rates."""
 
     name: ClassVar[str] = "xsens"
     extensions: ClassVar[tuple[str, ...]] = (".txt", ".csv")
@@ -48,7 +48,7 @@ class XsensReader(TextReader):
         return 0.9 if known and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """Return the columns, which Xsens' names determine."""
+        """Return the layout, with the axes and units that the names of the columns determine."""
         found = super().layout(source)
         dialect: Dialect = found.state
         names = {channel.name for channel in found.channels}
@@ -99,7 +99,7 @@ class XsensReader(TextReader):
                         continue
                     counter = counter[there]
                     steps = np.diff(counter, prepend=counter[0] if last is None else last) % _WRAP
-                    # A counter that was reset looks like a gap of minutes, as samples were lost there.
+                    # A reset of the counter appears as a gap of minutes. Samples were lost there.
                     packets = (packets[-1] if packets is not None else 0) + np.cumsum(steps)
                     last = counter[-1]
                     out[k][there] = packets / layout.state.rate
