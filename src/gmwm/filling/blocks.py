@@ -1,7 +1,7 @@
 """Fill the gaps of a recording block by block.
 
 A block has `BLOCK` known samples, counted from the first one of the recording. Its gaps are filled from its own samples
-and from `CONTEXT` samples on each side of it, with random numbers that follow from the number of the block. The result
+and from `CONTEXT` samples on each side of it. The seed of its random numbers is the number of the block. The result
 therefore does not depend on the parts in which a recording arrives.
 """
 
@@ -24,24 +24,23 @@ from gmwm.signals import Signal
 
 
 def fill_gaps(signals: Mapping[str, Signal]) -> dict[str, Signal]:
-    """Fill the short gaps of synchronous signals: see `Signal.fill_gaps`. They are split at the restarts of any of
-    them, so that they stay synchronous."""
+    """Fill the short gaps of synchronous signals; see `Signal.fill_gaps`. At a gap at which the sensor of one signal
+    restarted, all signals are split, so that they stay synchronous."""
     return dict(joined(list(filled([Batch(signals)], together=True))).signals)
 
 
 def filled(
     batches: Iterable[Batch], threads: int | None = None, *, block: int = 0, context: int = 0, together: bool = False
 ) -> Iterator[Batch]:
-    """Fill the short gaps of a recording: see `Signal.fill_gaps`. The axes of a batch are filled in threads.
+    """Fill the short gaps of a recording; see `Signal.fill_gaps`. The axes of a batch are filled in threads. An axis is
+    split at gaps at which its sensor restarted; with `together`, all axes are split there.
 
-    Each axis is split at its own restarts; `together`, at the restarts of any axis.
-
-    Samples without short gaps are passed on as they come. Others wait until their block is complete, with the context
-    after it. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.
+    Samples without short gaps are yielded at once. Other samples are held back until their block and the context after
+    it are complete. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.
     """
     block, context = block or gaps.BLOCK, context or gaps.CONTEXT
     window = _Window(block, context, together)
-    passed = 0  # number of samples that were passed on
+    passed = 0  # number of samples that were yielded
     for batch in batches:
         waited = passed < window.stop
         window.add(batch)
@@ -60,7 +59,7 @@ def filled(
 
 
 class _Window:
-    """The batches that a block may need. Samples are counted from the first one of the first batch."""
+    """The batches from which the next block is filled. Samples are counted from the first one of the first batch."""
 
     def __init__(self, block: int, context: int, together: bool) -> None:
         self._block, self._context, self._together = block, context, together
@@ -126,7 +125,7 @@ class _Window:
             self._first += len(self._parts.pop(0))
         if self._parts and self._first < first:
             rest = self._parts[0].between(first - self._first, len(self._parts[0]))
-            # A copy of a few samples, so that the memory of the others is free.
+            # Copy the few samples that remain, so that the memory of the others can be freed.
             self._parts[0] = replace(
                 rest, signals={axis: replace(x, values=x.values.copy()) for axis, x in rest.signals.items()}
             )
@@ -159,7 +158,7 @@ class Filling:
         self._signal, self._seed = signal, seed
         ranges = np.array(signal.segments, dtype=np.int64)
         lengths = ranges[:, 1] - ranges[:, 0]
-        # Place of each segment on a timeline with the lost samples that are filled.
+        # Position of each segment on a timeline that includes the filled samples.
         places = np.concatenate([[0], np.cumsum(lengths[:-1] + lost)])
         self._known = np.arange(ranges[-1, 1]) + np.repeat(places - ranges[:, 0], lengths)
         self._cuts = places[1:][lost == 0].tolist()

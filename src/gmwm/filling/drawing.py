@@ -7,14 +7,15 @@ residual of the same prediction at a random place where the samples are known, w
 64 samples the level is a straight line between both sides, and only the ends are predicted from neighbours.
 
 If the prediction is the best linear one, the signal with the drawn samples has the second moments of the signal without
-losses. Its wavelet variance is then unbiased at every level, and has the covariance of a signal without losses. A mean
-or an interpolation would not do: the first makes the variance too small at short scales, the second too large at
-long ones.
+losses. Its wavelet variance is then unbiased at every level, and has the covariance of a signal without losses. If the
+gaps were filled with a mean, the variance would be too small at short scales; with an interpolation, it would be too
+large at long scales.
 
 References
 ----------
-Journel, A. G. (1974), Geostatistics for conditional simulation of ore bodies, Economic Geology 69, 673-687. Measured in
-tests/filling.
+Journel, A. G. (1974), Geostatistics for conditional simulation of ore bodies, Economic Geology 69, 673-687.
+
+The tests in tests/filling measure the method.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ _RIDGE = 1e-3
 """White noise that is added to the autocovariance, relative to the variance. It limits the weights of neighbours, which
 may be lost themselves, where a signal is smooth."""
 _TRAINING, _WINDOWS = 1 << 14, 1 << 12
-"""Number of places from which the width and the autocovariance are estimated."""
+"""Numbers of positions in the signal from which the width, and the autocovariance, are estimated."""
 _CLEAN = 8
-"""Number of samples on each side of the place of a residual that must also be known."""
+"""Number of samples that must also be known on each side of the position from which a residual is taken."""
 _TRIALS = 64
-"""Largest number of trials to find the place of a residual."""
+"""Largest number of trials to find such a position."""
 _SWEEPS, _GROUPS = 3, 4
 """Number of draws of each sample, because lost neighbours depend on each other, and number of groups of gaps that are
 drawn in turn."""
@@ -60,11 +61,12 @@ def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Se
     values : (N,) array
         Samples at equal intervals. Those that are not present are ignored.
     present : (N,) bool array
+        Whether each sample is known.
     seed : int
-        Seed of the draws. Signals with the same losses get residuals of the same places, so that the covariance of two
-        axes is kept.
+        Seed of the draws. Signals with the same losses get residuals from the same positions, so that the covariance of
+        two axes is kept.
     cuts : sequence of int
-        Samples before which the signal begins anew. No gap extends across them.
+        Indices of samples at which a new range of the signal begins. No gap extends from one range to the next.
 
     Returns
     -------
@@ -147,8 +149,8 @@ class _Known:
         return self.path.size - 1
 
     def sides(self, first: Places, last: Places, width: int) -> tuple[Vector, Vector]:
-        """Return the means of the next `width` known samples before `first` and from `last` on; at an end, of one side
-        only."""
+        """Return the means of the nearest `width` known samples before `first` and of those from `last` on. If one side
+        has no samples, both values are the mean of the other side."""
         i = self.before[np.clip(first, 0, self.values.size)]
         k = self.before[np.clip(last, 0, self.values.size)]
         left, right = np.minimum(width, i), np.minimum(width, len(self) - k)
@@ -157,14 +159,14 @@ class _Known:
         return np.where(left > 0, a, b), np.where(right > 0, b, a)
 
     def level(self, first: Places, last: Places, width: int) -> Vector:
-        """Return the mean of both sides."""
+        """Return the level, which is the average of the means of both sides."""
         a, b = self.sides(first, last, width)
         return np.asarray(0.5 * (a + b))
 
     def best_width(
         self, length: int, widths: Sequence[int], rng: np.random.Generator, ranges: Sequence[Range] = ()
     ) -> int:
-        """Return the width whose level is nearest to the mean of `length` samples in between."""
+        """Return the width for which the level predicts the mean of `length` samples between both sides best."""
         places = _inside(rng.integers(0, self.values.size - length, _TRAINING), length, ranges)
         last = places + length
         count = self.before[last] - self.before[places]
@@ -186,7 +188,7 @@ def _inside(places: Places, length: int, ranges: Sequence[Range]) -> Places:
 
 
 def _widths(least: int, most: int, ratio: int) -> list[int]:
-    """Return widths from `least` to `most`, at least one."""
+    """Return a geometric sequence of widths from `least` to `most`, with at least one width."""
     out = [least]
     while out[-1] * ratio <= min(WIDEST, most):
         out.append(out[-1] * ratio)
@@ -198,8 +200,9 @@ def _autocovariance(
 ) -> Matrix:
     """Return the covariance (size, size) of consecutive samples about the level computed from both sides.
 
-    It is the variance less half of the mean square of differences at each lag. In a wandering signal these are far
-    smaller than the variance, and averages of products over different pairs would not be accurate enough.
+    The covariance at a lag is the variance minus half of the mean squared difference at this lag. In a signal that
+    drifts, this difference is far smaller than the variance, and averages of products over different pairs would not be
+    accurate enough.
     """
     places = _inside(rng.integers(0, known.values.size - size + 1, _WINDOWS), size, ranges)
     there = np.lib.stride_tricks.sliding_window_view(known.present, size)[places].astype(np.float64)
@@ -227,7 +230,7 @@ class _Prediction:
     width : int
         Width of the means that give the level.
     covariance : (n, n) array
-        Covariance of consecutive samples about the level, n at least 4 near.
+        Covariance of consecutive samples about the level; n is at least 4 `near`.
     """
 
     near: int
@@ -263,8 +266,8 @@ def _neighbours(known: int) -> int:
 
 
 class _Draw(NamedTuple):
-    """Gaps of the same length that are filled together. Each has a place without lost samples, whose residuals are the
-    random part of its values."""
+    """Gaps of the same length that are filled together. The random part of the values in a gap is the residual at a
+    position without lost samples, the donor of the gap."""
 
     first: Places
     donor: Places
@@ -288,7 +291,8 @@ def _draw_short(
     x: Vector, known: _Known, gaps: _Gaps, *, prediction: _Prediction, rng: np.random.Generator,
     levels: Vector | None = None,
 ) -> None:  # fmt: skip
-    """Draw the samples of short gaps in place; their levels follow from the known samples unless they are given."""
+    """Draw the samples of short gaps in place. Their levels are computed from the known samples unless they are
+    given."""
     near, width = prediction.near, prediction.width
     weights: dict[int, Matrix] = {}
     draws: dict[int, _Draw] = {}
@@ -323,7 +327,7 @@ def _draw_short(
 
 
 def _around(x: Vector, places: Places, offsets: Places, level: Matrix) -> Matrix:
-    """Return deviations of the neighbours from the level; 0 beyond the ends."""
+    """Return the deviations of the neighbours of each place from the level; 0 beyond the ends of the signal."""
     index = places[:, None] + offsets
     inside = (index >= 0) & (index < x.size)
     return np.where(inside, x[np.clip(index, 0, x.size - 1)] - level, 0.0)
@@ -340,7 +344,7 @@ def _donors(known: _Known, length: int, count: int, rng: np.random.Generator) ->
         first, last = np.maximum(places - _CLEAN, 0), np.minimum(places + length + _CLEAN, known.values.size)
         inside = length - (known.before[places + length] - known.before[places])
         around = (last - first) - (known.before[last] - known.before[first])
-        # A lost sample inside counts more than all beside it.
+        # A lost sample inside the range counts more than all lost samples beside it.
         missing = inside * (2 * _CLEAN + 1) + around
         better = missing < best[open_]
         chosen[open_[better]], best[open_[better]] = places[better], missing[better]

@@ -1,4 +1,4 @@
-"""Rules for the gaps of a recording that are filled."""
+"""Decide which gaps of a recording are filled."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ AROUND, LEAST_AROUND = 32, 1024
 """Neighbourhood of a gap of g samples: the max(32 g, 1024) samples on each side, as far as the recording goes and at
 most `CONTEXT`. All constants here are measured in tests/filling."""
 SHARE = 0.75
-"""Share of the neighbourhood that must be known for a gap to be filled."""
+"""Smallest share of the neighbourhood that must be known for a gap to be filled."""
 BESIDE, BESIDE_LONG = 2, 16
-"""Smallest number of known samples on each side, in lengths of the gap, also at the ends of the recording: for gaps
-that are predicted from neighbours, and for longer gaps, after which a sensor may have another offset."""
+"""Smallest number of known samples on each side of a gap, as a multiple of its length. The first value is for gaps that
+are predicted from neighbours, the second for longer gaps, after which a sensor may have another offset. Both also apply
+near the ends of the recording."""
 LONGEST = 1 << 13
 """Longest gap that is filled (samples)."""
 CONTEXT = BESIDE_LONG * LONGEST
 """Number of samples on each side of a block that determine which gaps are filled, and from which they are filled."""
 BLOCK = 1 << 20
-"""Number of samples whose gaps are filled together, so that the prediction follows a sensor that changes, in bounded
-memory."""
+"""Number of samples whose gaps are filled together. Blocks bound the memory, and the prediction follows a sensor that
+changes."""
 
 Ranges = NDArray[np.int64]
 
@@ -38,7 +39,7 @@ def lost_samples(rate: float, segments: Ranges, starts: Sequence[float] | Vector
 
 
 def is_short(lost: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return whether gaps of these numbers of samples may be filled, if enough samples around them are known."""
+    """Return whether gaps with these numbers of lost samples are filled if enough samples around them are known."""
     return np.asarray((lost > 0) & (lost <= LONGEST))
 
 
@@ -71,13 +72,14 @@ def joined_ranges(
 
 
 def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which gaps between segments of some lengths are filled, given the number of samples lost in each.
+    """Return a mask of the gaps that are filled, from the lengths of the segments and the number of samples lost
+    between them.
 
     Long gaps are decided first, and their samples are treated as known for shorter gaps near them.
     """
     accepted = np.zeros(lost.size, dtype=np.bool_)
     missing = np.maximum(lost, 0)
-    # On a timeline with the lost samples: the end of the known samples before each gap, and the begin after it.
+    # On a timeline with the lost samples: the end of the known samples before each gap, and the beginning after it.
     ends = np.cumsum(lengths[:-1]) + np.concatenate([[0], np.cumsum(missing)[:-1]])
     begins = ends + missing
     total = int(lengths.sum() + missing.sum())

@@ -1,7 +1,8 @@
 """Find gaps after which a sensor has another offset, because it restarted.
 
-Such a gap is not filled: the jump would look like a random walk. The test compares the means of w samples before and
-after the gap with such differences at other places, so that wandering noise is not mistaken for a restart.
+Such a gap is not filled, because the jump would look like a random walk. The test compares the difference of the means
+of w samples before and after the gap with the same difference at other places, so that drift is not mistaken for a
+restart.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ LEAST, SHARE = 16, 16
 """Smallest width w, and smallest number of widths in a recording, so that the usual difference is known well enough.
 All constants here are measured in tests/filling/test_restarts.py."""
 TIMES = 6.0
-"""Size of a jump at a gap, in standard deviations of the usual differences."""
+"""Smallest size of a jump at a gap, in standard deviations of the usual differences."""
 _NEARER = 12.0
-"""A jump is elsewhere if 2 log L is larger there by this much: 0.5 % of the jumps at a gap in white noise."""
+"""A jump is assigned to another place than the gap if its log likelihood there is larger by half this value. In white
+noise, 0.5 % of the jumps at a gap are assigned wrongly."""
 _SLOPE = 0.5
-"""Smallest share of a jump that remains if the slopes on both sides are subtracted. Nothing remains of a ramp."""
+"""Smallest share of a jump that must remain after the slopes on both sides are subtracted. Nothing remains of a
+ramp."""
 _PLACES = 1 << 13
 """Number of places from which the usual difference is estimated."""
 
@@ -30,9 +33,10 @@ Places = NDArray[np.int64]
 
 
 def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) -> NDArray[np.bool_]:
-    """Return which gaps are followed by another offset.
+    """Return a mask of the gaps after which the sensor has another offset.
 
-    The largest jump is a cut for the search of the next one, so that one restart does not count at every gap near it.
+    The signal is cut at the largest jump before the next one is searched, so that one restart is not counted at every
+    gap near it.
 
     Parameters
     ----------
@@ -41,11 +45,12 @@ def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) 
     places, lost : (m,) int array
         The first sample after each gap, and the number of samples lost in it.
     cuts : sequence of int
-        Samples before which the signal begins anew.
+        Indices of samples at which a new range of the signal begins.
 
     Returns
     -------
     (m,) bool array
+        Whether the sensor restarted at each gap.
 
     Examples
     --------
@@ -83,7 +88,7 @@ def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) 
             edges.append(jump)
             before, after = _edges(places, edges)
             ratios, widths = differences.ratios(places, octaves, np.minimum(places - before, after - places))
-    # A sensor that jumps by itself more often than at gaps has no restarts.
+    # If a sensor jumps more often at other places than at gaps, its jumps are not restarts.
     return found if np.count_nonzero(found) > elsewhere else np.zeros_like(found)
 
 
@@ -112,7 +117,8 @@ class _Differences:
         self._usual: dict[tuple[int, int], tuple[float, float]] = {}
 
     def at(self, places: Places, width: int, lost: int = 0) -> Vector:
-        """Return the mean of the `width` samples from `lost` samples after each place on, less that before it."""
+        """Return for each place the mean of the `width` samples that begin `lost` samples after it, minus the mean of
+        the `width` samples before it."""
         path, behind = self._path, places + lost
         return np.asarray((path[behind + width] - path[behind] - path[places] + path[places - width]) / width)
 
@@ -131,8 +137,8 @@ class _Differences:
         return self._usual[width, octave]
 
     def ratios(self, places: Places, octaves: Places, room: Places) -> tuple[Vector, Places]:
-        """Return the size of the difference at each place, in standard deviations, and the width where these are
-        smallest, within some room on both sides."""
+        """Return the absolute difference at each place in standard deviations, and its width. Of the widths up to
+        `room`, the one with the smallest standard deviation is used."""
         ratio, chosen = np.zeros(places.size), np.zeros(places.size, dtype=np.int64)
         spread = np.full(places.size, np.inf)
         for octave in np.unique(octaves).tolist():
@@ -144,7 +150,8 @@ class _Differences:
         return ratio, chosen
 
     def gains(self, near: Places, place: int, *, octave: int, width: int) -> Vector:
-        """Return 2 log L of a jump of the same size at consecutive places near a place, less its value at the first."""
+        """Return twice the log likelihood of the jump at `place` if it were at each of the places `near`, minus the
+        value at the first of them."""
         size = float(self.at(np.array([place]), width)[0])
         middle = 0.5 * float(self._path[place + width] - self._path[place - width]) / width
         # Samples from a place to a later one have the mean before the jump: it grows by 2 size (middle − x) / σ².
@@ -152,7 +159,7 @@ class _Differences:
         return np.asarray(-4 * size / (width * self.usual(width, octave)[1] ** 2) * (path - path[0]))
 
     def is_steep(self, place: int, octave: int, width: int) -> bool:
-        """Return whether a jump at a place is not a part of a slope."""
+        """Return whether a jump at a place is steeper than the slope of the signal around it."""
         here, *slopes = (
             float(self.at(np.array([place + shift]), part)[0])
             for shift, part in ((0, width), (-width // 2, width // 2), (width // 2, width // 2))

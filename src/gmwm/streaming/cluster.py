@@ -1,4 +1,5 @@
-"""The wavelet variance of one long recording, computed in parts by the workers of a Dask cluster and merged."""
+"""Compute the wavelet variance of one long recording in parts, on the workers of a Dask cluster, and merge the
+parts."""
 
 from __future__ import annotations
 
@@ -37,9 +38,9 @@ A_THREAD = 4
 """Default number of parts for each thread of the cluster. With several parts, a slow worker does not delay the others
 much."""
 PART_MEMORY = 64 << 20
-"""Largest size (bytes) of the result of a worker for a part by default: a choice. For six axes, 19 levels are exact."""
+"""Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
 END_BYTES = 16
-"""Bytes of a result for each of 2^exact samples: the samples at both ends of a part."""
+"""Bytes of a result for each of 2^exact samples. The result contains the samples at both ends of the part."""
 PART_BYTES = 4 << 30
 """Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
 RETRIES = 2
@@ -51,7 +52,8 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 
 
 def part_levels(axes: int) -> int:
-    """Return the default number of exact levels: the result of a worker for a part contains the samples at its ends."""
+    """Return the default number of exact levels, for which the result of a worker for a part has at most `PART_MEMORY`
+    bytes."""
     return exact_levels(axes, PART_MEMORY, END_BYTES)
 
 
@@ -65,17 +67,17 @@ def spread(
     done: Callable[[int], None] | None = None,
     prepare: Callable[[Batch], Batch] | None = None,
 ) -> None:
-    """Read a recording as often as its curves need, in several processes or machines.
+    """Measure the curves of a recording in one or two passes, in several processes or on several machines.
 
     The result is the same as in one process. Each worker reads its parts of the file directly. The size of its result
-    does not grow with their length. If a worker is lost, another one reads its part again.
+    does not grow with the length of the parts. If a worker is lost, another one reads its part again.
 
     Parameters
     ----------
     stream : Stream
         The recording. The workers must be able to read its file under the same path.
     curves : mapping of axis to AxisCurves
-        Empty curves, which have all samples afterwards.
+        Empty curves, to which all samples are added.
     scheduler : str, distributed.Client or None
         Address of a Dask scheduler, or a client of one; None to start worker processes on this machine.
     workers : int, optional
@@ -91,7 +93,7 @@ def spread(
     Raises
     ------
     ReadError, DataError
-        If `read` would refuse the file; the error describes the first problem in the file.
+        In the same cases as `gmwm.read`. The error describes the first problem in the file.
     OptionError
         If an option has an invalid value, or the scheduler does not answer.
     MissingDependencyError
@@ -122,8 +124,8 @@ class _Measured(Generic[G]):
     summary: RowSummary
 
     def has_short_gaps(self, rate: float) -> bool:
-        """Return whether there is a gap that may be filled in the part or before it. Sample numbers then differ from
-        row numbers."""
+        """Return whether the part has a gap that may be filled, or follows one. Sample numbers then differ from row
+        numbers."""
         lost = np.array([seconds * rate - 1 for _, seconds in self.summary.gaps])
         return bool(np.any(is_short(np.rint(lost))))
 
@@ -256,7 +258,7 @@ class _Crew:
         return joined
 
     def _threads(self) -> int:
-        """Current number of threads of all workers. More workers may connect later."""
+        """Return the current number of threads of all workers. More workers may connect later."""
         return max(1, int(sum(self._client.nthreads().values())))
 
     def _held(self, begin: _Begin[G]) -> Any:

@@ -33,11 +33,12 @@ Change = Callable[[Signal], Signal]
 
 
 LIVE_BLOCK = 1 << 13
-"""Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. A choice."""
+"""Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. The value is a
+choice."""
 
 
 class Measurement(Protocol):
-    """Protocol of a measurement of one axis, batch by batch: see `measure`."""
+    """Protocol of an object that measures one axis batch by batch; see `measure`."""
 
     def clean(self, signal: Signal, /) -> Signal:
         """Return the samples of a batch to be measured, before their gaps are filled."""
@@ -85,7 +86,7 @@ class AxisCurves:
     Parameters
     ----------
     first : WaveletAccumulator
-        Empty, or of all samples.
+        Accumulator of the first pass, either empty or with all samples.
     source : str
         Name of the recording, for messages.
     efficiency : float
@@ -93,7 +94,7 @@ class AxisCurves:
     passes : 2 or 1
         Whether a second pass may be used.
     change : callable, optional
-        Applied to the samples of each batch, in both passes, before gaps are filled.
+        Function that is applied to the samples of each batch, in both passes, before gaps are filled.
     """
 
     def __init__(
@@ -153,7 +154,7 @@ def stream_variance(
     parts: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> WaveletVariances:
-    """Wavelet variance of each axis of a recording of any length: see `Stream.wavelet_variance`."""
+    """Compute the wavelet variance of each axis of a recording of any length; see `Stream.wavelet_variance`."""
     as_confidence(confidence)
     require_robust(robust, efficiency)
     measured = measured_curves(
@@ -182,7 +183,7 @@ def measured_curves(
     parts: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> dict[str, AxisCurves]:
-    """Read a recording as often as its wavelet variances need: robust and classical, or only classical ones.
+    """Measure the classical wavelet variance of some axes, and the robust one if `robust`, in one or two passes.
 
     Parameters and errors are the same as for `Stream.wavelet_variance`.
     """
@@ -245,7 +246,8 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
 
 
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
-    """Add chunks to the accumulators of some axes as they arrive; gaps are filled in small blocks, without delay."""
+    """Add chunks to the accumulators of some axes as they arrive; gaps are filled in small blocks, to keep the delay
+    short."""
 
     def batches() -> Iterator[Batch]:
         segment = -1
@@ -270,7 +272,7 @@ def stream_psd(
     confidence: float = 0.95,
     done: Callable[[int], None] | None = None,
 ) -> PowerSpectra:
-    """Power spectral density of each axis of a recording of any length: see `Stream.psd`."""
+    """Estimate the power spectral density of each axis of a recording of any length; see `Stream.psd`."""
     as_confidence(confidence)
     measured = {
         axis: SpectrumAccumulator(
@@ -283,7 +285,7 @@ def stream_psd(
 
 
 class _Spectrum(NamedTuple):
-    """The spectrum of one axis."""
+    """Measurement of the spectrum of one axis."""
 
     one: SpectrumAccumulator
 

@@ -110,7 +110,8 @@ def library() -> Any:
 
 
 def _processes(distributed: Any, workers: int, folder: str) -> Any:
-    """Start a scheduler in this process, and workers with one thread each, also for Polars."""
+    """Start a scheduler in this process, and worker processes with one thread each, which limits Polars to one thread
+    too."""
     try:
         return distributed.LocalCluster(
             n_workers=workers,
@@ -135,7 +136,7 @@ def _client(distributed: Any, address: object) -> Any:
     Raises
     ------
     OptionError
-        If it is not an address, or no scheduler answers.
+        If `address` has another form, or no scheduler answers.
     """
     if not isinstance(address, str) or not address.partition("://")[2]:
         raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
