@@ -1,4 +1,4 @@
-"""Noise models without a recording: from the numbers of a datasheet, and from the files of other programs."""
+"""Make noise models without a recording, from the numbers of a datasheet or from the files of other programs."""
 
 from gmwm.importers.api import Given, given_noise
 from gmwm.importers.values import Values

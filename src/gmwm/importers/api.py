@@ -1,4 +1,4 @@
-"""Noise models from a datasheet, a model as text, or a file of another program."""
+"""Make noise models from a datasheet, a model as text, or a file of another program."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ _LARGEST = 10_000_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Given:
-    """Noise that was given, and not measured.
+    """Noise models that come from a datasheet, a model or a file instead of a recording.
 
     Attributes
     ----------
     models : mapping of axis to Model
-        Models with all values.
+        Model of each axis, with a value for every parameter.
     values : mapping of axis to Values
-        The numbers, for the axes that have numbers and not a model.
+        The noise numbers of each axis for which the source states numbers instead of a model.
     rate : float
         Sampling rate (Hz).
     format : str
-        The program of a file; "datasheet" for text.
+        Name of the program whose file was read; "datasheet" for text.
     source : str
-        The file, or the text.
+        Name of the file, or the text.
     written : mapping of axis to mapping of symbol to (key, value)
-        The key of each number in the file, and the value there; empty for text.
+        Key and value of each number in the file; empty for text.
     """
 
     models: Mapping[str, Model]
@@ -46,10 +46,11 @@ class Given:
 
 
 def given_noise(source: str | Path, rate: float | None = None) -> Given:
-    """Read noise that was given: the numbers of a datasheet, or the file of another program.
+    """Read noise models from the numbers of a datasheet, a model as text, or the file of another program.
 
     Files of Kalibr, allan_variance_ros, OpenVINS, Kimera, imu_utils, VINS, ORB-SLAM3, LIO-SAM, FAST-LIO, KF-GINS, PX4,
-    ArduPilot and MATLAB are recognised by their keys. docs/howto/without-recording.md has the rule for each number.
+    ArduPilot and MATLAB are recognised by their keys. The page docs/howto/without-recording.md states how each number
+    is converted.
 
     Parameters
     ----------
@@ -61,6 +62,7 @@ def given_noise(source: str | Path, rate: float | None = None) -> Given:
     Returns
     -------
     Given
+        The models, the numbers and the sampling rate.
 
     Raises
     ------

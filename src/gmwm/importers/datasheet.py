@@ -14,7 +14,8 @@ from gmwm.processes.model import Model
 from gmwm.units import SI_UNIT, Quantity, noise_unit
 
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "sigma": 0.0, "K": -0.5, "R": -1.0}
-"""Numbers of a datasheet, with the power of the second beside the unit of the signal."""
+"""Symbols of the numbers in a datasheet. The unit of each number is the unit of the signal times this power of the
+second."""
 _NAMES = {"σ": "sigma", "σ_GM": "sigma", "T": "T_c", "τ": "T_c", **{name: name for name in (*POWERS, "T_c")}}
 EXAMPLE = "gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, K=1e-4m/s²/√s"
 _IS_NUMBER = re.compile(r"[\wσ]+\s*=")
@@ -24,7 +25,7 @@ _PART = re.compile(
 
 
 def read_datasheet(text: str) -> dict[str, Values | Model]:
-    """Return the numbers, or the model, of each axis.
+    """Parse text with the noise numbers, or the noise model, of each axis.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ def read_datasheet(text: str) -> dict[str, Values | Model]:
     Raises
     ------
     OptionError
-        If the text is anything else.
+        If the text has another form.
     UnitError
         If a unit does not fit its symbol.
 
@@ -94,5 +95,5 @@ def _values(body: str, place: str, quantity: Quantity) -> Values:
 
 
 def by_quantity(values: Mapping[Quantity, Values]) -> dict[str, Values | Model]:
-    """Return the values of sensors for each of their axes."""
+    """Return the values of each axis, from the values of its sensor."""
     return {f"{sensor}_{letter}": one for sensor, one in values.items() for letter in "xyz"}

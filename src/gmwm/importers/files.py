@@ -1,4 +1,4 @@
-"""Read the noise numbers in the files of other programs, each by the rule of the program that uses it.
+"""Read the noise numbers in the files of other programs, and convert each by the rule of the program that uses it.
 
 A file is recognised by its keys. Only the lines with these keys are read, so that a whole configuration can be passed.
 """
@@ -23,19 +23,19 @@ _QUANTITIES: tuple[Quantity, ...] = ("gyro", "accel")
 
 @dataclass(frozen=True)
 class Format:
-    """A file format.
+    """A format of files with noise numbers.
 
     Attributes
     ----------
     name : str
-        The program.
+        Name of the program.
     keys : tuple of str
         Keys by which a file is recognised: every file has at least one of them.
     read : callable
-        Values by axis, from the text and the sampling rate (Hz), which is None if neither the file nor the user gives
-        it.
+        Function that returns the values of each axis, from the text of the file and the sampling rate (Hz). The rate is
+        None if neither the file nor the user states it.
     names : mapping of sensor to mapping of symbol to str
-        The key of each number of `Values`.
+        The key in the file for each number of `Values`.
     rate_key : str
         Key of the sampling rate (Hz); "" if the file has none.
     needs_rate : bool
@@ -53,11 +53,12 @@ class Format:
     one: bool = True
 
     def matches(self, text: str) -> bool:
-        """Return whether a text has a key of the format."""
+        """Return whether text contains a key of the format."""
         return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in self.keys)
 
     def written(self, text: str, axis: str) -> dict[str, tuple[str, float | None]]:
-        """Return key and value in the file of each number of an axis; None for a key that a file has several times."""
+        """Return the key and the value in the file for each number of an axis. The value is None if a file has each key
+        several times."""
         quantity: Quantity = "gyro" if axis.startswith("gyro") else "accel"
         found: dict[str, tuple[str, float | None]] = {}
         for symbol, key in self.names.get(quantity, {}).items():
@@ -86,12 +87,13 @@ def _required(text: str, key: str) -> float:
 
 
 def _same(values: Mapping[Quantity, Values]) -> Found:
-    """Return the values of sensors for each of their axes."""
+    """Return the values of each axis, from the values of its sensor."""
     return {f"{sensor}_{letter}": values[sensor] for sensor in _QUANTITIES if sensor in values for letter in "xyz"}
 
 
 def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, float | None], float]) -> Reader:
-    """Return a reader of one N and one K for each sensor; `change` makes the density from the number and the rate."""
+    """Return a function that reads N and K of each sensor. `change` converts a number in the file, given the sampling
+    rate, to a density."""
 
     def read(text: str, rate: float | None) -> Found:
         found: dict[Quantity, Values] = {}
@@ -109,7 +111,8 @@ def _density(value: float, rate: float | None) -> float:
 
 
 def _per_step(value: float, rate: float | None) -> float:
-    """A step of Δt adds (Δt σ)², and noise of density N adds N² Δt: N = σ/√f."""
+    """Convert the standard deviation σ of one step to a density: a step of Δt = 1/f adds (Δt σ)², and noise of density
+    N adds N² Δt, so N = σ/√f."""
     assert rate is not None
     return value / math.sqrt(rate)
 
@@ -119,12 +122,12 @@ def _variance_per_step(value: float, rate: float | None) -> float:
 
 
 def _for_step(step: float) -> Callable[[float, float | None], float]:
-    """A filter with the step Δt (s) of its own adds (Δt p)²."""
+    """Return the conversion for a filter with a fixed step Δt (s), which adds (Δt p)² in each step, so N = p √Δt."""
     return lambda value, rate: value * math.sqrt(step)
 
 
 def _imu_utils(text: str, rate: float | None) -> Found:
-    """imu_utils: gyr_n is √f times the Allan deviation at 1 s, gyr_w is the minimum of the Allan deviation."""
+    """Read a file of imu_utils: gyr_n is √f times the Allan deviation at 1 s, and gyr_w is its minimum."""
     found: Found = {}
     for sensor, short in (("gyro", "gyr"), ("accel", "acc")):
         for letter in "xyz":
@@ -138,7 +141,7 @@ def _imu_utils(text: str, rate: float | None) -> Found:
 
 
 def _kf_gins(text: str, rate: float | None) -> Found:
-    """KF-GINS: deg/√h, m/s/√h, deg/h, mGal and h; the bias is a Gauss-Markov process."""
+    """Read a file of KF-GINS, in deg/√h, m/s/√h, deg/h, mGal and h. The bias is a Gauss-Markov process."""
     time = 3600.0 * _required(text, "corrtime")
     sizes = {"arw": _DEGREE / 60, "vrw": 1 / 60, "gbstd": _DEGREE / 3600, "abstd": 1e-5}
     found: Found = {}
@@ -159,8 +162,8 @@ def _three(text: str, key: str) -> list[float]:
 
 
 def _matlab(text: str, rate: float | None) -> Found:
-    """MATLAB: densities and random walks; with the default NoiseType, white noise is smaller by √2, and random walks
-    are larger."""
+    """Read MATLAB code that sets the parameters of imuSensor. With the default NoiseType, N and B are smaller than the
+    numbers in the code by the factor √2, and K is larger by this factor."""
     code = re.sub(r"%[^\n]*", "", text).replace("...", "")
     found: Found = {}
     for sensor in _QUANTITIES:

@@ -1,4 +1,4 @@
-"""Numbers with the units of datasheets."""
+"""Parse numbers with the units of datasheets, and convert them to SI units."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ _VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 @dataclass(frozen=True)
 class Reference:
-    """A value of the manufacturer.
+    """A value that the manufacturer states.
 
     Parameters
     ----------
     value : float
-        In `unit`.
+        Value in `unit`.
     unit : str
+        Unit of the value, for example "deg/√h".
     si : float
         The value in SI units.
     """
@@ -41,7 +42,7 @@ class Reference:
 
 
 def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str = "reference") -> Reference:
-    """Convert a reference value with its unit, for a number whose SI unit is `si`.
+    """Convert a reference value from its unit to the SI unit `si`.
 
     >>> as_reference("gyro.N", (60.0, "°/sqrt(hr)"), "rad/s/√Hz").si == math.radians(1)
     True
@@ -49,9 +50,9 @@ def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str 
     Raises
     ------
     OptionError
-        If it is not a positive number with a unit.
+        If `given` is not a positive number with a unit.
     UnitError
-        If the number does not have this unit.
+        If the unit does not fit the number.
     """
     try:
         value, unit = given
@@ -65,7 +66,7 @@ def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str 
 
 
 def _factor(name: str, text: str, si: str, argument: str) -> float:
-    """Return the factor from a unit to SI."""
+    """Return the factor that converts a unit to the SI unit."""
     known = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
     if (size := known.get(spelt(text))) is not None:
         return size

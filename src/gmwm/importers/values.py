@@ -1,4 +1,4 @@
-"""The numbers of one axis as datasheets and filters state them, and the noise model with these numbers."""
+"""Hold the noise numbers of one axis as datasheets and filters state them, and convert them to a noise model."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from gmwm.processes.walk import RW
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)."""
 PEAK = 0.6173643
-"""Largest Allan deviation of a Gauss-Markov process of variance 1, at 1.89 times T; tests/importers/test_values.py."""
+"""Largest Allan deviation of a Gauss-Markov process of variance 1. It occurs at an averaging time of 1.89 times the
+correlation time (pinned by tests/importers/test_values.py)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Values:
-    """The numbers of one axis, in SI units; None for a number that is not given.
+    """The noise numbers of one axis, in SI units; None for a number that is not given.
 
     Attributes
     ----------
@@ -54,7 +55,8 @@ class Values:
     def model(self, rate: float) -> Model:
         """Return the noise model with these numbers at a sampling rate (Hz).
 
-        σ²_WN = N² f, γ² = K²/f, B² for flicker noise, σ² and β = 1/T for a Gauss-Markov process, Q² f² and R/f.
+        At the rate f, white noise has σ² = N² f, a random walk γ² = K²/f, flicker noise b² = B², quantization noise q²
+        = Q² f², and a drift ω = R/f. A Gauss-Markov process has the variance σ² and β = 1/`time`.
 
         Raises
         ------

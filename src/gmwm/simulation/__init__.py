@@ -1,4 +1,4 @@
-"""Simulation of recordings and signals with known noise and known latent processes."""
+"""Simulate recordings and signals with known noise and known latent processes."""
 
 from gmwm.simulation.api import models_by_axis, simulate, simulate_signal
 from gmwm.simulation.components import SimulatedImu, SimulatedSignal

@@ -1,4 +1,4 @@
-"""Simulation of static recordings and of single signals from noise models."""
+"""Simulate static recordings and single signals from noise models."""
 
 from __future__ import annotations
 
@@ -62,21 +62,22 @@ def simulate(
     gravity: str | None = "accel_z",
     components: bool = False,
 ) -> Imu | SimulatedImu:
-    """Simulate a static recording with known noise: X_t = Σ_k X_t^(k) on each axis, from the model of the axis.
+    """Simulate a static recording with known noise, from a noise model for each axis.
 
-    Each axis has its own stream of random numbers. Therefore gyro_y is the same path for any choice of other axes.
+    The noise of an axis is X_t = Σ_k X_t^(k), where X^(k) is the process of term k of its model. Each axis has its own
+    stream of random numbers, so the noise of gyro_y does not depend on which other axes are simulated.
 
     Parameters
     ----------
     models : mapping of axis to model, or one model
         Models with a value for every parameter, as objects or as text; variances in (rad/s)² or (m/s²)² per sample.
-        The keys are axes, or "gyro" and "accel" for all three axes of a sensor; an axis overrides its sensor. A single
-        model applies to all six axes.
+        The keys are axes, or "gyro" and "accel" for all three axes of a sensor; the model of an axis replaces the model
+        of its sensor. A single model applies to all six axes.
     rate : float
         Sampling rate (Hz).
     rng : int or numpy.random.Generator
-        Seed; the same integer gives the same recording. From a Generator an integer is drawn, which the remarks of the
-        recording state.
+        Seed; the same integer gives the same recording. If a Generator is given, the seed is drawn from it. The remarks
+        of the recording state the seed.
     duration : float, optional
         Length (s); give this or `samples`.
     samples : int, optional
@@ -151,7 +152,9 @@ def simulate_signal(
     unit: str = "",
     resolution: float | None = None,
 ) -> SimulatedSignal:
-    """Simulate one signal from a model, with the latent process of each term: X_t = Σ_k X_t^(k).
+    """Simulate one signal from a model, and return it with the latent process of each term.
+
+    The signal is X_t = Σ_k X_t^(k), where X^(k) is the latent process of term k of the model.
 
     Parameters
     ----------
@@ -173,7 +176,7 @@ def simulate_signal(
     Returns
     -------
     SimulatedSignal
-        With `signal`, `components` by term, and `plot()`.
+        The simulated `signal`, its `components` by term, and `plot()`.
 
     Raises
     ------
@@ -204,7 +207,7 @@ def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Mod
     Raises
     ------
     OptionError
-        If it is neither a model nor a mapping of axes or sensors to models, or if it is empty.
+        If `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty.
 
     >>> models_by_axis({"gyro": "WN(sigma2=1.0)", "gyro_y": "QN(q2=2.0)"})
     {'gyro_x': Model('WN(sigma2=1.0)'), 'gyro_y': Model('QN(q2=2.0)'), 'gyro_z': Model('WN(sigma2=1.0)')}
@@ -270,7 +273,7 @@ def _require_values(axis: str, model: Model) -> None:
 
 @contextmanager
 def _errors_about(axis: str) -> Iterator[None]:
-    """Add the axis to errors."""
+    """Add the axis to errors that are raised in the block."""
     try:
         yield
     except GmwmError as error:

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulatedSignal:
-    """Simulated signal with the latent process of each term: X_t = offset + Σ_k X_t^(k).
+    """Simulated signal X_t = offset + Σ_k X_t^(k), with the latent process X^(k) of each term k of the model.
 
     Parameters
     ----------
     signal : Signal
-        The sum, X.
+        The signal X.
     components : mapping of term to Signal
         The latent processes by the names of `model.terms`, in the order in which they were added. If `resolution` is
         None, `offset + sum(path.values for path in components.values())` equals `signal.values` to the last bit.
@@ -79,7 +79,7 @@ class SimulatedSignal:
         Parameters
         ----------
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+            Units of the axes of the plot: rad/s and m/s², or deg/h and mg. Signals in other units are not converted.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -199,7 +199,7 @@ class SimulatedImu:
 
 
 def _write_components(parts: Sequence[SimulatedSignal], path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Write the latent processes of several signals as one table; returns the names of the columns after the time."""
+    """Write the latent processes of several signals as one table. Return the names of the columns after the time."""
     columns = {}
     for part in parts:
         for component in part.components.values():

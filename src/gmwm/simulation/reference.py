@@ -11,7 +11,7 @@ from gmwm.simulation.api import simulate
 
 
 def example_recording() -> Imu:
-    """Return ten minutes of the unit of `reference_imu` at rest, at 100 Hz; it is the same at each call.
+    """Return a simulated recording of the unit of `reference_imu` at rest, ten minutes at 100 Hz; always the same one.
 
     >>> imu = example_recording()
     >>> imu["gyro_y"]
