@@ -1,4 +1,4 @@
-"""Inspection of a recording before it is used: its time base, its resolution, and whether it was static."""
+"""Inspect a recording before it is used: its time base, its resolution, and whether the sensor was at rest."""
 
 from gmwm.inspection.api import inspect
 from gmwm.inspection.result import AxisInspection, Inspection

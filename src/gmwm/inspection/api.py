@@ -39,13 +39,14 @@ from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
 _RESTLESS = 4.0
-"""Ratio of the standard deviation of a window to the median over all windows above which the sensor moved
+"""Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
 (tests/test_inspection.py)."""
 _TURN = 0.1
-"""Change of the direction of gravity (degrees) above which there is a remark (tests/test_inspection.py): the effect of
-a bias of 1.7 mg."""
+"""Change of the direction of gravity (degrees) above which there is a remark (tests/test_inspection.py). A bias of 1.7
+mg has the same effect."""
 _UNEXPLAINED = 5.0
-"""Change of the direction of gravity, in standard errors, above which it is not noise (tests/test_inspection.py)."""
+"""Change of the direction of gravity, in standard errors, above which noise does not explain it
+(tests/test_inspection.py)."""
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -57,11 +58,11 @@ def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
     Parameters
     ----------
     recording : Imu or Stream
-        A recording in memory, or one in chunks, which is read twice in bounded memory, or once if it has at most 2.1
-        million samples; once more if the axes are regressed on conditions.
+        A recording in memory, or a stream. A stream is read twice in bounded memory, or once if it has at most 2.1
+        million samples. It is read once more if the axes are regressed on conditions.
     against : "auto", "none", str or mapping
         Conditions that the axes are regressed on, as in `gmwm.calibrate`; "auto" is the temperature of the recording.
-        The test for trends then sees the axes without their effect.
+        The effect of the conditions is removed before the test for trends.
 
     Returns
     -------
@@ -140,7 +141,7 @@ class FirstPass:
             sample.update(batch.signals[axis].values)
 
     def second_pass(self) -> RecordingStatistics:
-        """Return the statistics, without data; the second pass adds the batches."""
+        """Return empty statistics, to which the second pass adds the batches."""
         recording = self._batches.recording
         base = recording.time_base or TimeBase(recording.rate, start=self._segments.starts[0])
         return RecordingStatistics(
@@ -168,7 +169,7 @@ class RecordingStatistics:
     source : str
         Name of the recording.
     remarks : sequence of Remark
-        How the recording was read.
+        Remarks on how the recording was read.
     base : TimeBase
         Jitter, gaps and duplicates of the time stamps.
     extent : Extent
@@ -196,7 +197,8 @@ class RecordingStatistics:
         in_threads(lambda axis, one: one.update(batch.signals[axis].values), self._axes)
 
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
-        """Return the inspection after the last batch, with trends of the axes without the effect of conditions."""
+        """Return the inspection, after the last batch. The effect of the conditions is removed before the test for
+        trends."""
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, one) for axis, one in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
@@ -267,7 +269,8 @@ class RecordingStatistics:
         )
 
     def _densities(self) -> dict[str, float]:
-        """Noise densities of the gyroscopes (rad/s/√Hz): medians over the windows, which knocks do not affect."""
+        """Return the noise density of each gyroscope (rad/s/√Hz), the median over the windows, which knocks do not
+        affect."""
         found = {}
         for axis, one in self._axes.items():
             some = one.steps.counts > 0
@@ -308,8 +311,8 @@ def _gravity(
 
 
 def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
-    """Return the window with the largest standard deviation without knocks: begin and length (s), and ratio to the
-    median."""
+    """Return the beginning and length (s) of the window with the largest standard deviation without outliers, and the
+    ratio of this to the median of all windows; None if the ratio is usual."""
     spreads = np.sqrt(one.calm.variances())
     usual, worst = float(np.median(spreads)), int(np.argmax(spreads))
     if usual > 0 and spreads[worst] > _RESTLESS * usual:

@@ -58,7 +58,7 @@ class AxisStatistics:
         return self._length
 
     def outliers(self) -> Outliers:
-        """Indices and sizes of all outliers so far."""
+        """Return the indices and sizes of all outliers so far."""
         index, size = zip(*self._outliers, strict=True)
         return np.concatenate(index), np.concatenate(size)
 
@@ -187,7 +187,7 @@ class Moments:
             self._join(group, values.size, float(np.mean(values**2)), 0.0)
 
     def variances(self) -> Vector:
-        """Σ (x − mean)² / n of each group; 0 for an empty group."""
+        """Return the variance Σ (x − mean)² / n of each group; 0 for an empty group."""
         return np.divide(self._squares, self.counts, out=np.zeros_like(self.means), where=self.counts > 0)
 
     def _join(self, group: int, count: int, mean: float, squares: float) -> None:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from gmwm.regression.result import Regression
 
 MOVED = 1.0
-"""Change of the direction of gravity (degrees) that means motion: an accelerometer bias of 17 mg has the same
-effect."""
+"""Change of the direction of gravity (degrees) above which the sensor has moved. An accelerometer bias of 17 mg has the
+same effect."""
 
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
@@ -34,10 +34,10 @@ _JITTER = 0.1
 """Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
 (tests/test_inspection.py)."""
 _LATE = 0.5
-"""Largest share of the recording that a warm-up may take for the rest to be worth a calibration
+"""Largest share of the recording that a warm-up may take; otherwise the rest is too short for a calibration
 (docs/howto/record.md)."""
 AFFECTED = ("B", "K", "R")
-"""Symbols of the numbers that are read at long scales, where a trend looks like noise."""
+"""Symbols of the numbers that are estimated at long scales, where a trend looks like noise."""
 ALL = ("N", "B", "K", "Q", "q_c")
 """Symbols of the numbers that rounding affects: all noise densities."""
 _COARSE = 2.0
@@ -48,7 +48,7 @@ _ROUNDED = 0.7
 
 
 def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
-    """Remarks on gaps and time stamps."""
+    """Yield remarks on gaps and time stamps."""
     filled, count = extent.filled
     if len(extent.joined) > 1:
         missing = sum(duration - 1 / base.rate for _, duration in base.gaps) - filled / base.rate
@@ -70,7 +70,7 @@ def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
 def of_motion(
     restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
 ) -> Iterator[Remark]:
-    """Remarks on motion and knocks.
+    """Yield remarks on motion and knocks.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def of_motion(
         Begin and length (s) of the window with the largest standard deviation, and its ratio to the usual one, for axes
         where it is unusual.
     tilt : float or None
-        Turn of gravity that the noise does not explain (degrees).
+        Change of the direction of gravity (degrees) if noise does not explain it; None otherwise.
     knocks : tuple of Knock
         Bursts of outliers.
     """
@@ -93,7 +93,7 @@ def of_motion(
 
 
 def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
-    """Remarks on lasting jumps of the mean, at most two for each axis."""
+    """Yield remarks on lasting jumps of the mean, at most two for each axis."""
     for axis in dict.fromkeys(step.axis for step in steps):
         for code, at_gap in (("level-steps", False), ("restarts", True)):
             own = [step for step in steps if step.axis == axis and step.at_gap == at_gap]
@@ -102,7 +102,7 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
 
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
-    """Remarks on trends, one for each axis.
+    """Yield remarks on trends, one for each axis.
 
     Parameters
     ----------
@@ -142,8 +142,9 @@ def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Rem
     Parameters
     ----------
     found : mapping of axis to Regression
+        The regression of each axis.
     unknown : str
-        Why the temperature cannot be used; "" if it can.
+        Reason why the temperature cannot be used; "" if it can be used.
     """
     if unknown:
         yield Remark.of("temperature-unknown", reason=unknown)
@@ -167,9 +168,12 @@ def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
     Parameters
     ----------
     axis : str
+        Name of the axis.
     found : Regression
+        Its regression.
     left_in : str
-        What the effect would change; by default the Allan deviation three octaves below the longest averaging time.
+        Phrase that states what the effect would change if it were not removed. By default, it is about the Allan
+        deviation three octaves below the longest averaging time.
     """
     level = max(found.share.size - 3, 1)
     times = 1 / math.sqrt(max(1 - float(found.share[level - 1]), 1e-4))
@@ -181,7 +185,7 @@ def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
 
 
 def covariates_text(found: Regression) -> str:
-    """Name the covariates of a regression for a sentence."""
+    """Return the names of the covariates of a regression, for a sentence."""
     words = {"temperature": "the temperature", "time": "a trend in time", "warmup": "a warm-up"}
     return " and ".join(words.get(term.name, term.name) for term in found.terms)
 
@@ -212,8 +216,8 @@ def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
 
 
 def round_up(seconds: float) -> float:
-    """Round a duration (s) up to a multiple of a step: the smallest of 1 s, 10 s, 1 min, 5 min and 30 min of which 20
-    are at least as long as the duration, otherwise 1 h.
+    """Round a duration (s) up to a multiple of a step. The step is the smallest of 1 s, 10 s, 1 min, 5 min and 30 min
+    that is at least 1/20 of the duration, otherwise 1 h.
 
     >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
     [1.0, 50.0, 240.0, 1500.0, 9000.0]
@@ -223,7 +227,7 @@ def round_up(seconds: float) -> float:
 
 
 def of_gravity(gravity: float | None) -> Iterator[Remark]:
-    """Yield remarks on the size of gravity (m/s²)."""
+    """Yield a remark if the norm of the mean specific force (m/s²) differs from gravity."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
     if gravity is not None and abs(error) > _OFF:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
@@ -248,7 +252,7 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
 
 
 def _as_printed(value: float, unit: str) -> Quantity:
-    """Convert a value of a sensor to the unit that is usual for its range."""
+    """Convert a value from the SI unit of a sensor to deg/s or mg."""
     name = {"rad/s": "deg/s", "m/s²": "mg"}.get(unit)
     return Quantity(value, unit) if name is None else Quantity(value * datasheet_units(unit)[name], name)
 
