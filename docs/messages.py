@@ -25,7 +25,7 @@ each result, for example `calibration.remarks`. Search this page for the code.
 
 The terminal shows the five most severe messages. `report.html` and `--all-remarks` show all of them.
 
-An error ends a command. Its text says what to do; [Start here](../start.md) has the usual ones.
+An error ends a command. Its text says what to do. [Start here](../start.md#errors-on-reading) explains the usual errors.
 
 ## Severity
 
@@ -72,7 +72,7 @@ def _entry(message: Message) -> Iterator[str]:
     if len(advice) == 1:
         yield f"**What to do.** {advice[0]}\n"
     elif advice:
-        yield "**What to do**, as the case may be:\n"
+        yield "**What to do**, depending on the cause:\n"
         yield "\n".join(f"- {text}" for text in advice) + "\n"
 
 
