@@ -25,7 +25,8 @@ each result, for example `calibration.remarks`. Search this page for the code.
 
 The terminal shows the five most severe messages. `report.html` and `--all-remarks` show all of them.
 
-An error ends a command. Its text says what to do. [Start here](../start.md#errors-on-reading) explains the usual errors.
+An error ends a command. Its text says what to do. [Start here](../start.md#errors-on-reading) explains the usual
+errors.
 
 ## Severity
 
