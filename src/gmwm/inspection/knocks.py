@@ -1,4 +1,4 @@
-"""Knocks (bursts of outliers) and lasting jumps of the mean in a recording of a sensor at rest."""
+"""Find knocks (bursts of outliers) and lasting jumps of the mean in a recording of a sensor at rest."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from gmwm._arrays import Vector, row_medians
 from gmwm.inspection.time_grid import Extent
 
 BLOCK = 1000
-"""Number of samples of a local median: longer than a knock, shorter than a drift (tests/test_inspection.py)."""
+"""Number of samples of a local median. It is longer than a knock and shorter than a drift
+(tests/test_inspection.py)."""
 FEWEST = 64
-"""Smallest number of samples of a segment for a local standard deviation: its relative error is then 1/√128, or 9 %."""
+"""Smallest number of samples of a segment for a local standard deviation, whose relative error is then 1/√128, or 9
+%."""
 _KNOCK = 8.0
-"""Distance of an outlier from the local median, in local standard deviations: Gaussian noise exceeds it once in 10¹⁵
-samples."""
+"""Smallest distance of an outlier from the local median, in local standard deviations. Gaussian noise exceeds it once
+in 10¹⁵ samples."""
 _BURST = 1.0
 """Longest time (s) between outliers of the same knock (tests/test_inspection.py)."""
 _LEVELS = 256
@@ -29,11 +31,12 @@ _DIFFERENCES = 32
 _STEP = 8.0
 """Smallest size of a jump, in standard deviations of these differences."""
 _REACH = 32.0
-"""Error of the place of a jump (samples), in (σ/size)². The error of the likeliest place exceeds 11 (σ/size)² in 5 % of
-the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have the median 0.91 σ²."""
+"""Largest error of the position of a jump (samples), in units of (σ/size)². The error of the most likely position
+exceeds 11 (σ/size)² in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have the
+median 0.91 σ²."""
 _ISOLATED = 4.0
-"""Smallest ratio of a jump to the changes beside it. For a ramp, the change over two blocks is twice the change over
-one."""
+"""Smallest ratio of a jump to the changes before and after it. For a ramp, the change over two blocks is twice the
+change over one block."""
 
 Indices = NDArray[np.int64]
 Outliers = tuple[Indices, Vector]
@@ -47,7 +50,7 @@ class Knock:
     Parameters
     ----------
     time : float
-        Time of the first outlier (s), counted from the first sample of the file, as `skip` of `read` counts.
+        Time of the first outlier (s), counted from the first sample of the file, like the option `skip` of `read`.
     duration : float
         Time from the first to the last outlier (s).
     axes : tuple of str
@@ -114,7 +117,8 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
-    """Find the samples far from the median of their block: indices in the flat array, and distances.
+    """Find the samples that are far from the median of their block. Return their indices in the flattened array, and
+    their distances in standard deviations.
 
     Parameters
     ----------
@@ -142,7 +146,7 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
 
 
 def level_length(samples: int) -> int:
-    """Number of samples in the blocks whose medians are compared."""
+    """Return the number of samples in the blocks whose medians are compared."""
     return max(samples // _LEVELS, _SHORTEST)
 
 
@@ -158,9 +162,9 @@ def steps_of(
     The medians m_i of 256 blocks, with at least 100 samples each, follow the mean and are not affected by knocks. The
     difference m_{i+2} − m_i contains the whole of a jump in block i + 1. It is a jump if it exceeds two limits. The
     first is 8 standard deviations of all such differences, estimated from their median absolute deviation, so that a
-    random walk is not a jump. The second is 4 times the changes beside it, so that a warm-up is not a jump. The first
-    and the last three blocks of a segment are excluded. No jump was found in 8680 simulated recordings of seven models
-    with 3400 to 100 000 samples; tests/test_inspection.py repeats a part of them.
+    random walk is not a jump. The second is 4 times the changes before and after it, so that a warm-up is not a jump.
+    The first and the last three blocks of a segment are excluded. No jump was found in 8680 simulated recordings of
+    seven models with 3400 to 100 000 samples; tests/test_inspection.py repeats a part of them.
 
     Parameters
     ----------
@@ -190,7 +194,7 @@ def steps_of(
         size = np.abs(change - usual)
         least = np.maximum(_STEP * spread, _ISOLATED * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
-        # Neighbouring blocks show the same jump.
+        # Several neighbouring blocks can show the same jump.
         for group in np.split(at, np.flatnonzero(np.diff(at) > 2) + 1) if at.size else []:
             i = int(group[np.argmax(size[group])])
             begin = first + i * length
@@ -210,6 +214,7 @@ def steps_of(
 
 
 def _corner(values: Vector, before: float, after: float) -> int:
-    """Return the index of the first sample after the jump; each sample votes for the mean that it is nearer to."""
+    """Return the index of the first sample after the jump. It is the split that assigns the most samples to the nearer
+    mean."""
     votes = np.where(np.abs(values - before) < np.abs(values - after), 1, -1)
     return min(int(np.argmax(np.concatenate([[0], np.cumsum(votes)]))), values.size - 1)

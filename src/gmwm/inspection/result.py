@@ -1,4 +1,4 @@
-"""The result of an inspection."""
+"""Results of an inspection."""
 
 from __future__ import annotations
 
@@ -77,13 +77,13 @@ class Inspection(Summarised):
     steps : tuple of Step
         Lasting jumps of the mean, ordered by time.
     trends : tuple of Trend
-        Axes whose mean follows a smooth course, such as a warm-up.
+        Smooth changes of the mean of an axis, such as a warm-up.
     temperature : (lowest, highest) or None
         Range of the temperature (°C); None if it was not recorded.
     regressions : mapping of axis to Regression
         Regressions on the temperature or on other conditions, also of axes that do not depend on them.
     remarks : tuple of Remark
-        What affects a calibration, and how the recording was read.
+        Remarks on what affects a calibration, and on how the recording was read.
     """
 
     source: str
@@ -110,7 +110,7 @@ class Inspection(Summarised):
         return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
     def summary(self, *, every: bool = False) -> str:
-        """Describe the recording as text.
+        """Describe the result of the inspection as text.
 
         Parameters
         ----------
@@ -133,11 +133,11 @@ REST: Mapping[Dialect, str] = {
     Dialect.SHELL: "--all-remarks",
     Dialect.HTML: "",
 }
-"""Where to find the remarks that the text does not contain."""
+"""The option that shows the remarks that the text does not contain."""
 
 
 def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """Describe the recording as text.
+    """Describe the result of an inspection as text.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = 
 
 
 def _trend_line(trend: Trend, unit: str) -> str:
-    """Write one line about a trend."""
+    """Return a line of text about a trend."""
     if trend.kind != "exponential" or trend.tau is None:
         return f"{trend.kind} trend of {trend.axis}: {-trend.size:+.3g} {unit} from the beginning to the end"
     size = f"{trend.size:+.3g} {unit} at first, time constant {duration_text(trend.tau)}"
@@ -198,7 +198,7 @@ def _trend_line(trend: Trend, unit: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Convert tuples to lists, recursively."""
+    """Convert tuples to lists, also inside dicts and lists."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -45,18 +45,18 @@ class Extent:
     def of(
         cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, *, gaps_known: bool = True
     ) -> Extent:
-        """Return the extent of segments whose start times `clock` (s) are counted from any zero; the first sample is
-        at the time `left` (s)."""
+        """Make the extent of segments whose start times `clock` (s) are counted from any zero. The first sample gets
+        the time `left` (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
 
     @cached_property
     def joined(self) -> tuple[Range, ...]:
-        """Index ranges that contain no gap too long to fill. Mean values and outliers do not depend on shorter gaps."""
+        """Index ranges between the gaps that are too long to fill. Means and outliers do not depend on shorter gaps."""
         return joined_ranges(self.rate, self.segments, self.starts) if self.gaps_known else self.segments
 
     def has_short_gap(self, index: int, reach: float) -> bool:
-        """Return whether a gap that may be filled is at most `reach` samples from a sample."""
+        """Return whether a gap that may be filled is at most `reach` samples from the sample with this index."""
         short = np.setdiff1d([first for first, _ in self.segments], [first for first, _ in self.joined])
         return bool(np.any(np.abs(short - index) <= reach))
 
@@ -79,10 +79,10 @@ class Extent:
         return times_of(indices, self.rate, self.segments, self.starts)
 
     def windows(self) -> list[Range]:
-        """About 64 half-open index ranges of similar length, so that their means can be compared.
+        """Return about 64 half-open index ranges of similar length, whose means can be compared.
 
-        A window does not cross a gap that cannot be filled, except between ranges shorter than half a window. These
-        are joined with short neighbours, and left out if the result is still too short.
+        A window contains no gap that is too long to fill, with one exception: neighbouring ranges that are shorter than
+        half a window are joined. If the result is still too short, it is left out.
         """
         length = max(self.samples // _WINDOWS, 1)
         ranges: list[Range] = []

@@ -1,4 +1,4 @@
-"""Trends: a mean that follows a smooth function of time, such as a warm-up, in addition to noise."""
+"""Find trends: smooth functions of time, such as a warm-up, that the mean of an axis follows in addition to noise."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from gmwm.inspection.wander import Likelihood, Profile
 Kind = Literal["exponential", "linear", "quadratic"]
 
 _FEWEST = 48
-"""Smallest number of blocks for the test; tests/test_inspection_trends.py has the false alarms at 70 and 256 blocks."""
+"""Smallest number of blocks for the test; tests/test_inspection_trends.py counts false alarms at 70 and 256 blocks."""
 _TIMES = 18
 """Number of time constants on the first grid; a second grid refines the best one."""
 _FIRST_STEP = 3
-"""First block in which a jump is distinguished from a warm-up; an earlier jump is cut off like a warm-up."""
+"""First block in which a jump is distinguished from a warm-up. An earlier jump is treated as a warm-up."""
 _SIZE = 0.01
-"""Level of the test (docs/validation/trends.md)."""
+"""Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
-"""Upper tail of the statistic for a random walk of moderate size, the noise that is most often mistaken for a trend: it
-exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) (docs/validation/trends.md)."""
+"""Upper tail of the statistic for a random walk of moderate size, the noise that is most often mistaken for a trend.
+The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) (docs/validation/trends.md)."""
 _EXTRA = 2.0
-"""Gain of −2 log L by chance from a second parameter: twice the number of additional parameters, as in Akaike's
-criterion."""
+"""Improvement of −2 log L that is subtracted for a second parameter: twice the number of additional parameters, as in
+Akaike's criterion."""
 _VISIBLE = 1.0
-"""Square of a number of standard errors of the noise. A remaining trend below this size does not matter."""
+"""Largest size of a remaining trend that does not matter, as the square of a number of standard errors of the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,18 +45,20 @@ class Trend:
     kind : "exponential", "linear" or "quadratic"
         Shape: a e^{−t/τ}, a straight line, or a parabola.
     size : float
-        Change of the mean from the first sample to the end, with the sign reversed: the first value minus the last one
-        for a line or a parabola, and the coefficient a of an exponential, in the unit of the axis.
+        Size of the trend, in the unit of the axis: the first value minus the last one for a line or a parabola, and the
+        coefficient a for an exponential.
     tau : float or None
         Time constant τ (s) of an exponential.
     pvalue : float
-        Probability of an equally clear trend in noise without one.
+        Probability that noise without a trend shows an equally clear trend.
     until : float or None
         Time (s) after which the rest of an exponential is smaller than one standard error of the noise.
     walk, walk_limit : float
-        Random walk of the axis beside the trend, and its approximate 95 % upper limit, in the unit of the axis per √s.
+        Random walk of the axis in addition to the trend, and its approximate 95 % upper limit, in the unit of the axis
+        per √s.
     walk_with_trend : float
-        Random walk of a model with white noise only, if the trend is treated as noise.
+        Random walk, in the same unit, of a model with white noise and a random walk in which the trend is treated as
+        noise.
     """
 
     axis: str
@@ -79,9 +81,10 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     """Find the trend of an axis; None if there is none.
 
     The means of about 256 blocks are described by noise alone, and by noise and a trend. The noise is white noise, a
-    random walk and a Gauss-Markov process of any size, fitted by maximum likelihood together with the trend, so that a
-    wandering sensor is not a trend. The statistic is the gain in −2 log L; its distribution was simulated for noise of
-    many kinds. A trend is reported at the 1 % level, and only if a jump does not describe the means better.
+    random walk and a Gauss-Markov process of any size, fitted by maximum likelihood together with the trend, so that
+    the drift of a sensor is not taken for a trend. The statistic is the reduction of −2 log L by the trend. Its
+    distribution was simulated for noise of many kinds. A trend is reported at the 1 % level, and only if a jump does
+    not describe the means better.
 
     Parameters
     ----------
@@ -134,7 +137,8 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
 
 
 def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[float, Vector]:
-    """Return start (s) and block means of the longest part of the recording whose gaps are shorter than a block."""
+    """Return the start (s) and the block means of the longest part of the recording whose gaps are shorter than a
+    block."""
     parts: list[tuple[float, list[Vector]]] = []
     ends = -math.inf
     last_of = dict(extent.joined)
@@ -151,7 +155,7 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
 
 
 class TrendTest:
-    """The test of n block means for a trend; times are in blocks.
+    """The test for a trend in n block means. Times are in blocks.
 
     Parameters
     ----------
@@ -161,9 +165,9 @@ class TrendTest:
     Attributes
     ----------
     statistic : float
-        Gain in −2 log L of the best trend, less what a second parameter gains by chance.
+        Reduction of −2 log L by the best trend, minus `_EXTRA` for a second parameter.
     pvalue : float
-        Probability of a statistic as large in noise without a trend.
+        Probability of an equally large statistic in noise without a trend.
     kind : str or None
         Shape of the trend; None if a jump describes the means better.
     tau : float
@@ -197,7 +201,8 @@ class TrendTest:
             "quadratic": float(base - np.min(self._parabola.values)) - _EXTRA,
         }
         self.statistic = max(gains.values())
-        # Among shapes that describe the means about as well, the exponential has a physical cause.
+        # Among shapes that describe the means about equally well, a line is preferred, then an exponential, which has a
+        # physical cause.
         near = [kind for kind, gain in gains.items() if gain >= self.statistic - _EXTRA]
         self.kind: Kind | None = "linear" if "linear" in near else near[0]
         models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])
@@ -211,8 +216,8 @@ class TrendTest:
         return float(course[0] - course[-1]) if self.kind != "exponential" else self._size
 
     def walks(self) -> tuple[float, float, float]:
-        """Return γ² of a block in addition to the trend, its 95 % upper limit, and γ² if the trend is treated as
-        noise."""
+        """Return the variance γ² of a step of the random walk over one block in addition to the trend, its 95 % upper
+        limit, and γ² if the trend is treated as noise."""
         likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
@@ -222,14 +227,14 @@ class TrendTest:
         return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
     def until(self) -> float | None:
-        """Return the time after which the rest of a warm-up is below a standard error; None if the trend is not a
-        warm-up."""
+        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise; None if
+        the trend is not a warm-up."""
         n, profile = self._means.size, self._profile()
         if self.kind != "exponential" or self.tau > n:
             return None
         model = int(np.argmin(profile.values))
         weights = self._likelihood.grid.weights[model] * (n - 1) / profile.squares[model, 0]
-        # The transformed rest after block s is a sum over the differences from s on.
+        # The transform of the rest of the trend after block s is a sum over its differences from s on.
         parts = self._likelihood.grid.transform * np.diff(self._course())
         rests = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
         visible = np.flatnonzero(weights @ rests**2 > _VISIBLE)
@@ -243,7 +248,7 @@ class TrendTest:
         return self._likelihood.coefficient(int(np.argmin(self._exponential.values)), self._decay)
 
     def _course(self) -> Vector:
-        """Return the trend at the blocks, up to a constant."""
+        """Return the value of the trend in each block, up to a constant."""
         n, likelihood = self._means.size, self._likelihood
         at = np.arange(n) + 0.5
         if self.kind == "exponential":
@@ -256,12 +261,13 @@ class TrendTest:
         return np.asarray(line * at / n + curve * (at / n) ** 2)
 
     def _decays(self, times: Vector) -> tuple[Profile, Matrix]:
-        """Return the profile likelihood of exponentials, and their transformed courses."""
+        """Return the profile likelihoods with an exponential of each time constant, and the transformed
+        exponentials."""
         at = np.arange(self._means.size) + 0.5
         courses = self._likelihood.transformed(np.exp(-at / times[:, None]))
         return self._likelihood.with_one(courses), courses
 
 
 def _best(profile: Profile) -> int:
-    """Return the index of the course with the largest likelihood."""
+    """Return the index of the time constant with the largest likelihood."""
     return int(np.argmin(np.min(profile.values, axis=0)))

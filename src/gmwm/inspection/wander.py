@@ -1,4 +1,4 @@
-"""Likelihood of block means that consist of white noise, a random walk, a Gauss-Markov process and a course.
+"""Likelihood of block means that are the sum of white noise, a random walk, a Gauss-Markov process and a course.
 
 The differences d of n block means of white noise or of a random walk have a tridiagonal Toeplitz covariance. The sine
 transform z_k = √(2/n) Σ d_i sin(πki/n) makes them independent, with variances
@@ -23,16 +23,16 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector
 
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
-"""Ratios γ²/σ². The smallest has no visible effect in 1000 blocks, whose lowest θ² is 1e-5; the largest hides white
-noise."""
+"""Ratios γ²/σ² of the grid. The smallest positive one has no visible effect in 1000 blocks, whose lowest θ² is 1e-5. At
+the largest one, the random walk hides the white noise."""
 _TIMES = (1.5, 5.0, 16.0)
-"""Correlation times of the Gauss-Markov process, in blocks. Above a tenth of the recording, it is close to a random
-walk."""
+"""Correlation times of the Gauss-Markov process, in blocks. With a time above a tenth of the recording, the process is
+close to a random walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
 _FINER = np.geomspace(0.67, 1.5, 17)
-"""Factors for a finer search between two neighbours of `_WALKS`, whose ratio is 1.48, for the random walk of the final
-model."""
+"""Factors for a finer search of the random walk of the final model, between two neighbours of `_WALKS`, whose ratio is
+1.48."""
 _LIMIT = 3.841
 """Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
 quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
@@ -46,7 +46,7 @@ class Grid:
     Attributes
     ----------
     transform : (n − 1, n − 1) array
-        The sine transform of the differences.
+        Matrix of the sine transform of the differences.
     weights : (G, n − 1) array
         1/λ_k of each model, for σ² = 1.
     logs : (G,) array
@@ -54,9 +54,9 @@ class Grid:
     walks : (G,) array
         γ²/σ².
     rest : (G, n − 1) array
-        λ_k without the walk.
+        λ_k of each model without the random walk.
     walk : (n − 1,) array
-        λ_k of a walk with γ² = 1.
+        λ_k of a random walk with γ² = 1 alone.
     """
 
     transform: Matrix
@@ -80,7 +80,8 @@ def grid_of(blocks: int) -> Grid:
             continue
         markov = _markov(transform, time)
         for plateau in _PLATEAUS:
-            # Every second ratio is enough beside a third term: the steps are then still below a factor of 2.2.
+            # Together with a Gauss-Markov process, every second ratio is enough. The ratio of neighbours is then still
+            # below 2.2.
             walks.append(_WALKS[::2])
             rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
     ratios, rest = np.concatenate(walks), np.vstack(rests)
@@ -92,7 +93,7 @@ def grid_of(blocks: int) -> Grid:
 
 
 def _markov(transform: Matrix, time: float) -> Vector:
-    """Return the variances that a Gauss-Markov process of variance 1 adds: the diagonal of its transformed
+    """Return the variances g_k that a Gauss-Markov process of variance 1 adds, the diagonal of its transformed
     covariance."""
     lags, decay = np.arange(len(transform) + 2), np.exp(-1 / time)
     means = (time * (1 - decay)) ** 2 * np.exp(-np.maximum(lags - 1, 0) / time)  # autocovariance of block means
@@ -104,11 +105,11 @@ def _markov(transform: Matrix, time: float) -> Vector:
 
 
 def _crossing(walks: Vector, excess: Vector) -> float:
-    """Return the largest γ² at which `excess` becomes positive, interpolated between neighbours on the grid of
-    ratios."""
+    """Return the largest γ² at which `excess` is still zero or negative, interpolated between neighbours on the
+    grid."""
     inside = excess <= 0
     largest = float(np.max(walks[inside]))
-    # The walk grows from model to model, and begins at zero again for the next Gauss-Markov process.
+    # The walk grows from model to model, and starts again at zero for the next Gauss-Markov process.
     k = np.flatnonzero(inside[:-1] & ~inside[1:] & (walks[:-1] > 0) & (walks[1:] > walks[:-1]))
     if not k.size:
         return largest
@@ -118,14 +119,15 @@ def _crossing(walks: Vector, excess: Vector) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """−2 log L of block means at each noise model, with the best coefficients of C courses.
+    """−2 log L of block means for each of G noise models, with the best coefficient of each of C courses.
 
     Attributes
     ----------
     values : (G, C) array
         −2 log L, up to a constant.
     squares : (G, C) array
-        Σ (z − Σ a g)²/λ for σ² = 1. Divided by the number of differences it is σ².
+        Σ (z − a c)²/λ for σ² = 1, where c is a transformed course and a its coefficient. Divided by the number of
+        differences, it is the estimate of σ².
     """
 
     values: Matrix
@@ -147,7 +149,7 @@ class Likelihood:
         self._flat = self.grid.weights @ self.z**2
 
     def transformed(self, courses: Matrix) -> Matrix:
-        """Transform the differences of courses (C, n), one course in each row."""
+        """Return the transformed differences of courses (C, n), with one course in each row."""
         return np.asarray(np.diff(courses, axis=1) @ self.grid.transform)
 
     def without(self) -> Profile:
@@ -155,7 +157,8 @@ class Likelihood:
         return self._profile(self._flat[:, None])
 
     def with_one(self, courses: Matrix) -> Profile:
-        """Profile likelihood with one course, for each of C transformed courses: one column per course."""
+        """Return the profile likelihood with one course, for each of C transformed courses. The result has a column per
+        course."""
         cross = self.grid.weights @ (courses * self.z).T
         own = self.grid.weights @ (courses**2).T
         return self._profile(self._flat[:, None] - cross**2 / own)
@@ -169,7 +172,7 @@ class Likelihood:
         return self._profile((self._flat - taken)[:, None])
 
     def with_step(self, models: Vector, first: int) -> float:
-        """Smallest −2 log L with a jump in block `first` or later, for some noise models.
+        """Return the smallest −2 log L with a jump in block `first` or later, for some noise models.
 
         The jump lies between two block means, or in the middle of a block.
         """
@@ -183,15 +186,15 @@ class Likelihood:
         """Return the variance γ² of a step of the random walk in addition to courses, and its one-sided 95 % upper
         limit.
 
-        The likelihood is the restricted one (REML), without the low frequencies that the courses explain: with them,
-        a walk would be too small.
+        The likelihood is the restricted one (REML), which excludes the low frequencies that the courses explain. With
+        them, the random walk would be underestimated.
 
         Parameters
         ----------
         courses : (p, n − 1) array
             Transformed courses; for an exponential, also its derivative with respect to the time constant.
         alone : bool
-            Whether the noise has no Gauss-Markov process, which can take the place of a walk.
+            Whether the noise model has no Gauss-Markov process, which can replace a random walk.
         """
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted(grid.weights[:used], grid.logs[:used], courses)

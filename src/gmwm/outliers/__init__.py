@@ -1,5 +1,4 @@
-"""Outliers in a recording: a test for them, and a search that separates knocks and wrong samples from heavy-tailed
-noise."""
+"""Test a recording for outliers, and distinguish knocks and wrong samples from heavy-tailed noise."""
 
 from gmwm.outliers.bursts import MATERIAL, Bursts, find_bursts
 from gmwm.outliers.cleaning import Cleaned, cleaned

@@ -1,12 +1,12 @@
 """Find bursts of large wavelet coefficients: knocks and motion, as opposed to noise with heavy tails.
 
 Heavy tails also raise the classical wavelet variance above the robust one, but their large coefficients are scattered
-in time like all others. A knock lasts: it makes many neighbouring coefficients large, of both signs, because the sensor
-returns to its old position. A burst is therefore a group of at least `FEWEST` coefficients beyond `LARGE` local
-standard deviations, both signs among them, with at most `APART` smaller ones between two of them. Coefficients are
-taken half a scale apart, so that a single wrong sample changes two of them, a jump of the mean one or two, and two
-wrong samples at most four. A pulse without any structure changes three or four: they are a burst if one is larger than
-the tails of noise ever are.
+in time like all others. A knock lasts for some time. It makes many neighbouring coefficients large, with both signs,
+because the sensor returns to its old position. A burst is therefore a group of at least `FEWEST` coefficients of both
+signs that exceed `LARGE` local standard deviations, in which neighbours are at most `APART` coefficients apart. The
+coefficients that are used are half a scale apart. A single wrong sample then changes two of them, a jump of the mean
+one or two, and two wrong samples at most four. A simple pulse changes three or four coefficients. They are a burst if
+one of them is larger than heavy tails can explain (`HUGE`).
 """
 
 from __future__ import annotations
@@ -25,29 +25,30 @@ from gmwm.signals import Signal
 from gmwm.variance.panels import Panels, panel_length
 
 LARGE = 5.0
-"""Size from which a coefficient is large, in local standard deviations. Pinned by docs/validation/tails.md, as are the
+"""Size above which a coefficient is large, in local standard deviations. Pinned by docs/validation/tails.md, as are the
 next four constants."""
 FEWEST = 5
 """Smallest number of large coefficients in a burst."""
 HUGE, FEW = 20.0, 3
-"""Size from which a coefficient is huge, in local standard deviations, and smallest number of large coefficients in a
-burst with a huge one."""
+"""Size above which a coefficient is huge, in local standard deviations, and smallest number of large coefficients in a
+burst with a huge coefficient."""
 APART = 8
-"""Largest distance of two neighbouring large coefficients of a burst, in half scales."""
+"""Largest distance between neighbouring large coefficients of a burst, in half scales."""
 MATERIAL = 0.01
-"""Share of the classical variance from which bursts matter: a standard deviation changes by 0.5 %."""
+"""Smallest share of the classical variance at which bursts matter. It changes a standard deviation by 0.5 %."""
 RARE = 0.15
 """Largest share of the time in bursts. A longer change is a state of the sensor, not a disturbance."""
 LONGEST = 10.0
-"""Longest scale (s) at which bursts are searched: at longer scales, a warm-up looks the same."""
+"""Longest scale (s) at which bursts are searched. At longer scales, a warm-up looks like a burst."""
 NEIGHBOURHOOD = 60.0
-"""Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
+"""Time (s) over which a local standard deviation is measured. It is longer than knocks and shorter than changes of the
+noise."""
 _SMALL, _FALSE = 3.5, 1e-4
-"""For small bursts: size from which a coefficient is large (local standard deviations), and expected false bursts in a
-panel."""
+"""For small bursts, the smallest size of a large coefficient (local standard deviations), and the expected number of
+false bursts in a panel."""
 _ALONE, _BESIDE = 1.5, 32
-"""For small bursts: largest spread of the noise next to the burst, in local standard deviations, and smallest number of
-coefficients for it."""
+"""For small bursts, the largest spread of the noise next to the burst, in local standard deviations, and the smallest
+number of coefficients from which this spread is estimated."""
 _PIECES = 64
 """Smallest number of coefficients for a local standard deviation; its relative error is about 15 %."""
 Indices = NDArray[np.int64]
@@ -64,13 +65,13 @@ class Bursts:
     Attributes
     ----------
     tau : (L,) array
-        Scales (s) at which bursts were looked for, from level 1.
+        Scales (s) at which bursts were searched, from level 1.
     energy : (L,) array
         Share of the classical wavelet variance that is due to large coefficients in bursts.
     time : (L,) array
         Share of the time in bursts.
     count : int
-        Number of bursts at the level with most of them.
+        Number of bursts at the level with the most bursts.
     """
 
     tau: Vector
@@ -84,12 +85,12 @@ class Bursts:
 
     @property
     def material(self) -> NDArray[np.bool_]:
-        """Levels whose variance is increased by rare bursts (L,)."""
+        """Whether rare bursts increase the variance of each level, an (L,) array."""
         return np.asarray((self.energy >= MATERIAL) & (self.time <= RARE))
 
     @property
     def found(self) -> bool:
-        """Whether rare bursts increase the variance of a level."""
+        """Whether rare bursts increase the variance of at least one level."""
         return bool(np.any(self.material))
 
     def to_dict(self) -> dict[str, Any]:
@@ -117,7 +118,8 @@ class BurstFinder:
         self.rate = as_rate(rate)
         self.panels = Panels(panel_length(self.rate))
         self.levels = _levels(self.rate)
-        # Sums over all panels: squares, squares in bursts, number of coefficients, those in bursts, bursts.
+        # Sums over all panels for each level: squares, squares in bursts, coefficients, coefficients in bursts, and
+        # bursts.
         self._sums = np.zeros((5, self.levels))
         self._sample = Sample()
 
@@ -128,7 +130,7 @@ class BurstFinder:
             self._add(panel)
 
     def gap(self) -> None:
-        """End the segment: samples are missing before the next ones."""
+        """End the segment, because samples are missing before the next ones."""
         for panel in self.panels.end():
             self._add(panel)
 
@@ -191,8 +193,8 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
 
 
 class Coefficients(NamedTuple):
-    """The coefficients of a panel at one level, half a scale apart; their sizes, and the local standard deviation of
-    each, None if one is zero."""
+    """The coefficients `w` of a panel at one level, half a scale apart, their absolute values, and the local standard
+    deviation at each coefficient; None if one of these is zero."""
 
     number: int
     w: Vector
@@ -228,14 +230,14 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficien
 def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
     """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap.
 
-    A burst at a level is left out if it overlaps one of a finer level, where its place is known better.
+    A burst is left out if it overlaps a burst of a finer level, at which its position is known better.
 
     Parameters
     ----------
     levels : iterable of Coefficients
         All coefficients of the panel.
     small : bool
-        Also find bursts of coefficients that are large for this noise, though less than `LARGE`.
+        Whether to also find bursts of coefficients that are below `LARGE`, but large for this noise.
     """
     found = np.empty((0, 2), dtype=np.int64)
     for level in levels:
@@ -254,8 +256,8 @@ def _levels(rate: float) -> int:
 
 
 class _Found(NamedTuple):
-    """Bursts of one level of a panel: the first and the last large coefficient of each, and the squares of its
-    coefficients."""
+    """Bursts at one level of a panel: the indices of the first and the last large coefficient of each burst, and the
+    sum of the squares of its large coefficients."""
 
     first: Indices
     last: Indices
@@ -272,7 +274,7 @@ def _bursts(level: Coefficients, small: bool) -> _Found:
         return _NO_BURSTS
     large = LARGE
     if small:
-        # The share of coefficients of which `FEWEST` are neighbours, at random, in one panel of ten thousand.
+        # At this share of large coefficients, `FEWEST` of them are neighbours by chance in one panel of ten thousand.
         share = (_FALSE / (w.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
         large = min(LARGE, max(_SMALL, float(np.quantile(size / limit, 1 - share))))
     at = np.flatnonzero(size > large * limit)
@@ -291,7 +293,8 @@ def _bursts(level: Coefficients, small: bool) -> _Found:
 
 
 def _is_alone(size: Vector, first: int, last: int, limit: Vector) -> bool:
-    """Return whether the noise next to a burst is not larger than usual. If the variance varies, it is larger."""
+    """Return whether the noise next to a burst is not larger than usual. If the variance of the noise varies, it
+    usually is larger next to large coefficients."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)
     beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
@@ -300,7 +303,8 @@ def _is_alone(size: Vector, first: int, last: int, limit: Vector) -> bool:
 
 
 def _local_spread(size: Vector, piece: int) -> Vector:
-    """Return the standard deviation of each piece, from the median of |w|; at least the median of all pieces."""
+    """Return the standard deviation of each piece of `piece` coefficients, from the median of their sizes. It is at
+    least the median over all pieces."""
     whole = size.size // piece
     if whole < 2:
         return np.array([float(np.median(size)) / _QUARTILE])

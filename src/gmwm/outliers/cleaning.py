@@ -18,17 +18,18 @@ from gmwm.time_base import times_of
 from gmwm.variance.panels import panel_length
 
 MARGIN, LEAST = 1.0, 8
-"""Margin that is replaced before and after a knock, where it is too weak to be detected: in lengths of the knock, and
-the smallest number of samples. All constants here are measured in tests/outliers/test_cleaning.py."""
+"""Margin that is replaced before and after a knock, where the knock is too weak to be detected: as a multiple of the
+length of the knock, and its smallest number of samples. All constants here are measured in
+tests/outliers/test_cleaning.py."""
 LONGEST = 30.0
 """Longest time (s) that is replaced, including the margins of the knock."""
 MOST = 0.1
 """Largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance."""
 _PASSES = 6
-"""Number of searches. Each follows the replacement of the knocks found before: the weak end of a knock is found
-last."""
+"""Number of searches. Each one follows the replacement of the knocks found so far, because the weak end of a knock is
+found last."""
 _BESIDE = 32
-"""Smallest number of samples next to a knock from which its place is filled during the search."""
+"""Smallest number of samples on each side of a knock from which its samples are replaced during the search."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +39,7 @@ class Cleaned:
     Attributes
     ----------
     signal : Signal
-        The signal with other samples in the places of the outliers, drawn from their distribution given all others.
+        The signal in which outliers are replaced by draws from their conditional distribution given the other samples.
     knocks : (k, 2) int array
         Half-open index ranges of the samples that were replaced because of knocks.
     replaced : Replaced
@@ -53,8 +54,8 @@ class Cleaned:
 def cleaned(x: Signal) -> Cleaned:
     """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds.
 
-    Disturbances that last longer than 30 s are kept. If the others make up more than 10 % of the samples, all are kept:
-    disturbances that last so long are a state of the sensor.
+    Knocks that last longer than 30 s are kept. If the other knocks make up more than 10 % of the samples, they are kept
+    too. Disturbances of this length are a state of the sensor.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def _knocks(values: Vector, rate: float) -> Ranges:
 
 
 def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
-    """Return the index ranges of the knocks in consecutive samples, all of which are searched together."""
+    """Return the index ranges of the knocks in consecutive samples that form one panel."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
     for small in [False, True]:
         for _ in range(_PASSES):
@@ -117,9 +118,9 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
 
 
 def _mirrored(values: Vector, ranges: Ranges) -> Vector:
-    """Replace the samples of each range by the samples next to it, mirrored about a straight line.
+    """Replace the samples of each range by the mirrored samples next to it, added to a straight line.
 
-    This is enough to search for the weak part of a knock.
+    This is sufficient for the search for the weak parts of knocks.
     """
     out = values.copy()
     for first, last in ranges.tolist():
@@ -136,7 +137,7 @@ def _mirrored(values: Vector, ranges: Ranges) -> Vector:
 
 
 def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
-    """Return which of `size` samples are outside all ranges."""
+    """Return a mask of the samples, `size` in number, that are outside all ranges."""
     outside = np.ones(size, dtype=np.bool_)
     for first, last in ranges.tolist():
         outside[first:last] = False
@@ -144,7 +145,7 @@ def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
 
 
 def _widened(ranges: Ranges, size: int) -> Ranges:
-    """Add the margins of each knock, where it is weak, to the ranges."""
+    """Extend each range by the margins in which the knock is weak."""
     margin = np.maximum(LEAST, np.ceil(MARGIN * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
     first, last = ranges[:, 0] - margin, ranges[:, 1] + margin
     return np.stack([np.maximum(first, 0), np.minimum(last, size)], axis=1)

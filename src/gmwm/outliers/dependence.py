@@ -1,5 +1,7 @@
-"""Test whether a robust wavelet variance depends on its efficiency by more than chance. This shows too many outliers
-for it."""
+"""Test whether a robust wavelet variance depends on its efficiency by more than chance.
+
+If it does, the recording has too many outliers for the robust estimate.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +18,12 @@ if TYPE_CHECKING:
     from gmwm.outliers.ratio_test import Verdict
 
 LOW, HIGH = 0.6, 0.9
-"""Efficiencies that are compared: the default, and one that tolerates fewer and smaller outliers."""
+"""Efficiencies that are compared: the default, and an efficiency that tolerates fewer and smaller outliers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dependence:
-    """Two robust variances of the same level that differ by more than chance.
+    """Two robust variances of the same level that differ by more than chance explains.
 
     Attributes
     ----------
@@ -50,7 +52,7 @@ class Dependence:
 
 
 def other_efficiency(efficiency: float) -> float:
-    """Return the efficiency of the robust curve for the comparison.
+    """Return the efficiency of the robust curve with which a curve of the given efficiency is compared.
 
     >>> other_efficiency(0.6), other_efficiency(0.95)
     (0.9, 0.6)
@@ -62,13 +64,14 @@ def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict
     """Return the level at which two robust curves of a recording differ most, if this is more than chance; otherwise
     None.
 
-    Both curves are expansions in the same Hermite polynomials, so that log(ν̃²/ν̃'²) has at most the variance of the
-    ratio of the classical curve to the less efficient of the two. A difference of 1 % is tolerated.
+    The estimation errors of both curves are expansions in the same Hermite polynomials. The log ratio of the curves
+    therefore has at most the variance of the log ratio of the classical curve to the less efficient one. A difference
+    of 1 % is tolerated.
 
     Parameters
     ----------
     robust, other : WaveletVariance
-        The fitted curve, and one with `other_efficiency`.
+        The fitted curve, and a curve with `other_efficiency`.
     verdict : Verdict
         The test for outliers with `robust`; its standard errors are used.
     """

@@ -1,6 +1,7 @@
-"""Test a recording for outliers: does the classical wavelet variance exceed the robust one by more than chance?
+"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance.
 
-Heavy tails raise it as well, so that the samples must also have bursts or isolated wrong samples."""
+Heavy tails raise this ratio too, so the samples must also have bursts or isolated wrong samples.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +28,14 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 HUGE = 10.0
-"""Excess from which messages state it as a factor instead of a percentage."""
+"""Excess (ratio minus 1) from which messages state a factor instead of a percentage."""
 LEAST_FREEDOM = 30.0
-"""Degrees of freedom M_j / 2^j up to which a level is not tested: the tail of the distribution of the ratio is not
-known well enough (docs/validation/contamination-test.md)."""
+"""Number of degrees of freedom M_j / 2^j up to which a level is not tested, because the tail of the distribution of the
+ratio is not known well enough (docs/validation/contamination-test.md)."""
 COARSE, COARSEST = 0.4, 0.54
-"""Shares of zero coefficients above which a level, or every level, is not tested.
+"""Shares of zero coefficients at a level above which the level, or every level, is not tested.
 
-At the first level of white noise they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the
+At the first level of white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the
 first share, the ratio of the level depends by up to 15 % on the position of the mean between two steps. Above the
 second share, this holds for every level, because the mean drifts from step to step. The false alarms with these values
 are in docs/validation/contamination-test.md.
@@ -42,7 +43,7 @@ are in docs/validation/contamination-test.md.
 TOLERANCE = 0.02
 """Default of the relative excess that is not reported as outliers."""
 FELT = 4
-"""Number of levels, from a coarse level on, whose ratio changes by more than 1 %; see the same study."""
+"""Number of levels, counted from a coarsely quantized one, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
 
 
@@ -59,7 +60,7 @@ class Verdict(Summarised):
         p-value for all tested levels and all `comparisons` together: the smallest p-value of a level times their
         number, at most 1. It is 1 if no level can be tested.
     levels, tau : (J,) arrays
-        Levels, and their scales (s).
+        Numbers of the levels, and their scales (s).
     excess : (J,) array
         Ratio of the classical to the robust variance, minus 1. NaN if one of them is zero.
     critical : (J,) array
@@ -68,7 +69,7 @@ class Verdict(Summarised):
         Standard error of log(classical / robust) in Gaussian noise, and p-value of each level. NaN for levels that are
         not tested.
     left_out : mapping of level to "few", "rounded" or "nothing"
-        Levels that are not tested, with the reason: too few coefficients, coarse quantization, or no noise.
+        Reason why a level is not tested: too few coefficients, coarse quantization, or no noise.
     size, tolerance, efficiency : float
         As for `contamination`.
     comparisons : int
@@ -79,15 +80,15 @@ class Verdict(Summarised):
     spikes : int
         Number of isolated wrong samples that are in the curves.
     largest : float
-        Largest deviation of these, in local standard deviations.
+        Largest deviation of these samples, in local standard deviations.
     replaced : Replaced
-        What was replaced before the curves were measured; see `calibrate`.
+        The samples that were replaced before the curves were measured; see `calibrate`.
     dependence : Dependence or None
-        The level at which the robust curve depends on its efficiency; None if it does not, or was not compared.
+        The level at which the robust curve depends on its efficiency; None if it does not, or if this was not tested.
     """
 
     marks_with_nan: ClassVar[bool] = True
-    """Levels without a test are NaN in the arrays."""
+    """True, because the arrays contain NaN for levels without a test."""
 
     contaminated: bool
     pvalue: float
@@ -115,7 +116,7 @@ class Verdict(Summarised):
 
     @property
     def tested(self) -> NDArray[np.bool_]:
-        """Which levels are tested (J,)."""
+        """Whether each level is tested, a (J,) array."""
         return np.array([int(j) not in self.left_out for j in self.levels], dtype=np.bool_)
 
     @property
@@ -131,15 +132,15 @@ class Verdict(Summarised):
 
     @property
     def exceeding(self) -> NDArray[np.bool_]:
-        """Levels whose excess reaches its critical value (J,)."""
+        """Whether the excess of each level reaches its critical value, a (J,) array."""
         return np.asarray(
             self.tested & (np.nan_to_num(self.excess, nan=-1.0) >= np.nan_to_num(self.critical, nan=np.inf))
         )
 
     @property
     def lighter(self) -> NDArray[np.bool_]:
-        """Levels whose robust variance exceeds the classical one by more than chance, because of a drift or rounding
-        (J,)."""
+        """Whether the robust variance of each level exceeds the classical one by more than chance, because of drift or
+        rounding, a (J,) array."""
         from scipy.special import gammainc
 
         place = np.log1p(np.nan_to_num(self.excess)) + np.log1p(self.tolerance)
@@ -149,7 +150,7 @@ class Verdict(Summarised):
 
     @property
     def _share(self) -> float:
-        """Level of significance of the test at each scale."""
+        """Significance level of the test at each scale."""
         return self.size / (self.comparisons * max(int(np.count_nonzero(self.tested)), 1))
 
     @property
@@ -162,7 +163,7 @@ class Verdict(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """The result of the test, and the levels that it could not use."""
+        """Remarks on the result of the test, and on the levels that were not tested."""
         return tuple(self._remarks())
 
     def _remarks(self) -> Iterator[Remark]:
@@ -192,7 +193,7 @@ class Verdict(Summarised):
         return "\n".join(texts(self.remarks))
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields as plain numbers, lists and texts, ready for JSON; None for NaN."""
+        """Return all fields as numbers, lists and strings, ready for JSON, with None for NaN."""
         plain = {name: [_plain(value) for value in getattr(self, name).tolist()] for name in _ARRAYS}
         left_out = {str(level): reason for level, reason in self.left_out.items()}
         bursts = None if self.bursts is None else self.bursts.to_dict()
@@ -248,21 +249,22 @@ def contamination(
 ) -> Verdict:
     """Test a recording for outliers, by the ratio of the classical to the robust wavelet variance at every level.
 
-    Noise with heavy tails, or with a varying variance, raises this ratio too, but the robust curve estimates another
-    quantity then. A signal is therefore contaminated only if its samples have bursts as well (at least 1 % of the
+    Noise with heavy tails, or with a varying variance, raises this ratio too, because the robust curve then estimates
+    another quantity. A signal is therefore contaminated only if its samples also have bursts (at least 1 % of the
     classical variance of a level, in at most 15 % of the time, see `find_bursts`), or isolated wrong samples.
 
-    In Gaussian noise d_j = log(ν̂_j²/ν̃_j²), classical over robust, has mean 0 and
+    Let d_j = log(ν̂_j²/ν̃_j²), with the classical variance ν̂_j² and the robust variance ν̃_j² at level j. In Gaussian
+    noise, it has mean 0 and the variance
 
         Var d_j = Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²,
 
-    where ρ_j is the correlation of the coefficients and c_q comes from the Hermite expansion of the robust estimate,
-    see `wavelet_covariance`. Knocks, spikes and motion raise the classical variance, so the test is one-sided. Rounding
-    errors and drifts have light tails and raise the robust variance. The p-value of a level is that of
-    d_j − log(1 + tolerance) under the gamma distribution with this variance and the skewness of the ratio. Of L levels
-    and `comparisons` recordings, the smallest p-value must be at most size / (L × comparisons). A unit with six axes
-    whose noise is Gaussian, or has lighter tails, is therefore contaminated with a probability of at most `size`,
-    whatever the correlation between the levels.
+    where M_j is the number of coefficients, n(u) the number of their pairs at the lag u, ρ_j their correlation, and c_q
+    a constant of the Hermite expansion of the robust estimate; see `wavelet_covariance`. Knocks, spikes and motion
+    raise the classical variance, so the test is one-sided. Rounding errors and drifts have light tails and raise the
+    robust variance. The p-value of a level is that of d_j − log(1 + tolerance) under the gamma distribution with this
+    variance and the skewness of the ratio. For L levels and `comparisons` recordings, a recording is rejected if its
+    smallest p-value is at most size / (L × comparisons). A unit with six axes whose noise is Gaussian, or has lighter
+    tails, is therefore contaminated with a probability of at most `size`, whatever the correlation between the levels.
 
     The test leaves out levels with at most 30 degrees of freedom M_j / 2^j, and levels with a coarse quantization: a
     level with more than 40 % zero coefficients and the three levels above it, and every level if one has more than
@@ -276,7 +278,8 @@ def contamination(
     rate : float
         Sampling rate (Hz); a Signal or a pair of wavelet variances has its own.
     model : Model, Process or str, optional
-        Model with all values, for the correlations; by default the mixture of processes with the largest likelihood.
+        Model with a value for every parameter, from which the correlations are computed; by default the mixture of
+        processes with the largest likelihood.
     efficiency : float
         Efficiency of the robust estimate, if x is a signal.
     size : float
@@ -284,10 +287,11 @@ def contamination(
     comparisons : int
         Number of recordings that are tested together, for example 6 for the axes of a unit.
     tolerance : float
-        Excess that is not an outlier: 0.02 changes a standard deviation by 1 %. In a long recording, the test would
-        otherwise reject noise that is only approximately Gaussian.
+        Excess that is not reported as outliers; 0.02 changes a standard deviation by 1 %. Without a tolerance, the test
+        would reject noise that is only approximately Gaussian in a long recording.
     screen : Screen, optional
-        For a pair, the screen of its samples. Without it, a pair is contaminated if its p-value is small.
+        For a pair, the screening of the samples for bursts and wrong samples. Without it, a pair is contaminated if its
+        p-value is small.
 
     Returns
     -------
@@ -296,7 +300,8 @@ def contamination(
     Raises
     ------
     DataError
-        If the signal cannot have a wavelet variance, or the two are not of the same recording.
+        If the wavelet variance of the signal cannot be computed, or the two wavelet variances are of different
+        recordings.
     OptionError
         If an option has an invalid value.
 
@@ -400,7 +405,7 @@ def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     found = robust.diagnostics.get("robust", {})
     outcomes = found.get("outcome", ["root"] * len(robust))
     zeros = np.array(found.get("zeros", np.zeros(len(robust))))
-    # Among few coefficients, a single zero by chance is a large share.
+    # If there are few coefficients, one that is zero by chance is a large share.
     rounded = _ruled_by_steps(np.where(freedom > LEAST_FREEDOM, zeros, 0.0))
     left_out: dict[int, Reason] = {}
     for k, level in enumerate(robust.levels.tolist()):
@@ -424,7 +429,7 @@ def _ruled_by_steps(zeros: Vector) -> NDArray[np.bool_]:
 
 
 def excess_text(excess: float) -> str:
-    """Format the excess of the classical over the robust variance: in per cent, or as a factor if it is large.
+    """Format the excess of the classical over the robust variance, in per cent or, if it is large, as a factor.
 
     >>> excess_text(0.14), excess_text(20.0)
     ('by 14 %', 'by a factor of 21')

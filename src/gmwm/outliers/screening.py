@@ -1,4 +1,4 @@
-"""Screen the samples of one axis in one pass: bursts, isolated wrong samples, and the covariance from heavy tails."""
+"""Screen the samples of one axis in one pass for bursts, isolated wrong samples and heavy tails."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ class Replaced:
     Attributes
     ----------
     spikes : int
-        Number of isolated wrong samples.
+        Number of isolated wrong samples (spikes).
     largest : float
-        Largest deviation of these, in local standard deviations.
+        Largest deviation of these samples, in local standard deviations.
     knocks : tuple of (start, stop)
-        Times (s) of the samples that were replaced because of knocks, measured as for `skip` of `read`.
+        Begin and end (s) of the samples that were replaced because of each knock, counted like the option `skip` of
+        `read`.
     in_knocks : int
-        Number of these samples.
+        Number of samples that were replaced because of knocks.
     """
 
     spikes: int = 0
@@ -66,20 +67,20 @@ NOTHING_REPLACED = Replaced()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screen:
-    """Statistics of the samples of one axis in addition to their wavelet variances.
+    """Results of the screening of one axis, which are used in addition to its wavelet variances.
 
     Attributes
     ----------
     bursts : Bursts
         Knocks and motion.
     spikes : int
-        Isolated wrong samples that are in the data.
+        Number of isolated wrong samples that are in the data.
     largest : float
         Largest deviation of these, in local standard deviations.
     replaced : Replaced
-        What was replaced before the wavelet variance was measured.
+        Samples that were replaced before the wavelet variance was measured.
     tails : TailSums
-        Sums from which the covariance beyond a Gaussian signal follows.
+        Sums from which the additional covariance due to heavy tails is computed.
     """
 
     bursts: Bursts
@@ -107,19 +108,19 @@ class Screening:
         self._tails.update(values)
 
     def gap(self) -> None:
-        """End the segment: samples are missing before the next ones."""
+        """End the segment, because samples are missing before the next ones."""
         self._bursts.gap()
         self._tails.gap()
 
     def result(self, *, spikes: int = 0, largest: float = 0.0, replaced: Replaced = NOTHING_REPLACED) -> Screen:
-        """Return the screen of all samples, with the isolated wrong samples that were found separately."""
+        """Return the results for all samples, with the isolated wrong samples that were found separately."""
         self.gap()
         bursts = self._bursts.result()
         return Screen(bursts=bursts, spikes=spikes, largest=largest, replaced=replaced, tails=self._tails)
 
 
 def screened(x: Signal) -> Screen:
-    """Screen a signal without any replacement.
+    """Screen a signal without replacing samples.
 
     Parameters
     ----------

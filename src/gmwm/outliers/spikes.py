@@ -1,12 +1,13 @@
 """Find isolated wrong samples (spikes), and replace them by samples predicted from the others.
 
 The residual of a sample is its distance from the median of its six neighbours, in local standard deviations. Residuals
-beyond a threshold θ are spikes under three conditions. First, there are many more of them than the tails of the other
-residuals explain: N samples of a t distribution with the spread of the bulk. Second, they are apart from the other
-residuals: hardly more residuals exceed θ / 1.5 than θ, which no distribution with a finite variance shows. Third, they
-are isolated: the signal returns at once.
+beyond a threshold θ are spikes under three conditions. First, there are many more of them than expected in N samples of
+a t distribution that is fitted to the bulk of the residuals. Second, they are separated from the other residuals:
+hardly more residuals exceed θ / 1.5 than θ, which is not so in the tail of a distribution. Third, they are isolated:
+the samples after them are normal again.
 
-A replaced sample is drawn from its distribution given the others, as a lost one: see `gmwm.filling.drawing`.
+A spike is replaced by a draw from its conditional distribution given the other samples, like a lost sample; see
+`gmwm.filling.drawing`.
 """
 
 from __future__ import annotations
@@ -24,34 +25,36 @@ from gmwm.resolution import lsb
 from gmwm.signals import Signal
 
 APART = 1.5
-"""Ratio of the threshold θ to a lower one, between which residuals must be rare. All constants here are pinned by
-docs/validation/tails.md and tests/outliers/test_spikes.py."""
+"""Ratio of the threshold θ to a lower threshold. Residuals between the two must be rare. All constants here are pinned
+by docs/validation/tails.md and tests/outliers/test_spikes.py."""
 MORE = 1.6
 """Largest ratio of the number of residuals beyond θ / 1.5 to the number beyond θ. For a tail with an infinite variance,
 it is 1.5² = 2.25."""
 CERTAIN = 1e-6
 """Largest probability, under the bulk, of the number of residuals beyond θ."""
 FALSE = 0.1
-"""Largest expected share of correct samples among the residuals beyond θ. As many of them are kept at random."""
+"""Largest expected share of correct samples among the residuals beyond θ. This expected number of residuals, chosen at
+random, is kept."""
 LEAST = 4.0
 """Smallest threshold, in local standard deviations."""
 MOST = 0.1
 """Largest share of spikes among the samples."""
 RUN = 3
-"""Longest run of neighbouring samples that are spikes: an encoder error changes two rates."""
+"""Largest number of neighbouring samples that can all be spikes. An encoder error, for example, changes two rates."""
 CROWD, NEAR = 6, 10
-"""Largest number of spikes within `NEAR` samples. If there are more, they belong to a knock."""
+"""Largest number of spikes within `NEAR` samples on either side. If there are more, they form a cluster, which is a
+knock."""
 CLEAR = 100
-"""Distance (samples) from a crowd within which no sample is a spike."""
+"""Distance (samples) from a cluster within which no sample is treated as a spike."""
 _FEW = 12
 """Number of spikes below which no residual may be between θ / 2 and θ."""
 _TAIL = APART**-3.0
-"""Share of the residuals beyond θ / 1.5 that are beyond θ, in a tail with infinite skewness."""
+"""Share of the residuals beyond θ / 1.5 that are beyond θ, in a distribution with infinite skewness."""
 _BULK = 50_000
 """Number of residuals from which the spread and the tails of the bulk are estimated."""
 _PRECISE = 500_000
-"""The same number for a recording with spikes: a share of 0.3 % of its samples at 6 standard deviations adds 10 % to
-the variance, and the tails of the bulk must be known better than that."""
+"""The same number for a recording with spikes. If 0.3 % of its samples are at 6 standard deviations, they add 10 % to
+the variance, and the tails of the bulk must be known more accurately than this."""
 _LOWEST = 3.0
 """Smallest residual that can be replaced."""
 _BIN, _NONE = 0.25, 0.005
@@ -66,9 +69,9 @@ class Spikes:
     Attributes
     ----------
     indices : (k,) int array
-        Their places in the signal.
+        Indices of the spikes in the signal.
     deviations : (k,) array
-        Distances from their neighbours, in local standard deviations of such distances.
+        Absolute residuals of the spikes, in local standard deviations of the residuals.
     """
 
     indices: NDArray[np.int64]
@@ -88,7 +91,7 @@ class Spikes:
 
 
 def find_spikes(x: Signal) -> Spikes:
-    """Find the samples of a signal that are certainly wrong: isolated, and far beyond what its tails explain.
+    """Find isolated samples of a signal that are certainly wrong, because the tails of its noise do not explain them.
 
     Parameters
     ----------
@@ -121,12 +124,12 @@ def find_spikes(x: Signal) -> Spikes:
     scale, length, tail, _ = _bulk(values, x.rate, step)
     if not scale.min() > 0:
         return none
-    # A spike differs from the mean of its two neighbours by its size, or half of it beside another spike.
+    # A spike differs from the mean of its two neighbours by its size, or by half of its size next to another spike.
     bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
     limit = _of_each_sample(scale, length, values.size)
     large = np.ones(values.size, dtype=np.bool_)
     large[1:-1] = bend > 0.5 * LEAST * limit[1:-1]
-    # The middle one of three equal spikes has no bend.
+    # The middle one of three equal spikes does not differ from its neighbours.
     large[1:-1] |= large[:-2] | large[2:]
     candidates = np.flatnonzero(large)
     deviation = np.abs(_residuals(values, values, candidates)) / limit[candidates]
@@ -134,7 +137,8 @@ def find_spikes(x: Signal) -> Spikes:
     found = candidates[deviation >= threshold]
     if not 0 < found.size <= MOST * values.size:
         return none
-    # Once more without the spikes, which shift the median of their neighbours and make the tails of the bulk heavier.
+    # Repeat the search without the spikes. They shift the median of their neighbours, and make the tails of the bulk
+    # heavier.
     filled = _filled(values, found)
     scale, length, tail, usual = _bulk(filled, x.rate, step, _PRECISE)
     if not scale.min() > 0:
@@ -163,7 +167,7 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
     Returns
     -------
     Signal
-        The same signal if there are no spikes.
+        The signal with its spikes replaced; `x` itself if there are none.
 
     Raises
     ------
@@ -193,7 +197,7 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
 
 def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
     """Return the distance of samples from the median of their neighbours among `others`, three on each side."""
-    # At an end, the neighbours are the next six.
+    # At an end, the neighbours are the nearest six samples.
     centre = np.clip(at, 3, values.size - 4)
     around = others[centre[:, None] + _SIDE]
     shifted = np.flatnonzero(centre != at)
@@ -204,13 +208,11 @@ def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
 
 
 def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[Vector, int, float, float]:
-    """Return the local standard deviation of residuals for each block, the length of a block, and the degrees of
-    freedom of the tails.
-
-    The first degrees of freedom are a lower limit, the second ones the estimate.
+    """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
+    an estimate of the degrees of freedom of the tails.
     """
     stride = max(1, values.size // most)
-    # An odd offset within each stride, so that a period of the signal is not sampled at one phase.
+    # Vary the offset within each stride, so that a period of the signal is not sampled at one phase.
     places = np.arange(0, values.size - stride + 1, stride)
     places = places + (places // stride * 7919) % stride
     residual = np.abs(_residuals(values, values, places))
@@ -225,14 +227,15 @@ def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[
 
 
 def _of_each_sample(scale: Vector, length: int, samples: int) -> Vector:
-    """Return the standard deviation of its block for each sample; the last block also has the remaining samples."""
+    """Return for each sample the standard deviation of its block. The samples after the last block belong to the last
+    block."""
     begins = np.minimum(np.arange(scale.size) * length, samples)
     return np.repeat(scale, np.diff(np.append(begins, samples)))
 
 
 def _freedom(relative: Vector, errors: float) -> float:
-    """Return the degrees of freedom of the t distribution with the ratio of the 90 % quantile to the median, plus
-    `errors` standard errors."""
+    """Return the degrees of freedom of the t distribution whose ratio of the 90 % quantile to the median, for absolute
+    values, is the measured ratio plus `errors` standard errors."""
     from scipy.special import stdtrit
 
     grid = np.geomspace(1.0, 1000.0, 200)
@@ -244,9 +247,9 @@ def _freedom(relative: Vector, errors: float) -> float:
 
 
 def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
-    """Return the smallest θ beyond which residuals are spikes, up to a share of false ones; infinite if there are
-    none."""
-    # Not from scipy.stats, whose import takes as long as the spikes of six axes.
+    """Return the smallest θ beyond which at most the share `false` of the residuals is expected to be correct; infinity
+    if there are no spikes."""
+    # Not from scipy.stats, whose import takes as long as the search for spikes on six axes.
     from scipy.special import bdtrc, ndtr, pdtrc
 
     ordered = np.sort(deviation[deviation >= LEAST / 2])[::-1]
@@ -257,7 +260,7 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
     beyond = np.searchsorted(-ordered, -theta / APART, side="right")
     double = np.searchsorted(-ordered, -theta / 2, side="right")
     expected = samples * _beyond(theta, freedom)
-    # What Gaussian noise has there does not count: small spikes lie on its tails.
+    # Residuals that Gaussian noise explains are not counted, because small spikes are among its tails.
     own = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
     good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - own <= MORE * ks)
     good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - own.astype(np.int64), _TAIL) <= CERTAIN)
@@ -265,7 +268,7 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
 
 
 def _beyond(deviation: Vector, freedom: float) -> Vector:
-    """Return the probability of a residual of the bulk beyond some deviations."""
+    """Return the probability that a residual of the bulk exceeds each of the deviations."""
     from scipy.special import stdtr, stdtrit
 
     return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / _QUARTILE)))
@@ -274,9 +277,9 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
     """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk.
 
-    Near the threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations, a
-    random part is chosen, as large as the surplus over the bulk; far beyond, it is all of them. Below the threshold,
-    this goes on until a bin has no clear surplus. The choice has a fixed seed.
+    Near the threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations,
+    residuals are chosen at random, as many as exceed the number expected from the bulk. Far beyond the threshold, these
+    are all residuals. Bins below the threshold follow until one has no clear surplus. The choice has a fixed seed.
     """
     chosen = np.zeros(deviation.size, dtype=np.bool_)
     if not np.isfinite(threshold):
@@ -298,12 +301,12 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
 
 
 def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
-    """Return which of the positions, in order, are in a crowd or in a long run."""
+    """Return those of the positions, which are in ascending order, that are in a cluster or in a long run."""
     from scipy.special import bdtrc
 
     if not at.size:
         return at
-    # Crowds and runs that so many spikes at random places have by chance, at most one in a hundred recordings.
+    # Clusters and runs up to these sizes can occur by chance: larger ones occur in one of a hundred recordings.
     share, rare = at.size / samples, 0.01 / at.size
     crowd = max(CROWD, int(np.argmax(bdtrc(np.arange(2 * NEAR + 1), 2 * NEAR, share) <= rare)))
     run = max(RUN, int(np.ceil(np.log(rare) / np.log(share))))
@@ -314,14 +317,14 @@ def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
 
 
 def _clear(at: NDArray[np.int64], crowded: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which of the positions are far from every crowd."""
+    """Return a mask of the positions that are far from every cluster."""
     close = np.searchsorted(crowded, at + CLEAR, side="right") > np.searchsorted(crowded, at - CLEAR)
     return np.asarray(~close)
 
 
 def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vector) -> NDArray[np.bool_]:
-    """Return whether the signal returns: a spike is far from the samples before and after it, a step only from those
-    before."""
+    """Return whether the signal returns after each position. A spike differs from the samples before and after it, a
+    step only from those before it."""
     last = values.size - 1
     steps = np.arange(1, 6)
     before = np.median(filled[np.maximum(at[:, None] - steps, 0)], axis=1)
