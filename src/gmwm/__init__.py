@@ -9,12 +9,12 @@ Calibration
 Monitoring
     A `Monitor` watches a sensor at rest and reports when its noise or its level changes.
 Variances
-    `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
-    datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
-    `psd` estimates the power spectral density, and finds lines and resonances in it.
-    `cross` tests which noise axes share, `fit_joint` models it, and `fuse` makes one virtual sensor of an array. `same`
-    tests whether two recordings have the same noise.
-    `contamination` tests for outliers, and `compare` draws curves and fits in one plot.
+    `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` computes
+    datasheet numbers from the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
+    `psd` estimates the power spectral density, and finds lines and resonances in it. `cross` tests whether axes have
+    common noise, `fit_joint` models it, and `fuse` combines an array of sensors into one virtual sensor. `same` tests
+    whether two recordings have the same noise. `contamination` tests for outliers, and `compare` draws curves and fits
+    in one plot.
 Models
     A `Model` is a sum of processes, `2 * GM() + WN()` or `Model.parse("2*GM + WN")`. `fixed` holds a parameter at a
     value. `fit` estimates a model by the GMWM, and `fit_ml` by maximum likelihood; `select` and `rank` choose among
@@ -26,7 +26,7 @@ Simulation
 Results, errors and functions for special purposes are in the packages: `gmwm.errors`, `gmwm.filters`, `gmwm.spectrum`,
 `gmwm.covariance`, `gmwm.datasheets`, `gmwm.estimation`, `gmwm.inference`, `gmwm.likelihood`, `gmwm.exporters`.
 
-Everything inside is in SI units: rad/s and m/s² for signals, s for times, Hz for rates. Parameters of processes are per
+All values are in SI units: rad/s and m/s² for signals, s for times, Hz for rates. Parameters of processes are per
 sample (a white noise variance σ² is the variance of one sample), except the inverse correlation time β of a
 Gauss-Markov process, which is in 1/s. Levels are numbered from 1; the scale of level j is τ_j = 2^j samples. The Allan
 variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
@@ -161,8 +161,8 @@ _NAMES = {
         "wavelet_variance",
     ),
 }  # fmt: skip
-"""Names of `__all__` by package; the others are in `gmwm.processes`, because only a process knows its name. A package
-is imported when one of its names is used: all of them take 0.4 s."""
+"""Names of `__all__` by package; the others are in `gmwm.processes`, whose processes define their names. A package is
+imported only when one of its names is used, because the import of all packages takes 0.4 s."""
 
 if not TYPE_CHECKING:
 

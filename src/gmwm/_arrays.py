@@ -32,14 +32,14 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
     name : str
         Name of the argument, for errors.
     at_least : int
-        Least number of values.
+        Smallest number of values.
     finite : bool
-        Whether NaN and infinities are refused; False if the caller checks this.
+        Whether NaN and infinite values raise an error; False if the caller checks this.
 
     Raises
     ------
     DataError
-        If it is not numeric, not one-dimensional, shorter than `at_least`, or has masked, NaN or infinite values.
+        If `values` is not numeric, not one-dimensional, shorter than `at_least`, or has masked, NaN or infinite values.
     """
     if _is_vector(values) and values.size >= max(at_least, 1) and (not finite or math.isfinite(_core.mean(values))):
         return values
@@ -80,8 +80,8 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
 
 
 def _is_vector(values: object) -> TypeGuard[Vector]:
-    """Return whether values are a vector already. The other checks take ten times as long as the sum of 1000 samples,
-    a common size of the chunks of a stream."""
+    """Return whether `values` is already a vector. This fast check is for streams: all other checks take ten times as
+    long as the sum of 1000 samples, a common size of a chunk."""
     return (
         type(values) is np.ndarray
         and values.ndim == 1
@@ -141,7 +141,7 @@ def as_rate(rate: float | None, name: str = "rate") -> float:
     Raises
     ------
     OptionError
-        If it is missing, not a number, or not positive and finite.
+        If the rate is missing, not a number, or not positive and finite.
     """
     if rate is None:
         raise OptionError(
@@ -171,7 +171,7 @@ def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
     Raises
     ------
     OptionError
-        If they are anything else.
+        If `levels` has another form.
     """
     expected = "ascending integers from 1 to 62, or the number of levels"
     array = np.asarray(levels)
@@ -184,7 +184,8 @@ def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
 
 
 def row_medians(rows: Matrix) -> Vector:
-    """Return the median of each row of finite values (n, m); for short rows three times as fast as `numpy.median`."""
+    """Return the median of each row of finite values (n, m). For short rows, it is three times as fast as
+    `numpy.median`."""
     middle = rows.shape[1] // 2
     parted = np.partition(rows, middle, axis=1)
     upper = parted[:, middle]
@@ -192,7 +193,7 @@ def row_medians(rows: Matrix) -> Vector:
 
 
 def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the half-open index ranges of consecutive true values (k, 2).
+    """Return the half-open index ranges (k, 2) of consecutive true values.
 
     >>> runs_of(np.array([True, False, True, True])).tolist()
     [[0, 1], [2, 4]]

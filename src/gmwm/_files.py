@@ -1,4 +1,4 @@
-"""Write files atomically: completely or not at all; and read JSON."""
+"""Write files atomically, which means completely or not at all, and read JSON."""
 
 from __future__ import annotations
 
@@ -86,7 +86,8 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 DEEPEST = 64
-"""Largest depth of lists and objects in a document: those of gmwm have ten. Deeper ones overflow the stack."""
+"""Largest depth of lists and objects in a JSON document. Documents of gmwm have ten levels; very deep ones overflow the
+stack."""
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
@@ -95,9 +96,9 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     Raises
     ------
     ValueError
-        If it is not UTF-8, not JSON, or deeper than `DEEPEST`.
+        If the file is not UTF-8, not JSON, or nested more deeply than `DEEPEST`.
     OSError
-        If it cannot be read.
+        If the file cannot be read.
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))

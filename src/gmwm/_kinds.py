@@ -30,7 +30,7 @@ _SHARES = ("confidence", "efficiency")
 
 @dataclass(frozen=True)
 class Document:
-    """The kind of document that is expected, and the advice if it is of another kind."""
+    """The kind of document that is expected (`noun`), and the advice if a document is of another kind."""
 
     noun: str
     advice: str
@@ -64,9 +64,9 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
     found : dataclass
         The result.
     where : str
-        Its name in errors.
+        Name of the result in error messages.
     document : Document
-        What was read.
+        The kind of document that was read.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Objects whose methods may be called from several threads: one call runs at a time."""
+"""Make methods safe to call from several threads: only one call on an object runs at a time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ S = TypeVar("S", bound=OneAtATime)
 
 
 def one_at_a_time(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
-    """Mark a method: a call waits until calls of other threads on the same object have ended."""
+    """Decorate a method so that a call waits until the calls of other threads on the same object have ended."""
 
     @wraps(method)
     def locked(self: S, /, *args: P.args, **options: P.kwargs) -> R:

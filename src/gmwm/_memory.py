@@ -10,8 +10,8 @@ from typing import Any
 def return_memory() -> None:
     """Return the memory that the C library keeps after arrays were freed; nothing happens without the GNU C library.
 
-    It keeps arrays below 32 MB for later ones, which do not always fit between those in use: a calibration of 6 × 6
-    million samples in chunks then needs 160 MB more.
+    The library keeps the memory of arrays below 32 MB for later arrays, which do not always fit into it. Without this
+    function, a calibration of six axes of 6 million samples in chunks needs 160 MB more.
     """
     trim = _trim()
     if trim is not None:

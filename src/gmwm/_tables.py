@@ -10,7 +10,8 @@ def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: 
 
     Parameters
     ----------
-    rows : sequence of rows, each a sequence of texts
+    rows : sequence of sequences of str
+        The cells of each row.
     right : collection of int
         Indices of the columns that are aligned to the right; the others are aligned to the left.
     indent : str

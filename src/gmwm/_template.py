@@ -28,6 +28,7 @@ class Quantity:
     Attributes
     ----------
     value : float
+        The number.
     unit : str
         Unit, for example "s"; "" for a plain number.
     """
@@ -160,7 +161,8 @@ def fact_text(fact: Fact, spec: str = "") -> str:
 
 
 def joined(names: Sequence[str], most: int = 6) -> str:
-    """Join names for a sentence: "a, b and c"; of many names, the first ones and the number of the others.
+    """Join names for a sentence, as in "a, b and c". Of many names, only the first ones and the number of the others
+    appear.
 
     >>> joined(["a"]), joined(["a", "b"]), joined(["a", "b", "c"]), joined(list("abcdefgh"))
     ('a', 'a and b', 'a, b and c', 'a, b, c, d, e, f and 2 others')

@@ -1,4 +1,4 @@
-"""Numbers, durations and lists of names as text."""
+"""Format numbers, durations and lists of names as text."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def moment(seconds: float) -> str:
 
 
 def listed(names: Sequence[str], most: int = 6) -> str:
-    """Format a list of names; of a long list, the first names and the number of the others.
+    """Format a list of names. Of a long list, only the first names and the number of the others appear.
 
     >>> listed("abcdefgh"), listed(["time", "pressure"])
     ('a, b, c, d, e, f and 2 others', 'time, pressure')
@@ -76,7 +76,7 @@ LONGEST = 1000
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
-    """Return a text of at most `most` characters, with its beginning and its end.
+    """Shorten text that has more than `most` characters, by cutting out its middle.
 
     >>> shortened("abcdefghij", 5)
     'ab … ij'
@@ -85,7 +85,7 @@ def shortened(text: str, most: int = LONGEST) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Return a text with escapes for control characters, which could change the terminal, and for bytes of file names
+    r"""Return text with escapes for control characters, which could change the terminal, and for bytes of file names
     that are not UTF-8.
 
     >>> printable("gyro\x1b[2J\udcff\n")
@@ -117,12 +117,12 @@ class Summarised(ABC):
 
 
 def is_own(kind: type) -> bool:
-    """Whether a class belongs to gmwm."""
+    """Return whether a class belongs to gmwm."""
     return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def defined_anew(kind: type, older: type) -> bool:
-    """Whether a class is a new version of a user's class, for example after a notebook cell was run again."""
+    """Return whether a class is a new version of a user's class, for example after a notebook cell was run again."""
     return not is_own(older) and (kind.__module__, kind.__qualname__) == (older.__module__, older.__qualname__)
 
 
@@ -133,7 +133,7 @@ class Named(dict[str, T]):
     ----------
     values : mapping or pairs
     noun : str
-        What the keys name, for the message.
+        Noun for a key, such as "parameter", for the message.
     why : mapping of name to str, optional
         Messages for names that users may expect.
 

@@ -28,7 +28,7 @@ def stoppable(check: Callable[[], None]) -> Iterator[None]:
     Parameters
     ----------
     check : function
-        It may raise to end the work: `gmwm app` cancels a fit in this way.
+        Function that can raise an exception to end the work. `gmwm app` cancels a fit in this way.
     """
     token = _check.set(check)
     try:
@@ -55,17 +55,17 @@ def in_threads(
     Parameters
     ----------
     work : callable
-        Called with the name and the item.
+        Function that is called with the name and the item.
     items : mapping of name to item
     threads : int, optional
         Number of threads. Default: the number of processors.
     done : callable, optional
-        Called in the calling thread with each name when its work has ended.
+        Function that is called in the calling thread with each name when its work has ended.
 
     Returns
     -------
     dict of name to result
-        In the order of the items.
+        The results, in the order of the items.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def in_threads(
 
 
 def processors() -> int:
-    """Number of processors that this process may use."""
+    """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""Autocorrelation of a series in which samples can be missing."""
+"""Compute the autocorrelation of a series in which samples can be missing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def observed_pairs(values: Vector, lags: int) -> Vector:
 
 
 def _products(z: Vector, lags: int) -> Vector:
-    """Σ_t z_t z_{t+k} (L + 1,) at lags 0 … L, by the Fourier transform."""
+    """Return Σ_t z_t z_{t+k} at the lags k = 0 … L, an (L + 1,) array, by the Fourier transform."""
     size = 1 << int(2 * z.size - 1).bit_length()
     transform = np.fft.rfft(z, size)
     return np.asarray(np.fft.irfft(transform * np.conj(transform), size)[: lags + 1])

@@ -1,4 +1,4 @@
-"""Names of axes: the six of an IMU, their sensor, their direction and their quantity."""
+"""Names of the six axes of an IMU, and the sensor, the direction and the quantity that belong to a name."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def axis_quantity(axis: str) -> Quantity:
     Raises
     ------
     OptionError
-        If it is not one of `AXES`.
+        If `axis` is not one of `AXES`.
     """
     if axis not in AXES:
         raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)

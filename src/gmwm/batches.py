@@ -1,8 +1,8 @@
-"""Batches: the consecutive samples of a recording that are processed together, from memory or from a file in chunks.
+"""Divide a recording, in memory or in a file, into batches: consecutive samples that are processed together.
 
 A batch has `BATCH` samples, counted from the first sample; the last one has fewer, and a shorter recording is one
-batch. What is computed from batches is therefore the same for a recording in memory and in chunks of any size, to the
-last bit.
+batch. Results that are computed from batches are therefore the same to the last bit for a recording in memory and in
+chunks of any size.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
 BATCH = 1 << 21
-"""Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. A choice; it is the number of
-samples of six axes whose wavelet variance is exact at all levels (`exact_levels`)."""
+"""Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. The number is a choice. With six
+axes, it is also the largest number of samples for which the wavelet variance is exact at all levels
+(`exact_levels`)."""
 
 
 class Streamed(Protocol):
@@ -47,11 +48,11 @@ class Streamed(Protocol):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """How the file was understood."""
+        """Remarks on how the file was interpreted."""
 
     @property
     def time_base(self) -> TimeBase:
-        """Properties of the time stamps; after an iteration, of all of them."""
+        """Properties of the time stamps. After an iteration, they describe all time stamps."""
 
     @property
     def has_temperature(self) -> bool:
@@ -59,7 +60,7 @@ class Streamed(Protocol):
 
     @property
     def rows(self) -> int:
-        """Number of rows that the clock counts; of the first rows if the recording has no time stamps."""
+        """Number of rows that the clock counts. Without time stamps, it is the number of rows that were read first."""
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples."""
@@ -72,10 +73,11 @@ class Batch:
     Attributes
     ----------
     signals : mapping of axis to Signal
+        Samples of each axis.
     first : int
         Number of the first sample in the recording, from 0.
     continues : bool
-        Whether no sample is missing between this batch and the one before.
+        Whether no sample is missing between this batch and the previous one.
     temperature : (n,) array or None
         Temperature (°C), if the recording has one.
     parted : frozenset of str
@@ -89,7 +91,7 @@ class Batch:
     parted: frozenset[str] = frozenset()
 
     def continues_on(self, axis: str) -> bool:
-        """Return whether the first sample of an axis continues the batch before."""
+        """Return whether the first sample of an axis continues the previous batch."""
         return self.continues and axis not in self.parted
 
     def __len__(self) -> int:
@@ -118,7 +120,7 @@ class Segments:
     ranges : list of (first, last)
         Index ranges without a gap.
     starts : list of float
-        Time of the first sample of each (s).
+        Time of the first sample of each range (s).
     gaps_known : bool
         Whether the lengths of the gaps are known.
     """
@@ -158,7 +160,7 @@ def feed(one: Accumulator, signal: Signal, continues: bool = False) -> None:
 
 
 class Batches:
-    """The batches of a recording, to iterate over several times.
+    """The batches of a recording, which can be iterated over several times.
 
     A recording that is one batch is read only once. Samples that were added to the file after the first iteration are
     left out.
@@ -168,7 +170,7 @@ class Batches:
     recording : Imu or Streamed
         A recording in memory or in chunks.
     done : callable, optional
-        Called with the number of samples so far, after each chunk.
+        Function that is called with the number of samples so far, after each chunk.
     """
 
     def __init__(self, recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> None:
@@ -210,7 +212,7 @@ class Batches:
             del batch
 
     def values(self, axis: str, first: int, last: int) -> Vector:
-        """Samples number `first` … `last` − 1 of an axis."""
+        """Return samples number `first` … `last` − 1 of an axis."""
         parts = []
         for batch in self:
             if batch.first >= last:
@@ -221,7 +223,7 @@ class Batches:
 
 
 def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> Iterator[Batch]:
-    """Iterate over the batches of a recording: see `Batches`."""
+    """Iterate over the batches of a recording; see `Batches`."""
     if not isinstance(recording, Imu):
         yield from gathered(recording.samples(), recording.axes, recording.rate, done)
         return
@@ -303,7 +305,7 @@ class _Gathered:
 
 
 def joined(parts: Sequence[Batch]) -> Batch:
-    """Consecutive batches as one."""
+    """Join consecutive batches to one batch."""
     if len(parts) == 1:
         return parts[0]
     return Batch({axis: _one(parts, axis) for axis in parts[0].signals}, parts[0].first, parts[0].continues)
@@ -315,7 +317,7 @@ def _one(parts: Sequence[Batch], axis: str) -> Signal:
 
 
 def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
-    """Return consecutive parts of a signal as one; `continues` says which part continues the one before it."""
+    """Join consecutive parts of a signal. `continues` states for each part whether it continues the previous part."""
     segments, starts, size = list[tuple[int, int]](), list[float](), 0
     for one, follows in zip(signals, [False, *continues[1:]], strict=True):
         moved = [(first + size, last + size) for first, last in one.segments]

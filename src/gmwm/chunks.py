@@ -15,11 +15,13 @@ class Chunk:
 
     Attributes
     ----------
-    values : mapping of axis name to (n,) array, in rad/s or m/s²
+    values : mapping of axis name to (n,) array
+        Samples of each axis (rad/s or m/s²).
     first : int
         Number of the first sample in the recording, from 0.
     segment : int
-        Number of their segment, from 0. It increases if there is a gap between the previous chunk and this one.
+        Number of the segment of the samples, from 0. It increases if there is a gap between the previous chunk and this
+        one.
     start : float
         Time of the first sample (s), on the clock of the recording.
     temperature : (n,) array or None
@@ -45,15 +47,17 @@ class Samples:
 
     Attributes
     ----------
-    values : mapping of axis name to (n,) array, in rad/s or m/s²
+    values : mapping of axis name to (n,) array
+        Samples of each axis (rad/s or m/s²).
     rate : float
         Samples per second (Hz).
     first : int
         Number of the first sample in the recording, from 0.
     segment : int
-        Number of its segment, from 0.
+        Number of the segment of the first sample, from 0.
     runs : tuple of (sample, time)
-        Number and time (s) of the first sample of each segment. The first of them may have begun before `first`.
+        Number and time (s) of the first sample of each segment. The first segment may have begun before the sample
+        `first`.
     temperature : (n,) array or None
         Temperature (°C), if the recording has one.
     """
@@ -74,7 +78,7 @@ class Samples:
         return self.runs[0][0] < self.first
 
     def ranges(self) -> Iterator[tuple[int, int, float]]:
-        """For each segment, the first sample and the one after the last by their place here, and the first time (s)."""
+        """Yield for each segment its half-open range of indices in `values`, and the time of its first sample (s)."""
         places = [max(sample - self.first, 0) for sample, _ in self.runs]
         for (begin, end), (sample, time) in zip(pairwise([*places, len(self)]), self.runs, strict=True):
             yield begin, end, time + (self.first + begin - sample) / self.rate

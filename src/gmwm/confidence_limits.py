@@ -7,7 +7,10 @@ from gmwm.options import as_confidence
 
 
 def chi_square_limits(variance: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
-    """Limits η V / χ²_η(1 ∓ …) of a variance V with η degrees of freedom (Percival 1995).
+    """Return the lower and upper confidence limits of variances V with η degrees of freedom (Percival 1995).
+
+    With the quantile q_p of the χ² distribution with η degrees of freedom and the confidence c, the limits are
+    η V / q_{(1 + c)/2} and η V / q_{(1 − c)/2}.
 
     Raises
     ------

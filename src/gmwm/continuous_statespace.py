@@ -1,7 +1,7 @@
-"""The state-space form in continuous time, from a discrete model and back to steps of any length.
+"""Convert state-space models from discrete to continuous time, and back with steps of any length.
 
-Like `statespace`, this module does not know any process. Sums of processes are block-diagonal. Each block is
-discretised alone, so that a slow process beside a fast one keeps its accuracy.
+Like `gmwm.statespace`, this module does not depend on the processes. The matrices of a sum of processes are
+block-diagonal. Each block is discretised separately, so that a slow process next to a fast one keeps its accuracy.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gmwm.statespace import StateSpace, checked
 __all__ = ["ContinuousStateSpace"]
 
 _ROUNDING = 1e-9
-"""Relative size below which a value counts as zero: the matrix functions used are accurate to some 1e-12. Pinned by
+"""Relative size below which a value counts as zero: the matrix functions used are accurate to about 1e-12. Pinned by
 tests/test_continuous.py."""
 
 
@@ -26,9 +26,9 @@ tests/test_continuous.py."""
 class ContinuousStateSpace:
     """A continuous-time linear Gaussian state-space model of one signal with p states.
 
-    dx/dt = A x + w with w white of spectral density Qc; y = H x + v with v white of spectral density Rc, so that the
-    mean of v over a time Δt has the variance Rc/Δt. The states are the states of the discrete model. u is the unit of
-    y.
+    dx/dt = A x + w and y = H x + v, where x are the states, y is the signal, w is white noise of spectral density Qc,
+    and v is white noise of spectral density Rc. The mean of v over a time Δt thus has the variance Rc/Δt. The states
+    are the same as in the discrete model. In the units below, u is the unit of y.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class ContinuousStateSpace:
     m0, P0, diffuse : optional
         Initial states, as in `StateSpace`.
     terms : tuple of str
-        The term of each state.
+        Term of the model to which each state belongs.
     left_out : tuple of str
         Terms without a continuous-time model in these states, for example quantization noise.
 
@@ -96,9 +96,9 @@ class ContinuousStateSpace:
 
     @classmethod
     def of(cls, space: StateSpace, rate: float) -> ContinuousStateSpace | None:
-        """Convert a discrete state space to continuous time; None if no continuous model has these steps.
+        """Convert a discrete state space to continuous time. Return None if no continuous model corresponds to it.
 
-        A = f ln F with f the rate; Q = ∫₀^Δt e^(As) Qc e^(Aᵀs) ds is solved for Qc, which must be a covariance.
+        A = f ln F, where f is the rate. Q = ∫₀^Δt e^(As) Qc e^(Aᵀs) ds is solved for Qc, which must be a covariance.
 
         Parameters
         ----------
@@ -114,7 +114,8 @@ class ContinuousStateSpace:
 
     @classmethod
     def sum(cls, parts: Mapping[str, ContinuousStateSpace | None]) -> ContinuousStateSpace:
-        """Return the state space of a sum of independent signals, by label of their terms; None parts are left out."""
+        """Return the state space of a sum of independent signals, which are given by term. Parts that are None are left
+        out."""
         kept = {term: part for term, part in parts.items() if part is not None}
         # The sum of discrete state spaces also makes the block-diagonal matrices needed here.
         s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in kept.values())
@@ -125,13 +126,13 @@ class ContinuousStateSpace:
     def discrete(self, rate: float) -> StateSpace:
         """Discretise the model with steps of Δt = 1/rate: F = e^(AΔt), Q = ∫₀^Δt e^(As) Qc e^(Aᵀs) ds, R = Rc/Δt.
 
-        y is the mean over a step, with the states constant during the step. Use steps that are short compared with the
-        correlation times.
+        y is the mean of the signal over a step, in which the states are treated as constant. Use steps that are short
+        compared with the correlation times.
 
         Parameters
         ----------
         rate : float
-            Steps per second (Hz). The rate of the recording gives the F, Q and R of the discrete model.
+            Steps per second (Hz). With the rate of the recording, the result is the original discrete model.
 
         Returns
         -------
@@ -186,9 +187,11 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
 
 
 def _keeps_its_range(space: StateSpace) -> bool:
-    """Whether F maps the range of Q into itself, which is necessary because continuous noise spreads within a step.
+    """Return whether F maps the range of Q into itself. This is necessary, because continuous noise spreads within a
+    step.
 
-    An autoregression of order 2 or more fails: its noise enters one state and reaches the others one step later.
+    It is not so for an autoregression of order 2 or more, whose noise enters one state and reaches the other states one
+    step later.
     """
     root = np.sqrt(np.diag(_sizes(space.Q)))
     scaled = space.F * root / root[:, None]
@@ -199,7 +202,8 @@ def _keeps_its_range(space: StateSpace) -> bool:
 
 
 def _sizes(covariance: Matrix) -> Matrix:
-    """Products s_i s_j of the standard deviations, with 1 for zeros, to make a covariance dimensionless."""
+    """Return the products s_i s_j of the standard deviations of a covariance, with 1 in place of 0. Division by them
+    makes the covariance dimensionless."""
     deviations = np.sqrt(np.diag(covariance))
     deviations = np.where(deviations > 0, deviations, 1.0)
     return np.asarray(np.outer(deviations, deviations), dtype=np.float64)
@@ -211,7 +215,7 @@ def _is_covariance(matrix: Matrix) -> bool:
 
 
 def _blocks(linked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """Indices of the states of each block of coupled states."""
+    """Return the indices of the states of each block of coupled states."""
     reach = linked | linked.T | np.eye(len(linked), dtype=np.bool_)
     for _ in range(len(linked).bit_length()):
         reach = reach @ reach
@@ -219,7 +223,7 @@ def _blocks(linked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
 
 
 def _step(a: Matrix, density: Matrix, dt: float) -> tuple[Matrix, Matrix]:
-    """F and Q of one block over `dt`."""
+    """Return F and Q of one block for a step of `dt` (s)."""
     from scipy.linalg import expm
     from scipy.special import exprel
 

@@ -23,17 +23,17 @@ def parse_length(text: str, argument: str = "duration") -> float:
     ----------
     text : str
     argument : str
-        Argument whose option has this value, for errors.
+        Name of the argument, for errors.
 
     Returns
     -------
     float
-        Seconds.
+        Duration (s).
 
     Raises
     ------
     OptionError
-        If the value is anything else.
+        If the value has another form.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Every error and warning that gmwm raises.
+"""Errors and warnings of gmwm.
 
-An error carries what happened, the argument that caused it, what was expected, what was given, and what to do. Its text
-is made once for Python users, with arguments as `rate=`, and once for the shell, with options as `--rate`.
+An error states what happened, the argument that caused it, what was expected, what was given, and what to do. Its text
+is made for Python users, with arguments as `rate=`, or for the shell, with options as `--rate`.
 """
 
 from __future__ import annotations
@@ -80,36 +80,37 @@ ReadCode = Literal[
     "unsupported",
     "wrong-format",
 ]
-"""What makes a file unreadable, as a name that does not change with the wording of the message."""
+"""Codes of the reasons why a file cannot be read. They do not change if the wording of a message changes."""
 
 _NOT_GIVEN: Any = object()
 
 
 class GmwmError(Exception):
-    """Base of all errors that gmwm raises on purpose. The command line prints them in one line and exits with 2.
+    """Base of all errors that gmwm raises on purpose. The command line prints them in one line and exits with the code
+    2.
 
     Attributes
     ----------
     message : str
-        What happened, as literal text; made from the other attributes if it is left out.
+        What happened, as literal text. If it is "", the text is made from the other attributes.
     argument : str or None
         The argument that caused the error.
     expected : str or None
-        What the argument may be.
+        Description of the values that are allowed.
     got : object
-        What was given.
+        The value that was given.
     advice : str
-        Template of what to do, see `gmwm._template.render`; options are written `{--rate}`.
+        Template of the advice, see `gmwm._template.render`; options are written as `{--rate}`.
     facts : mapping of name to fact
-        What the advice is filled with.
+        Values for the fields of the advice.
     options : mapping of argument to option
         Options of the shell that differ from the name of the argument, for the command that raised the error.
     prefix : str
-        The argument whose value holds the error. For example, a process in the text of `within`.
+        Name of the argument whose value contains the error, for example `within` if one of its processes is wrong.
     subject : str
         The axis, unit or file that the message is about; see `about`.
     code : ReadCode or None
-        Why a file cannot be read, for programs. Errors of the readers have one.
+        Code of the reason why a file cannot be read, for programs. Errors of the readers have a code.
 
     Examples
     --------
@@ -156,7 +157,7 @@ class GmwmError(Exception):
         return self
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Return the error as text, for one kind of reader."""
+        """Return the error as text, for users of Python, the shell or HTML."""
         message = self._what(dialect)
         if self.prefix:
             message = f"{self._named(self.prefix, dialect)}: {message}"
@@ -183,7 +184,7 @@ class GmwmError(Exception):
         return error
 
     def _what(self, dialect: Dialect) -> str:
-        """What happened, without subject and advice."""
+        """Return what happened, without subject and advice."""
         if self.message:
             return self.message
         message = f"{self._named(self.argument or 'the value', dialect)} must be {self.expected}"
@@ -203,7 +204,7 @@ class GmwmError(Exception):
 
 
 def _again(kind: type[GmwmError], state: Mapping[str, Any]) -> GmwmError:
-    """Return the error that was pickled."""
+    """Restore a pickled error."""
     error = kind.__new__(kind)
     error.args = state["args"]
     error.__dict__.update({name: value for name, value in state.items() if name != "args"})
@@ -211,17 +212,18 @@ def _again(kind: type[GmwmError], state: Mapping[str, Any]) -> GmwmError:
 
 
 def _shown(got: object) -> str:
-    """What was given, short."""
+    """Return a short representation of the value that was given."""
     text = repr(got)
     return text if len(text) <= 200 else f"{text[:200]}…"
 
 
 class DataError(GmwmError, ValueError):
-    """The numbers cannot be used: NaN, infinite, constant, too short, with gaps, or of the wrong shape."""
+    """The numbers cannot be used, for example because they are NaN or constant, have gaps, or have the wrong shape."""
 
 
 class ReadError(GmwmError, ValueError):
-    """The file cannot be read as an inertial recording: an unknown format, truncated, ragged, or ambiguous."""
+    """The file cannot be read as an inertial recording, for example because it is truncated or its format is
+    unknown."""
 
 
 class UnitError(ReadError):
@@ -229,11 +231,11 @@ class UnitError(ReadError):
 
 
 class ModelError(GmwmError, ValueError):
-    """The model cannot be built or estimated: a wrong parameter, a repeated term, or too many parameters."""
+    """The model cannot be built or estimated, for example because it has a wrong parameter or too many parameters."""
 
 
 class OptionError(GmwmError, ValueError):
-    """An argument is not one of the values that it may take."""
+    """The value of an argument is not allowed."""
 
 
 class MissingTheoryError(ModelError):
@@ -245,7 +247,7 @@ class MissingDependencyError(GmwmError, ImportError):
 
 
 class GmwmWarning(UserWarning):
-    """Base of all warnings: the result can be used, but read the remark first.
+    """Base of all warnings. The result can be used, but the remark should be read first.
 
     Attributes
     ----------
@@ -262,7 +264,7 @@ class GmwmWarning(UserWarning):
 
 
 class InferredUnitWarning(GmwmWarning):
-    """A unit was inferred from the data. If the inference is wrong, every number is wrong by a factor."""
+    """A unit was inferred from the data. If the unit is wrong, every result is wrong by the ratio of the two units."""
 
 
 class TimeBaseWarning(GmwmWarning):

@@ -5,9 +5,9 @@ coefficients are h_l = (−1)^l g_{L−1−l}. The maximal-overlap transform use
 level j. Its level-j wavelet filter has L_j = (2^j − 1)(L − 1) + 1 taps with the sum 0 and the sum of squares 2^−j.
 
 Published tables satisfy these equations only up to their printed digits. Each table is therefore replaced by the
-nearest filter that satisfies them, including vanishing moments, up to rounding errors; `adjustment` is the change.
-
-To add a filter, add its table at the end of this file; `find_filter` and the law tests find it by themselves.
+nearest filter that satisfies them, including vanishing moments, up to rounding errors; `adjustment` is the largest
+change of a coefficient. To add a filter, add its table at the end of this file. `find_filter` and the tests then
+include it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gmwm.errors import MissingDependencyError, OptionError
 __all__ = ["WaveletFilter", "find_filter"]
 
 LONGEST_FILTER = 2**24
-"""Most taps of a level filter that `level_filter` returns: 2^24 doubles take 128 MB."""
+"""Largest number of taps of a filter that `level_filter` returns; 2^24 doubles take 128 MB."""
 _DEPENDENT = 1e-12
 """Singular values below this share of the largest one are treated as zero: they belong to redundant equations."""
 
@@ -43,7 +43,8 @@ class WaveletFilter:
     scaling : (L,) array
         Scaling coefficients g_l, applied as V_t = Σ_l g_l X_{t−l}.
     vanishing_moments : int
-        Number p: the wavelet filter removes polynomials of degree p − 1; with p ≥ 2 it removes a linear drift.
+        Number p of vanishing moments. The wavelet filter removes polynomials up to degree p − 1, and therefore a linear
+        drift if p ≥ 2.
     accuracy : float
         Largest error of the published coefficients.
     adjustment : float
@@ -71,7 +72,7 @@ class WaveletFilter:
         freeze(self.scaling)
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
-        """Pickle a filter of the table by its name, because code that is only right for Haar tests `filter is HAAR`."""
+        """Pickle a filter of the table by its name, because code for the Haar filter tests `filter is HAAR`."""
         if self.name in _TABLES and find_filter(self.name) is self:
             return find_filter, (self.name,)
         return super().__reduce_ex__(protocol)
@@ -88,7 +89,7 @@ class WaveletFilter:
 
     @cached_property
     def first_moment(self) -> float:
-        """Σ_l l h_l of the orthonormal filter with exact taps; 0 for two or more vanishing moments.
+        """First moment Σ_l l h_l of the orthonormal filter with exact taps; 0 for two or more vanishing moments.
 
         For fk8, it is 5.8e-5, the sum of terms of size 1. Rounded taps change it by 1e-12 of its value, and the order
         of summation adds further errors. Therefore the sum is computed in exact arithmetic, and one Newton step
@@ -105,19 +106,19 @@ class WaveletFilter:
         return float(sum(l * (-1) ** l * tap for l, tap in enumerate(reversed(taps))))  # noqa: E741
 
     def width(self, level: int) -> int:
-        """Number of taps of the level-j filter, L_j = (2^j − 1)(L − 1) + 1."""
+        """Return the number of taps of the level-j filter, L_j = (2^j − 1)(L − 1) + 1."""
         return ((1 << int(level)) - 1) * (self.length - 1) + 1
 
     def widths(self, levels: ArrayLike) -> NDArray[np.int64]:
-        """L_j for many levels."""
+        """Return the number of taps L_j of the filters of several levels."""
         return ((np.int64(1) << np.asarray(levels, dtype=np.int64)) - 1) * (self.length - 1) + 1
 
     def deepest_level(self, samples: int) -> int:
-        """Deepest level whose filter fits into a recording of `samples`; 0 if there is none."""
+        """Return the highest level whose filter fits into a recording of `samples`; 0 if there is none."""
         return ((samples - 1) // (self.length - 1) + 1).bit_length() - 1 if samples > 0 else 0
 
     def level_filter(self, level: int) -> Vector:
-        """Taps of the maximal-overlap wavelet filter of one level (L_j,).
+        """Return the taps (L_j,) of the maximal-overlap wavelet filter of one level.
 
         Raises
         ------
@@ -140,8 +141,8 @@ class WaveletFilter:
         return smooth
 
     def squared_gain(self, frequencies: ArrayLike, level: int) -> NDArray[np.float64]:
-        """|H_j(f)|² of the maximal-overlap level-j wavelet filter at `frequencies` f in cycles per
-        sample (times Δt for Hz).
+        """Return the squared gain |H_j(f)|² of the maximal-overlap level-j wavelet filter at frequencies f in cycles
+        per sample (the frequency in Hz times the sampling interval).
 
         The wavelet variance of a process with spectral density S is ∫ |H_j(f)|² S(f) df.
         """
@@ -154,17 +155,18 @@ class WaveletFilter:
         return gain
 
     def autocorrelation(self, lags: ArrayLike, level: int) -> NDArray[np.float64]:
-        """r(k) = Σ_l h_{j,l} h_{j,l+k} of the maximal-overlap level-j wavelet filter, at any integer lags.
+        """Return the autocorrelation r_j(k) = Σ_l h_{j,l} h_{j,l+k} of the maximal-overlap level-j wavelet filter at
+        lags k.
 
-        From level to level r_j(k) = Σ_n r_g(n) r_{j−1}((k − n)/2), n of the parity of k, so that one lag takes
-        O(j L²) operations however long the filter is.
+        It is computed from level to level: r_j(k) = Σ_n r_g(n) r_{j−1}((k − n)/2), where r_g is the autocorrelation of
+        the scaling filter and n has the parity of k. One lag takes O(j L²) operations, which do not depend on L_j.
         """
         wanted, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
         return np.asarray(self._autocorrelation(wanted, level)[where].reshape(np.shape(lags)))
 
     def _autocorrelation(self, lags: NDArray[np.int64], level: int) -> Vector:
         reach = self.length - 1
-        # One step of the product filter g(z) g(1/z)/2, whose even coefficients are 0 but for the middle one.
+        # One step of the product filter g(z) g(1/z)/2, whose even coefficients are 0, except for the middle one.
         step = 0.5 * np.correlate(self.scaling, self.scaling, "full")
         if level == 1:
             signed = step * (-1.0) ** np.arange(-reach, reach + 1)
@@ -190,7 +192,7 @@ def _convolve(a: Vector, b: Vector) -> Vector:
 
 
 def find_filter(filter: str | WaveletFilter) -> WaveletFilter:
-    """Return the wavelet filter of a name.
+    """Return the wavelet filter with a name.
 
     The names are haar, d4 d6 d8 d16, la8 la16 la20, bl14 bl20, fk4 fk8 fk14 fk22 and mb4 mb8 mb16 mb24. If PyWavelets
     is installed, its orthogonal filters are available too: db1 … db38, sym2 … sym20, coif1 … coif17. PyWavelets numbers
@@ -284,7 +286,7 @@ def projected(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) ->
 
     The equations are Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. They imply Σ g = √2. The
     equation for n = 0 is needed although it follows from the others: the wavelet of a table that is orthonormal to
-    1e-11 can have the sum 1e-5 (fk22 does). A filter whose error is below `rounding` units in the last place of 1 is
+    1e-11 can have the sum 1e-5, as in fk22. A filter whose error is below `rounding` units in the last place of 1 is
     returned unchanged.
     """
     g = scaling.copy()
@@ -309,7 +311,7 @@ def projected(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) ->
 
 
 def _slopes(g: Vector) -> Matrix:
-    """Derivatives of Σ_l g_l g_{l+2k} with respect to the taps (L/2, L)."""
+    """Return the derivatives (L/2, L) of Σ_l g_l g_{l+2k} with respect to the taps."""
     padded = np.concatenate([np.zeros(g.size), g, np.zeros(g.size)])
     return np.array(
         [padded[g.size + s : 2 * g.size + s] + padded[g.size - s : 2 * g.size - s] for s in range(0, g.size, 2)]
@@ -409,4 +411,4 @@ FILTERS = tuple(_TABLES)
 """Names of the filters that need no further library."""
 
 HAAR = find_filter("haar")
-"""The Haar filter, of which twice the wavelet variance is the Allan variance."""
+"""The Haar filter. Twice its wavelet variance is the Allan variance."""

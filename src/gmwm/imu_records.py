@@ -1,4 +1,4 @@
-"""The six types of .imu files: records of a time and six increments, for the reader and the writer.
+"""Types of .imu files, whose records have a time and six increments. The reader and the writer use them.
 
 An .imu file has no header that states its type or the scale of its counts. A record is the time (s), three increments
 of angle and three of velocity, little-endian, without padding.
@@ -57,7 +57,7 @@ class RecordType:
 
 
 def record(word: str, order: str = "<") -> np.dtype[Any]:
-    """NumPy type of a record with the time and the six axes, in the byte order "<" or ">"."""
+    """Return the NumPy type of a record with the time and the six axes, in the byte order "<" or ">"."""
     return np.dtype([("time", f"{order}f8"), *((axis, f"{order}{word}") for axis in AXES)])
 
 
@@ -75,13 +75,14 @@ TYPES = (
 def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
     """Round increments to whole counts and carry each remainder over to the next increment.
 
-    n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where [·] is the nearest integer. The sum of the counts
-    is never off by more than half a count. Increments that are whole counts stay as they are.
+    The count k is n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where v are the increments, u is the size of
+    a count and [·] is the nearest integer. The error of the sum of the counts is at most half a count. Increments that
+    are whole counts do not change.
 
     Parameters
     ----------
     values : (N,) array
-        Increments v, in the unit of u.
+        Increments v, in the unit of `unit`.
     unit : float
         Size of one count, u.
 

@@ -18,9 +18,9 @@ from gmwm.units import LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, par
 Gaps = Literal["keep", "longest"]
 BadLines = Literal["error", "skip"]
 Columns = Mapping[str, str | int | None] | Sequence[str | None]
-"""Axis to column name or index, or the axes in the order of the columns."""
+"""A mapping of axis to column name or index, or a sequence of the axes in the order of the columns."""
 ROLES = (*AXES, "time", "temperature")
-"""What a column of a file may hold."""
+"""Roles that a column of a file can have."""
 TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 
@@ -38,7 +38,7 @@ class ReadOptions:
     columns : mapping, sequence or None
         Column of each axis by name or index (from 0), or the axes in the order of the columns; None uses the header.
     units : mapping
-        Units of "gyro", "accel" and "time" that override the units of the file.
+        Units of "gyro", "accel" and "time" that replace the units that the file states.
     gaps : "keep" or "longest"
         Whether to keep all segments between gaps, or only the longest one.
     bad_lines : "error" or "skip"
@@ -52,7 +52,7 @@ class ReadOptions:
     topic : str or None
         Name of the recording in a file that holds several.
     scale : mapping
-        Factor by axis or sensor, from the numbers of the file to the declared unit.
+        Factor by axis or sensor that converts the numbers in the file to the declared unit.
     increments : bool or sequence
         Sensors and axes whose numbers are integrals over one sampling interval; True for both sensors.
 
@@ -114,7 +114,7 @@ class ReadOptions:
         return _checked_increments(self.increments)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the values that differ from the defaults, as plain numbers, texts, lists and mappings."""
+        """Return the values that differ from the defaults, as numbers, strings, lists and mappings."""
         given = {one.name: getattr(self, one.name) for one in fields(self)}
         return {name: _plain(value) for name, value in given.items() if value not in (None, "keep", "error", (), {})}
 
@@ -123,7 +123,7 @@ class ReadOptions:
 
 
 def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
-    """Check that a value is one of the allowed texts.
+    """Check that a value is one of the allowed strings.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def as_size(value: object) -> float:
     Raises
     ------
     OptionError
-        If the value is anything else.
+        If the value is not such a number.
 
     >>> as_size(0.05)
     0.05
@@ -159,7 +159,7 @@ def as_confidence(value: object, name: str = "confidence") -> float:
     Raises
     ------
     OptionError
-        If the value is anything else.
+        If the value is not such a number.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Random-effects model of units or recordings that are measured with error: location, spread and prediction.
+"""Random-effects model of units or recordings that are measured with error: mean, spread and prediction.
 
-x_i ~ N(μ, τ² + s_i²) with known s_i. Every function takes many samples at once: arrays (…, n) with NaN for a missing
-number.
+The number x_i of unit i is distributed as N(μ, τ² + s_i²), where τ is the spread between units and s_i the known
+standard error. Every function processes many samples at once, in arrays (…, n) with NaN for a missing number.
 """
 
 from __future__ import annotations
@@ -16,25 +16,26 @@ from gmwm._arrays import Matrix, Vector
 _STEPS = 100
 """Largest number of Newton steps; the slowest sequence of tests/fleets/test_statistics.py takes 12."""
 _NODES = 48
-"""Nodes of the integral over τ; they give a t distribution with 7 degrees of freedom to four digits."""
+"""Number of nodes of the integral over τ. A t distribution with 7 degrees of freedom is then accurate to four
+digits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """Location and spread of each sample.
+    """Estimated mean and spread of each sample.
 
     Attributes
     ----------
     mean, error : (…) arrays
         μ̂ = Σ w_i x_i / Σ w_i with w_i = 1/(τ̂² + s_i²), and its standard error 1/√Σ w_i.
     spread2 : (…) array
-        τ̂².
+        Estimate τ̂² of τ².
     spread2_variance : (…) array
         Var τ̂² ≈ 2(n − 1)/(Σw − Σw²/Σw)².
     error2_slope : (…) array
         Derivative of the square of `error` with respect to τ²: Σw²/(Σw)².
     count : (…) array
-        n.
+        Number n of values.
     """
 
     mean: Vector
@@ -57,7 +58,7 @@ def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Ve
     x, s2 : (…, n) arrays
         Numbers and the squares of their standard errors, which are positive; NaN in `x` for a missing number.
     target : (…) array, optional
-        n − 1 by default.
+        Value of Q to reach; n − 1 by default.
     start : (…) array, optional
         Initial value; 0 by default.
 
@@ -87,7 +88,7 @@ def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Ve
 
 
 def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector | None = None) -> Effects:
-    """Location and spread of each sample (…, n); `spread2` is a known value of τ²."""
+    """Estimate the mean and the spread of each sample (…, n). If `spread2` is given, it is the known value of τ²."""
     known = between_units(x, s2, start=start) if spread2 is None else spread2
     there = np.isfinite(x)
     w = np.where(there, 1.0 / (known[..., None] + np.where(there, s2, 1.0)), 0.0)
@@ -107,7 +108,8 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
 
 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
-    """Confidence limits of τ² by the Q-profile; `freedom` is for dependent numbers, such as the axes of a unit."""
+    """Return the confidence limits of τ² by the Q-profile. `freedom` is the number of degrees of freedom if the numbers
+    are dependent, such as those of the axes of a unit."""
     from scipy.stats import chi2
 
     many, free = _freedom(x, freedom)
@@ -119,7 +121,7 @@ def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | No
 def predicted(
     x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None, widened: Vector | None = None
 ) -> tuple[Vector, Vector]:
-    """Prediction limits for the true number of a further unit.
+    """Return prediction limits for the true number of a further unit.
 
     At the true τ², Q(τ²) has a χ² distribution with n − 1 degrees of freedom, which defines the confidence distribution
     of τ². The prediction is the mixture of normal distributions with the mean μ̂(τ²) and the variance τ² + Var μ̂ over
@@ -152,7 +154,7 @@ def predicted(
 
 
 def confidence_of_mean(x: Matrix, s2: Matrix, confidence: float) -> tuple[Vector, Vector]:
-    """Confidence limits of μ that include the uncertainty of τ̂, in the same way as `predicted`.
+    """Return confidence limits of μ that include the uncertainty of τ̂, in the same way as `predicted`.
 
     If the errors s_i are zero, this is the t interval μ̂ ± t_{n−1} τ̂ / √n.
     """
@@ -167,25 +169,26 @@ _SHARES = _LEGENDRE[1][::-1] / 2
 
 
 def _over_spreads(x: Matrix, s2: Matrix, freedom: Vector | None) -> Iterator[Effects]:
-    """Location and spread at the nodes of the confidence distribution of τ²; `_SHARES` are their weights."""
+    """Yield the mean and the spread at each node of the confidence distribution of τ². `_SHARES` are the weights of the
+    nodes."""
     from scipy.stats import chi2
 
     many, free = _freedom(x, freedom)
     start = None
-    # From the largest χ² down, τ² increases, so each sequence starts at the last solution.
+    # The quantiles of χ² decrease from node to node, so τ² increases, and each search starts at the last solution.
     for node in (1 + _LEGENDRE[0][::-1]) / 2:
         start = between_units(x, s2, target=chi2.ppf(node, free) * many / free, start=start)
         yield effects(x, s2, spread2=start)
 
 
 def _freedom(x: Matrix, freedom: Vector | None) -> tuple[Vector, Vector]:
-    """n − 1, and the degrees of freedom, at least 1."""
+    """Return n − 1, and the number of degrees of freedom; both are at least 1."""
     many = np.maximum(np.isfinite(x).sum(axis=-1) - 1.0, 1.0)
     return many, many if freedom is None else np.maximum(freedom, 1.0)
 
 
 def _mixed(means: Matrix, sizes: Matrix, weights: Vector, share: float) -> Vector:
-    """Quantile of a mixture of normal distributions (k, …), by bisection."""
+    """Return a quantile of a mixture of k normal distributions, given in arrays (k, …), by bisection."""
     from scipy.special import ndtr
 
     low, high = np.min(means - 12 * sizes, axis=0), np.max(means + 12 * sizes, axis=0)

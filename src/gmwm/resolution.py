@@ -7,32 +7,36 @@ import numpy as np
 from gmwm._arrays import Vector
 
 _ENOUGH = 20_000
-"""Samples that are used: each value of a coarse output then occurs many times (tests/test_inspection.py)."""
+"""Smallest number of samples that are used, so that each value of a coarse output occurs many times
+(tests/test_inspection.py)."""
 _REPEATED = 0.9
 """Largest share of distinct values among the samples for which a quantization step is searched."""
 _UNEVEN = 0.05
 """Largest deviation of the differences from multiples of the step, in steps (tests/test_inspection.py)."""
 
 _SEEN = 20
-"""Samples of each value in the middle half of the distribution from which on no value between them is missing."""
+"""Smallest mean number of samples of each value in the middle half of the distribution. No value between two others is
+then missing."""
 _REGULAR = 0.35
-"""Largest relative standard deviation of the distances between values of one scale factor, written with few digits: it
-is 0.33 for steps of 1.5 that are written as 1 and 2."""
+"""Largest relative standard deviation of the distances between values that are multiples of one step, but were written
+with few digits. It is 0.33 if steps of 1.5 are written as 1 and 2."""
 _FINE = 1.0
-"""Standard deviation of the output, in steps, from which on Sheppard's correction is exact to 1e-8 of the step²."""
+"""Smallest standard deviation of the output, in steps, at which Sheppard's correction is exact to 1e-8 of the step²."""
 _SPREADS = np.geomspace(0.05, 1.25, 60)
 """Standard deviations before rounding, in steps, that are compared. The result is within 3 % of the best value."""
 _PLACES = np.linspace(-0.75, 0.75, 31)
-"""Means that are compared, in steps from the mean of the output, from which rounding moves them by half a step."""
+"""Means before rounding that are compared, in steps from the mean of the output. Rounding moves the mean by at most
+half a step."""
 _NEAR = 0.5
-"""Difference of the log-likelihood of standard deviations that agree with the values equally well. The largest one is
-used: if only two values occur, every small one agrees, and the result is an upper limit."""
+"""Standard deviations whose log-likelihood is at most this value below the maximum agree with the samples equally well.
+The largest of them is used. If only two values occur, all small standard deviations agree, and the result is an upper
+limit."""
 _FLOOR = 1e-9
-"""Least probability of a value, so that a single wrong value does not decide."""
+"""Smallest probability of a value, so that a single wrong value does not determine the result."""
 
 
 class Sample:
-    """Every 2^k-th sample of a record of any length: 20 000 to 40 000 samples if the record has as many."""
+    """Keeps every 2^k-th sample of a record of any length: 20 000 to 40 000 samples if the record has as many."""
 
     def __init__(self) -> None:
         self._kept = np.empty(0)
@@ -53,7 +57,8 @@ class Sample:
 
 
 def lsb(values: Vector) -> float | None:
-    """Quantization step of an axis: the spacing of a lattice that contains all values; None if there is none.
+    """Return the quantization step of an axis: the spacing of a regular grid that contains all values; None if there is
+    none.
 
     A step is searched only if values repeat.
 
@@ -66,7 +71,7 @@ def lsb(values: Vector) -> float | None:
 
 
 def step_of(sample: Vector) -> float | None:
-    """Spacing of a lattice that contains all values of a sample; None if there is none.
+    """Return the spacing of a regular grid that contains all values of a sample; None if there is none.
 
     If the values were written with so few digits that the distances between them alternate, the mean distance in the
     middle half of the distribution is returned, which is the step before the values were written.
@@ -81,7 +86,8 @@ def step_of(sample: Vector) -> float | None:
 
 
 def _usual_distance(levels: Vector, counts: Vector) -> float | None:
-    """Mean distance of the values in the middle half of the distribution; None if it is irregular or too few occur."""
+    """Return the mean distance between neighbouring values in the middle half of the distribution; None if the
+    distances are irregular, or there are too few samples."""
     below = np.cumsum(counts) / np.sum(counts)
     middle = (below > 0.25) & (below - counts / np.sum(counts) < 0.75)
     own = levels[middle]
@@ -110,19 +116,21 @@ def _lattice(levels: Vector) -> float | None:
 
 
 def _is_float32_rounding(levels: Vector, step: float) -> bool:
-    """Whether a step is the distance of float32 numbers of the size of the values, which is not a step of a sensor."""
+    """Return whether a step is the spacing of float32 numbers at the magnitude of the values, which is not a step of a
+    sensor."""
     largest = np.float32(np.max(np.abs(levels)))
     single = bool(np.all(levels == levels.astype(np.float32)))
     return single and step <= float(np.spacing(largest))
 
 
 def before_rounding(runs: list[Vector], step: float) -> float:
-    """Standard deviation of the noise before it was rounded to multiples of a step.
+    """Return the standard deviation of the noise before it was rounded to multiples of a step.
 
-    In runs of consecutive samples the mean hardly changes. If the output spreads over several steps, rounding adds the
-    variance step²/12 (Sheppard's correction). Otherwise the standard deviation belongs to the Gaussian noise whose
-    probabilities of the rounded values agree best with the counts of all runs (maximum likelihood); each run has its
-    own mean. Runs of equal samples are left out if they are fewer than half, as a sensor or a logger may hold a value.
+    Within a run of consecutive samples, the mean hardly changes. If the output spreads over several steps, rounding
+    adds the variance step²/12 (Sheppard's correction). Otherwise the standard deviation belongs to the Gaussian noise
+    whose probabilities of the rounded values agree best with the counts of all runs (maximum likelihood); each run has
+    its own mean. Runs of equal samples are left out if they are fewer than half of the runs, because a sensor or a
+    logger may hold a value.
 
     Parameters
     ----------
@@ -150,7 +158,7 @@ def before_rounding(runs: list[Vector], step: float) -> float:
 
 
 def _log_likelihood(values: Vector) -> Vector:
-    """Log-likelihood of each of `_SPREADS`, maximized over the mean, of rounded values in steps."""
+    """Return the log-likelihood of rounded values (in steps) for each of `_SPREADS`, maximised over the mean."""
     from scipy.special import ndtr
 
     start = values[0]

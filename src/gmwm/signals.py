@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["Imu", "Signal"]
 
 MINIMUM_SAMPLES = 8
-"""Shortest segment that is read: 2³ samples give three wavelet levels, fewer than any model has parameters to fit.
-Pinned by tests/test_cuts.py."""
+"""Smallest number of samples of a segment that is read. Shorter segments have fewer than three wavelet levels. Pinned
+by tests/test_cuts.py."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Signal:
     rate : float
         Samples per second (Hz).
     unit : str
-        Unit of the values; "rad/s" and "m/s²" for what `gmwm.read` returns.
+        Unit of the values; Recordings from `gmwm.read` are in "rad/s" and "m/s²".
     axis : str
         Name of the axis, such as "gyro_x".
     start : float
@@ -54,14 +54,15 @@ class Signal:
     starts : tuple of float
         Time of the first sample of each segment (s). By default one sample is missing in each gap.
     filled : int
-        Number of values that replace lost samples, see `fill_gaps`.
+        Number of values that replace lost samples; see `fill_gaps`.
     gaps_known : bool
-        Whether the lengths of the gaps are known; by default if `starts` are given. Other gaps are not filled.
+        Whether the lengths of the gaps are known. By default, they are known if `starts` is given. Gaps of unknown
+        length are not filled.
 
     Raises
     ------
     DataError
-        If the values are not finite numbers, or the segments or starts do not fit them.
+        If the values are not finite numbers, or the segments or starts do not fit the values.
     OptionError
         If the rate is not a positive number.
     """
@@ -180,7 +181,7 @@ class Signal:
         return len(self) / self.rate
 
     def times(self, indices: ArrayLike | None = None) -> Vector:
-        """Times of samples (s), uniform within each segment.
+        """Return the times of samples (s), which are uniform within each segment.
 
         Parameters
         ----------
@@ -198,7 +199,7 @@ class Signal:
         Raises
         ------
         DataError
-            If it has gaps.
+            If the signal has gaps.
         """
         if len(self.segments) > 1:
             sizes = ", ".join(str(b - a) for a, b in self.segments[:5])
@@ -222,12 +223,12 @@ class Signal:
     ) -> MatplotlibFigure:
         """Draw the signal over time, with its line broken where samples are missing.
 
-        If the samples are far from zero, their mean is subtracted, and the title gives it.
+        If the samples are far from zero, their mean is subtracted, and the title states it.
 
         Parameters
         ----------
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+            Units of the plot: rad/s and m/s², or deg/h and mg. A signal in another unit is not converted.
         ax : matplotlib Axes, optional
             Where to draw; a new figure by default.
         path : path, optional
@@ -247,19 +248,22 @@ class Signal:
         return plot_signal(self, units=units, ax=ax, path=path)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-        """Write the signal as a recording of one axis to the file `path` in a `format`: see `Imu.write`."""
+        """Write the signal as a recording of one axis to the file `path` in a `format`; see `Imu.write`."""
         from gmwm.writers import write
 
         write(self, path, format=format)
 
     def fill_gaps(self) -> Signal:
-        """Fill gaps with draws from the distribution of lost samples given the others, which follows from the data.
+        """Fill gaps with draws from the conditional distribution of the lost samples given the known samples.
 
-        The wavelet variance of the result is unbiased at every level. The seeds are fixed. A gap of g ≤ 8192 samples is
-        filled if 3/4 of the max(32 g, 1024) samples on each side are known, as far as the recording goes: at least
-        2 g, and 16 g for a gap of more than 64 samples. Other gaps stay, and all gaps whose lengths are not known. A
-        gap also stays if the mean behind it differs by more than 6 standard deviations of such differences at other
-        places: the sensor has restarted with another offset.
+        The distribution is estimated from the signal, and the seeds are fixed. The wavelet variance of the result is
+        unbiased at every level.
+
+        A gap of g ≤ 8192 samples is filled if 3/4 of its neighbourhood on each side is known. The neighbourhood has
+        max(32 g, 1024) samples, or fewer at an end of the recording. At least 2 g samples on each side must be known,
+        or 16 g for a gap of more than 64 samples. Other gaps are kept, and all gaps of unknown length. A gap is also
+        kept if the means before and after it differ by more than 6 standard deviations of such differences at other
+        places, because the sensor has then restarted with another offset.
 
         >>> x = np.random.default_rng(1).normal(size=4000)
         >>> x[100:110] = x[2500] = np.nan
@@ -289,7 +293,7 @@ class Imu:
     source : str
         File or other origin, for titles and reports.
     remarks : tuple of Remark
-        How the file was understood on reading: units, rate, columns, time stamps, times left out.
+        Remarks on how the file was interpreted: units, rate, columns, time stamps, and times that were left out.
     time_base : TimeBase or None
         Properties of the time stamps.
     temperature : (N,) array or None
@@ -361,14 +365,14 @@ class Imu:
             "time" or missing values. Its columns are recognised by their names as in a file. Its time is a column, or
             the index of pandas or xarray.
         rate : float, optional
-            Samples per second (Hz). It is needed unless a table has a time.
+            Samples per second (Hz). It is required unless a table has a time.
         units : mapping, optional
-            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; by default those that the names of a table
-            state, and otherwise rad/s and m/s².
+            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; by default the units that the column names of
+            a table state, and otherwise rad/s and m/s².
         axes : sequence of str
             Names of the columns of a two-dimensional array.
         start, segments
-            As for `Signal`. A table finds them by its time and its missing values.
+            As for `Signal`. For a table, they are determined from its time and its missing values.
         source : str
             Name for titles and reports.
 
@@ -406,7 +410,7 @@ class Imu:
         return cls(signals, source, time_base=TimeBase(as_rate(rate), start=start))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, a dict can.
+        # A mapping proxy cannot be pickled, but a dict can.
         return Imu, (dict(self.signals), self.source, self.remarks, self.time_base, self.temperature)
 
     @overload
@@ -414,7 +418,8 @@ class Imu:
     @overload
     def __getitem__(self, axis: str) -> Signal: ...
     def __getitem__(self, axis: str) -> Signal | Imu:
-        """The signal of an axis, `imu["gyro_x"]`; or the Imu of a sensor's axes, `imu["gyro"]` and `imu["accel"]`."""
+        """Return the signal of an axis, as in `imu["gyro_x"]`, or an Imu with the axes of a sensor, as in
+        `imu["gyro"]`."""
         if axis in self.signals:
             return self.signals[axis]
         members = {name: signal for name, signal in self.signals.items() if name in AXES and name[:-2] == axis}
@@ -455,7 +460,7 @@ class Imu:
     def between(
         self, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
     ) -> Imu:
-        """Return the part of the recording between two times, without the ranges in `skip`; each leaves a gap.
+        """Return the part of the recording between two times, without the ranges in `skip`, each of which leaves a gap.
 
         Times are measured from the first sample on the recording's clock, gaps included. If the clock was set back, the
         next sample is treated as one sampling interval later. The part includes a sample at `start` and excludes one at
@@ -501,13 +506,13 @@ class Imu:
     def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
         """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
 
-        If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title gives it.
+        If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
         The axes of a sensor have the same scale, unless a curve would be flat.
 
         Parameters
         ----------
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
+            Units of the plot: rad/s and m/s², or deg/h and mg.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -528,8 +533,8 @@ class Imu:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
 
         In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]`
-        if there is one. Numbers keep full precision. Times follow the uniform clock of each segment, so gaps stay
-        gaps. If writing fails, no partial file is left.
+        if there is one. Numbers keep full precision. Times follow the uniform clock of each segment, so gaps are kept.
+        If writing fails, no partial file is left.
 
         An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are whole
         numbers, the rounding error of a sample is carried over to the next one, as a sensor of that type does: no angle
@@ -548,7 +553,7 @@ class Imu:
         OptionError
             If the suffix or the format is unknown.
         DataError
-            If an .imu file is asked for and an axis is missing, or a value does not fit into its counts.
+            If an .imu file is written and an axis is missing, or a value does not fit into the counts.
 
         Examples
         --------

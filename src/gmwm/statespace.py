@@ -1,6 +1,7 @@
-"""The linear Gaussian state-space form: second-order theory and sample paths from its matrices.
+"""Linear Gaussian state-space models: compute variances, autocovariances, spectra and sample paths from their matrices.
 
-This module does not know any process. A process provides its matrices, and sums of processes are block-diagonal.
+This module does not depend on the processes. A process provides its matrices, and the matrices of a sum of processes
+are block-diagonal.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ class StateSpace:
         Returns
         -------
         StateSpace
-            With p₁ + p₂ + … states.
+            A state space with p₁ + p₂ + … states.
         """
         items = list(parts)
         return cls(
@@ -116,10 +117,10 @@ class StateSpace:
         return StateSpace.sum((self, other))
 
     def haar_variance(self, levels: int | ArrayLike) -> Vector:
-        """Haar wavelet variance ν_j² (J,): the mean square of the MODWT coefficients, at a cost of O(J p³).
+        """Return the Haar wavelet variance ν_j² (J,), the mean square of the MODWT coefficients, at a cost of O(J p³).
 
-        It includes the mean (a drift has ω²τ²/16). Diffuse states must cancel in the difference of two adjacent block
-        sums, as the level of a random walk does.
+        The mean is included: a drift with the slope ω adds ω²τ²/16 at the scale τ. Diffuse states must cancel in the
+        difference of two adjacent block sums, as the level of a random walk does.
 
         Parameters
         ----------
@@ -138,14 +139,14 @@ class StateSpace:
         return result
 
     def _adjacent_difference(self, block: _Block) -> float:
-        """E(second block sum − first block sum)² for two adjacent blocks from t = 0."""
+        """Return E(second block sum − first block sum)² for two adjacent blocks from t = 0 on."""
         start = block.sum_of @ block.transition - block.sum_of
         weights = np.append(block.sum_of, -1.0)
         noise = float(weights @ block.noise @ weights) + float(block.noise[-1, -1])
         return float(start @ self.P0 @ start) + noise + float(start @ self.m0) ** 2
 
     def block_variance(self, lengths: ArrayLike) -> Vector:
-        """Variance of the sum of the first m samples, for each m ≥ 0 in `lengths`; in the shape (n,)."""
+        """Return the variance of the sum of the first m samples, for each of the n numbers m ≥ 0 in `lengths`."""
         sizes, where = np.unique(np.asarray(lengths, dtype=np.int64), return_inverse=True)
         values = np.zeros(sizes.size)
         for k, size in enumerate(sizes):
@@ -155,7 +156,8 @@ class StateSpace:
         return values[where.ravel()]
 
     def autocovariance(self, lags: ArrayLike) -> Vector:
-        """Autocovariance r(k) = H F^|k| P0 Hᵀ + R·1{k = 0} at `lags` k (samples) of a stationary state space."""
+        """Return the autocovariance r(k) = H F^|k| P0 Hᵀ + R·1{k = 0} of a stationary state space at `lags` k
+        (samples)."""
         distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
         values = np.empty(distances.size)
         column, reached = self.P0 @ self.H[0], 0
@@ -172,12 +174,12 @@ class StateSpace:
         return values[where.ravel()]
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Two-sided power spectral density Δt (R + |H (zI − F)⁻¹ L|²) with z = exp(2πifΔt) and L Lᵀ = Q, in u²/Hz.
+        """Return the two-sided power spectral density Δt (R + |H (zI − F)⁻¹ L|²) with z = exp(2πifΔt) and L Lᵀ = Q.
 
         Parameters
         ----------
         frequencies : array
-            f (Hz).
+            Frequencies f (Hz).
         rate : float
             Sampling rate 1/Δt (Hz).
 
@@ -214,7 +216,7 @@ def checked(
     P0: ArrayLike | None,
     diffuse: ArrayLike | None,
 ) -> dict[str, NDArray[Any]]:
-    """Check the arrays of a linear system; returns them by name, in their shapes and read-only."""
+    """Check the arrays of a linear system. Return them by name, in the required shapes and read-only."""
     h = np.array(seen, dtype=np.float64).reshape(1, -1)
     p = h.size
     f, q, observed, r = names
@@ -239,7 +241,7 @@ def checked(
 
 
 def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Matrix:
-    """`haar_variance` of many state spaces of one size at once, (n, J)."""
+    """Return `haar_variance` (n, J) of n state spaces with the same number of states."""
     wanted = as_levels(levels)
     transition, seen = np.array([s.F for s in spaces]), np.array([s.H[0] for s in spaces])
     start, mean = np.array([s.P0 for s in spaces]), np.array([s.m0 for s in spaces])
@@ -267,7 +269,8 @@ def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Mat
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """A block of m successive samples: end state = transition·x + w, sum = sum_of·x + n, Var (w, n) = noise."""
+    """A block of m successive samples that starts from the state x. Its end state is transition·x + w, and the sum of
+    its samples is sum_of·x + n, where the random vector (w, n) has the covariance `noise`."""
 
     transition: Matrix
     sum_of: Vector
@@ -291,7 +294,7 @@ class _Block:
             power = power.followed_by(power)
 
     def followed_by(self, later: _Block) -> _Block:
-        """Return the two blocks joined: the later one starts from the end state of this one."""
+        """Join this block and a later one, which starts from the end state of this block."""
         p = self.sum_of.size
         # How this block's noise (w, n) enters the joined (w, n).
         carry = np.zeros((p + 1, p + 1))
@@ -319,7 +322,7 @@ def _root(covariance: Matrix) -> Matrix:
 
 
 def powers(transition: Matrix, column: Vector, count: int) -> Matrix:
-    """x, Fx, …, F^(count − 1) x as columns (p, count)."""
+    """Return x, Fx, …, F^(count − 1) x as columns (p, count), for the matrix F and the vector x."""
     columns, power = column[:, None], transition
     while columns.shape[1] < count:
         columns = np.concatenate([columns, power @ columns], axis=1)

@@ -1,4 +1,4 @@
-"""The clock of a recording: when its samples were taken, and what its time stamps say about its sampling."""
+"""Times of the samples of a recording, and properties of its time stamps."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class TimeBase:
         For each gap, the index of the first sample after it and the time from the sample before it (s),
         a whole number of sampling intervals.
     duplicates : int
-        Number of time stamps that are equal to the one before.
+        Number of time stamps that are equal to the previous one.
     backward : int
-        Number of time stamps that are earlier than the one before.
+        Number of time stamps that are earlier than the previous one.
     lost : int
-        Number of rows without a usable sample: a value is missing or infinite, or the line could not be read. Each
-        is a gap.
+        Number of rows without a usable sample: a value is missing or infinite, or the line could not be read. Each of
+        these rows is a gap.
     left : float
         Time (s) from the start of the recording to the first kept sample. The times `start`, `stop` and `skip` of
         `read` count from the start of the recording.
@@ -54,14 +54,14 @@ class TimeBase:
 
 
 def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> Vector:
-    """Times of the samples with these indices (s), from the segments and their start times (s)."""
+    """Return the times (s) of the samples with these indices, from the segments and their start times (s)."""
     index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
     segment = np.searchsorted(firsts, index, side="right") - 1
     return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
 
 
 def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
-    """Start time of each segment in seconds from the first sample, never before the end of the previous segment.
+    """Return the start time of each segment in seconds from the first sample, never before the end of the previous one.
 
     If the clock was set back, the segment starts one interval after the last sample before it.
 

@@ -21,15 +21,15 @@ from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.time_base import TimeBase
 
 ROUNDING = 1e-6
-"""Tolerance in samples within which a given time is the time of a sample. It is larger than the rounding of times in
-float64 (1e-7 of a sample at 1 kHz after a year), and smaller than any difference that a user types. Pinned by
-tests/test_cuts.py."""
+"""Largest difference (in samples) at which a given time is taken as the time of a sample. It is larger than the
+rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and smaller than any difference that a user
+types. Pinned by tests/test_cuts.py."""
 
 
 def cut(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
-    """Return the part of a recording between two times: see `Imu.between`."""
+    """Return the part of a recording between two times; see `Imu.between`."""
     kept = kept_ranges(start, stop, skip)
     first = next(iter(imu.signals.values()))
     runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
@@ -86,7 +86,8 @@ class Trimmer:
         return not self._kept or self._clock.end >= self._kept[-1][1]
 
     def take(self, samples: Samples) -> Samples | None:
-        """Return the samples that are kept, numbered from the first one that is kept; None for none."""
+        """Return the samples that are kept, numbered from the first kept sample of the recording; None if none is
+        kept."""
         parts, runs, first, segment = list[slice](), list[tuple[int, float]](), self._count, len(self._sizes) - 1
         for k, ((begin, end, _), (sample, time)) in enumerate(zip(samples.ranges(), samples.runs, strict=True)):
             elapsed = self._clock.begin(sample, time, samples.first + end)
@@ -145,7 +146,8 @@ class _Elapsed:
         self._ahead = self._begin = self.end = 0.0
 
     def begin(self, sample: int, time: float, stop: int) -> float:
-        """When the segment begins (s) whose first sample is number `sample` at `time`, up to sample `stop` so far."""
+        """Return the time since the first sample (s) at which a segment begins. The segment begins with sample number
+        `sample` at `time` on the clock of the recording; `stop` is the number after its last sample so far."""
         if self._run < 0:
             self._origin = time
         if sample != self._run:
@@ -160,7 +162,7 @@ class _Elapsed:
 def kept_ranges(
     start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Ranges of time that are kept (s), in order.
+    """Return the ranges of time that are kept (s), in order.
 
     Raises
     ------
@@ -188,7 +190,7 @@ def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) 
     Raises
     ------
     DataError
-        If it has fewer than `MINIMUM_SAMPLES`.
+        If the longest segment has fewer than `MINIMUM_SAMPLES` samples.
     """
     if longest < MINIMUM_SAMPLES:
         wanted = joined(range_texts(kept)) or "nothing"
@@ -219,7 +221,7 @@ def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float)
 
 
 def _checked(pair: tuple[float, float]) -> tuple[float, float]:
-    """Return a range to skip, checked."""
+    """Check a range to skip, and return it."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=pair)
     begin, end = (_seconds(time, "skip") for time in pair)
@@ -229,24 +231,24 @@ def _checked(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def _seconds(time: object, name: str) -> float:
-    """Return a time (s), checked."""
+    """Check a time (s), and return it."""
     if isinstance(time, bool) or not isinstance(time, Real) or not 0 <= float(time) < math.inf:
         raise OptionError(argument=name, expected="a time in seconds from the first sample, 0 or more", got=time)
     return float(time)
 
 
 def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:
-    """Ranges of time as texts, such as "10 s to 50 s" and "60 s to the end"."""
+    """Format ranges of time, such as "10 s to 50 s" and "60 s to the end"."""
     return tuple(f"{moment(a)} to {moment(b) if b < math.inf else 'the end'}" for a, b in kept)
 
 
 def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:
-    """The time base of the part that is kept, which begins `left` seconds after the first sample of the recording.
+    """Return the time base of the part that is kept, which begins `left` seconds after the start of the recording.
 
     Parameters
     ----------
     base : TimeBase
-        That of the whole recording.
+        Time base of the whole recording.
     starts, sizes : sequence of float, of int
         Time of the first sample (s) and number of samples of each segment.
     left : float

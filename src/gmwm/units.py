@@ -28,13 +28,13 @@ class Unit:
     Attributes
     ----------
     name : str
-        Its usual name, such as "deg/s".
+        Usual name of the unit, such as "deg/s".
     quantity : "gyro" or "accel"
         Angular rate or specific force.
     factor : float
         Size of the unit in rad/s or m/s².
     aliases : tuple of str
-        Other names.
+        Other names of the unit.
     """
 
     name: str
@@ -78,7 +78,7 @@ _BY_NAME = {_key(name): unit for unit in _UNITS for name in (unit.name, *unit.al
 
 
 def find_unit(text: str) -> Unit | None:
-    """Return the unit that a text names, or None. Spaces, dots and case do not matter.
+    """Return the unit with this name, or None. Spaces, dots and case do not matter.
 
     >>> find_unit("Deg / s").factor == math.pi / 180
     True
@@ -96,12 +96,12 @@ def unit_names(quantity: Quantity) -> tuple[str, ...]:
 
 
 def parse_unit(text: str, quantity: Quantity) -> Unit:
-    """Return the unit of `quantity` that a text names.
+    """Return the unit of `quantity` with this name.
 
     Raises
     ------
     UnitError
-        If the text names no unit, or a unit of the other quantity.
+        If the text is not the name of a unit, or names a unit of the other quantity.
     """
     unit = find_unit(text)
     if unit is None or unit.quantity != quantity:
@@ -113,10 +113,10 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
 # --- units of time --------------------------------------------------------------------------------------
 
 TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-"""Units of time stamps, with their number in a second."""
+"""Units of time stamps, with the number of each unit in a second."""
 
 LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400}
-"""Units of time that are never inferred, with their seconds."""
+"""Units of time that are never inferred, with their lengths in seconds."""
 
 TIME_WORDS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
@@ -126,12 +126,12 @@ TIME_WORDS = {
     "min": "min", "mins": "min", "minute": "min", "minutes": "min",
     "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
 }  # fmt: skip
-"""Names of the units of time."""
+"""Names of the units of time, with the short name of each unit."""
 _SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix|epoch|tai)\b.*", re.IGNORECASE)
 
 
 def find_time_unit(text: str) -> str:
-    """Return the short name of the unit of time in a text; "" if it contains none.
+    """Return the short name of the unit of time that text names; "" if it names none.
 
     >>> find_time_unit("[msec]"), find_time_unit("seconds since 1970-01-01"), find_time_unit("deg")
     ('ms', 's', '')
@@ -189,9 +189,9 @@ _SECONDS = {1.0: "·s", 0.5: "/√Hz", 0.0: "", -0.5: "/√s", -1.0: "/s"}
 
 
 def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, float]:
-    """SI unit of a coefficient in (signal unit) · s^`time_power`, and the factor to it.
+    """Return the SI unit of a noise coefficient in (unit of the signal) · s^`time_power`, and the factor to this unit.
 
-    An unknown unit stays as it is, with the factor 1.
+    An unknown unit is not converted: the factor is 1.
 
     Parameters
     ----------
@@ -210,9 +210,10 @@ def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, flo
 
 
 def datasheet_units(si: str) -> dict[str, float]:
-    """Units in which datasheets and filters print a coefficient of the SI unit `si`, each with its factor from SI.
+    """Return the units in which datasheets and filters state a coefficient with the SI unit `si`, with the factors from
+    SI.
 
-    The usual unit is first. The mapping is empty for a unit that has none, such as seconds.
+    The usual unit is first. The mapping is empty for other units, such as seconds.
 
     >>> list(datasheet_units("m/s²/√Hz"))
     ['m/s/√h', 'µg/√Hz']

@@ -19,11 +19,11 @@ SUFFIXES = (".csv", ".parquet")
 """File name extensions of tables; the extension chooses the format."""
 
 RECORDS = ".imu"
-"""Extension of files of records, whose type is chosen by `format`."""
+"""Extension of files of .imu records; the option `format` chooses the type of the records."""
 
 
 def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-    """Write a recording: see `Imu.write`."""
+    """Write a recording; see `Imu.write`."""
     imu, target = _recording(imu), Path(path)
     suffix = target.suffix.lower()
     if suffix not in (*SUFFIXES, RECORDS):
@@ -44,7 +44,7 @@ def _recording(given: object) -> Imu:
     Raises
     ------
     OptionError
-        If it is neither an Imu nor a Signal of one of its axes.
+        If `given` is neither an Imu nor a Signal of one of the six axes.
     """
     if isinstance(given, Imu):
         return given
@@ -73,7 +73,7 @@ def table_path(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     OptionError
-        If it has another extension.
+        If the path has another extension.
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
