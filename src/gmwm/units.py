@@ -78,7 +78,7 @@ _BY_NAME = {_key(name): unit for unit in _UNITS for name in (unit.name, *unit.al
 
 
 def find_unit(text: str) -> Unit | None:
-    """Return the unit with this name, or None. Spaces, dots and case do not matter.
+    """Return the unit with the name `text`, or None. Spaces, dots and case do not matter.
 
     >>> find_unit("Deg / s").factor == math.pi / 180
     True
@@ -96,7 +96,7 @@ def unit_names(quantity: Quantity) -> tuple[str, ...]:
 
 
 def parse_unit(text: str, quantity: Quantity) -> Unit:
-    """Return the unit of `quantity` with this name.
+    """Return the unit of `quantity` with the name `text`.
 
     Raises
     ------
@@ -131,7 +131,7 @@ _SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix
 
 
 def find_time_unit(text: str) -> str:
-    """Return the short name of the unit of time that text names; "" if it names none.
+    """Return the short name of the unit of time that `text` names; "" if it names none.
 
     >>> find_time_unit("[msec]"), find_time_unit("seconds since 1970-01-01"), find_time_unit("deg")
     ('ms', 's', '')
