@@ -114,8 +114,8 @@ class ContinuousStateSpace:
 
     @classmethod
     def sum(cls, parts: Mapping[str, ContinuousStateSpace | None]) -> ContinuousStateSpace:
-        """Return the state space of a sum of independent signals, which are given by term. Parts that are None are left
-        out."""
+        """Return the state space of a sum of independent signals. `parts` has the state space of each term; None is
+        left out."""
         kept = {term: part for term, part in parts.items() if part is not None}
         # The sum of discrete state spaces also makes the block-diagonal matrices needed here.
         s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in kept.values())
