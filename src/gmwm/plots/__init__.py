@@ -1,11 +1,12 @@
 """Plots of results with Matplotlib.
 
-Each plot has two functions: one returns the plot as data (`wavelet_variance_panel`, `fit_panel`, `overlay_panel`,
-`imu_figure`, `ranking_figure`), and one draws these data with Matplotlib (`plot_…`). Matplotlib is imported
-by the first drawing. Results have a method `plot`, which calls the function of their kind.
+Each plot has two functions. The first returns a description of the plot without Matplotlib, as a `Panel` or `Figure`
+of `gmwm.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description with
+Matplotlib. Matplotlib is imported when the first plot is drawn. Results have a method `plot`, which calls the function
+for their type.
 
-All of them return a `matplotlib.figure.Figure` that is not registered with pyplot: it need not be closed, and notebooks
-display it. With `path`, they also write the picture to a file: .png, .pdf or .svg.
+The functions `plot_…` return a `matplotlib.figure.Figure` that is not registered with pyplot, so it need not be closed,
+and notebooks display it. If `path` is given, they also write the picture to a .png, .pdf or .svg file.
 """
 
 from gmwm.plots.allan import plot_allan, plot_allan_axes, plot_avlr

@@ -29,14 +29,13 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 SLOPES = (("+1", 1.0), ("+½", 0.5), ("0", 0.0), ("−½", -0.5), ("−1", -1.0))
-"""The slopes that the terms of an Allan deviation have."""
+"""Labels and values of the log-log slopes that noise processes have in an Allan deviation."""
 SYMBOLS: dict[Term, Symbol] = {"Q": "square", "N": "circle", "B": "triangle", "K": "star", "R": "diamond"}
-"""Symbols at the points where coefficients are read, as is usual: circle at 1 s, triangle at the minimum, star at 3
-s."""
-# The slope guides in a corner: width, largest height, and distance from the border, as fractions of the panel.
+"""Symbols that mark where the coefficients are read from the fitted lines: N at 1 s, B at the minimum, K at 3 s."""
+# Width, largest height and distance from the border of the slope guides in a corner, as fractions of the panel.
 FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
 REACH = 5.0
-"""Factor by which a fitted line is drawn beyond the range that it was fitted to. Pinned by
+"""Factor by which a fitted line extends on each side beyond the averaging times that it was fitted to. Pinned by
 tests/plots/test_plot_limits.py."""
 MOST_ADDED = 20.0
 """Largest factor by which the vertical axis is extended to show the point where a coefficient is read. Pinned by
@@ -45,16 +44,16 @@ tests/plots/test_plot_limits.py."""
 
 @dataclass(frozen=True)
 class ClusterView(View):
-    """View of an Allan-type variance: its square root over the averaging time."""
+    """View that shows the square root of an Allan-type variance over the averaging time."""
 
     title: str = "Allan deviation"
 
     def time(self, tau: Vector) -> Vector:
-        """Return the averaging time."""
+        """Return the averaging times τ (s) unchanged, as horizontal positions."""
         return tau
 
     def height(self, variance: Vector) -> Vector:
-        """Return the deviation, in the unit of the plot."""
+        """Return the deviation for a variance, in the unit of the plot."""
         return np.asarray(self.factor * np.sqrt(np.maximum(variance, 0.0)))
 
     @property
@@ -72,7 +71,10 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 def allan_panel(
     curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
 ) -> Panel:
-    """Return a panel with one or several deviations and their bands; the names appear in the legend.
+    """Return a panel with one or several deviations and their confidence bands.
+
+    If there are several curves, the legend shows their names. With `guides`, the panel has guides for the slopes of
+    noise processes.
 
     Raises
     ------
@@ -93,7 +95,7 @@ def allan_panel(
     for (name, curve), view, stroke in zip(curves.items(), views, strokes, strict=True):
         marks += _marks(curve, view, stroke, name, opacity=0.22 if len(curves) == 1 else 0.15)
     marks = curves_then_bands(marks, len(curves))
-    # `closed_panel` only uses tau, the variance and its limits, which a ClusterVariance has too.
+    # `closed_panel` uses only tau, the variance and its limits. A ClusterVariance has these attributes too.
     measured = cast("Sequence[WaveletVariance]", list(curves.values()))
     names = [""] if len(curves) == 1 else list(curves)
     panel = closed_panel(views, measured, marks, strokes=strokes, names=names, title=title)
@@ -101,8 +103,8 @@ def allan_panel(
 
 
 def _stroke(name: str, index: int) -> Stroke:
-    """Return the stroke of a curve: by its letter if the name is an axis such as "gyro_x" or "x", otherwise by its
-    position."""
+    """Return the stroke of a curve. A name such as "gyro_x" or "x" has the stroke of its letter; any other name has
+    the stroke number `index`."""
     letter = sensor_and_letter(name)[1] or name.lower()
     return letter_stroke(letter) or curve_stroke(index)
 
@@ -110,7 +112,7 @@ def _stroke(name: str, index: int) -> Stroke:
 def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str, opacity: float) -> list[Mark]:
     x, y = view.time(curve.tau), drawable(view.height(curve.variance))
     lower, upper = band_edges(cast("WaveletVariance", curve), view)
-    # Symbols at many values would hide the curve and its band.
+    # If a curve has many points, symbols at all of them would hide the curve and its band.
     shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
     limits = f"{100 * curve.confidence:g} % confidence"
     return [
@@ -141,8 +143,11 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Return the start of the slope guides, in fractions of the panel: the corner with the fewest points of curves and
-    bands."""
+    """Return the left and middle point of the slope guides, as fractions of the panel.
+
+    They are in the corner that contains the fewest points of curves and bands. `width` and `height` are the width and
+    half of the height of the guides, as fractions of the panel.
+    """
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
         for y in (mark.y,) if isinstance(mark, Line) else (mark.lower, mark.upper) if isinstance(mark, Band) else ():
@@ -159,12 +164,12 @@ def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, 
 
 
 def _share(values: Vector, limits: tuple[float, float]) -> Vector:
-    """Return positions as fractions of a logarithmic axis; NaN for values that are not positive."""
+    """Return the positions of values on a logarithmic axis, as fractions of its length; NaN for values ≤ 0."""
     return np.asarray(np.log10(drawable(values) / limits[0]) / math.log10(limits[1] / limits[0]))
 
 
 def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True) -> Panel:
-    """Return the plot of `plot_avlr` as data: the deviation, the fitted lines, and a symbol at each coefficient."""
+    """Return the panel that `plot_avlr` draws: the deviation, the fitted lines, and a symbol at each coefficient."""
     curve = regression.allan
     view = cluster_view(curve, units)
     bare = allan_panel({view.title: curve}, units=units, guides=False, title=axis_title(curve.axis))
@@ -193,8 +198,10 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
 
 
 def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
-    """Return the vertical axis of a panel, extended to include further heights up to a factor of `MOST_ADDED`
-    outside."""
+    """Return the vertical axis of a panel, extended to include the values `heights`.
+
+    A value that is beyond the axis by more than the factor `MOST_ADDED` is ignored.
+    """
     low, high = panel.y.limits
     wanted = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
     if all(low < height < high for height in wanted):
@@ -203,7 +210,7 @@ def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
 
 
 def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True) -> Figure:
-    """Return a figure with a panel for each sensor, which shows all its axes.
+    """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes.
 
     Raises
     ------
@@ -236,7 +243,7 @@ def plot_allan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a deviation over its averaging times; see `ClusterVariance.plot`."""
+    """Draw a deviation over its averaging times. `ClusterVariance.plot` describes the arguments."""
     panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
     return _drawn(panel, ax, path)
 
@@ -249,7 +256,7 @@ def plot_avlr(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw an Allan deviation with its fitted lines; see `AllanRegression.plot`."""
+    """Draw an Allan deviation with its fitted lines. `AllanRegression.plot` describes the arguments."""
     return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
 
 
@@ -265,7 +272,7 @@ def plot_allan_axes(
     Parameters
     ----------
     curves : mapping of axis name to ClusterVariance
-        Curves by axis, for example {"gyro_x": allan_x, "accel_z": allan_z}. All names that are not axes share a panel.
+        Curves by axis, for example {"gyro_x": allan_x, "accel_z": allan_z}. Curves with other names share one panel.
     units, guides, path
         As for `plot_allan`.
 

@@ -1,4 +1,4 @@
-"""Plot of the autocorrelation of a signal, with the limits for white noise."""
+"""Plot of the autocorrelation of a signal, with confidence limits that hold for white noise."""
 
 from __future__ import annotations
 
@@ -26,16 +26,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 LEVEL = 0.95
-"""Confidence level of the limits."""
+"""Confidence level of the limits for white noise."""
 FEW = 200
-"""Largest number of lags that are drawn with a dot each. Pinned by tests/plots/test_plot_residuals.py."""
+"""Largest number of lags for which each value has a dot. Pinned by tests/plots/test_plot_residuals.py."""
 DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 EXPECTED = Stroke(BLACK, 0.8)
 
 
 def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
-    """Make the panel of an autocorrelation (L,) at lags 1 … L, with limits from its standard deviation (L,) for white
-    noise."""
+    """Return a panel with an autocorrelation and its confidence limits for white noise.
+
+    Parameters
+    ----------
+    r : (L,) array
+        Autocorrelation at the lags 1 … L.
+    error : (L,) array
+        Standard deviation of the autocorrelation at each lag if the signal is white noise.
+    title : str
+    """
     lag = np.arange(1.0, r.size + 1)
     limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
     far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))
@@ -55,7 +63,7 @@ def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
 
 
 def signal_autocorrelation_panel(signal: Signal, lags: int | None = None) -> Panel:
-    """Return the plot of `plot_autocorrelation` as data."""
+    """Return the panel that `plot_autocorrelation` draws."""
     record = as_record(signal, None)
     most = record.observed - 1
     count = min(int(10 * math.log10(record.observed)), most) if lags is None else as_whole_number(lags, "lags", 1)
@@ -69,14 +77,14 @@ def signal_autocorrelation_panel(signal: Signal, lags: int | None = None) -> Pan
 def plot_autocorrelation(
     signal: Signal, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw the autocorrelation of a signal at lags from 1 on, with the 95 % limits of each point for white noise.
+    """Draw the autocorrelation of a signal at the lags 1 … L, with the 95 % limits of each value for white noise.
 
     Parameters
     ----------
     signal : Signal
-        The signal; pairs with a missing sample are left out.
+        The signal. Pairs of samples of which one is missing are left out.
     lags : int, optional
-        Number of lags L; 10 log₁₀ N by default.
+        Number of lags L. Default: 10 log₁₀ N for N samples.
     path : path, optional
         File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -89,7 +97,7 @@ def plot_autocorrelation(
     OptionError
         If `lags` is not from 1 to the number of samples less one.
     DataError, ModelError
-        If the signal has fewer than 8 samples, or all of them are equal.
+        If the signal has fewer than 8 samples, or all samples are equal.
 
     Examples
     --------
@@ -104,5 +112,5 @@ def plot_autocorrelation(
 
 
 def percent(share: float) -> str:
-    """Format a share in per cent."""
+    """Format a fraction as a percentage."""
     return f"{100 * share:g} %"

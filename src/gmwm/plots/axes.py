@@ -1,4 +1,4 @@
-"""Limits, ticks and grids of logarithmic axes, and the format of their numbers."""
+"""Limits, ticks and grid lines of logarithmic axes, and the format of their numbers."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ MANY_DECADES = 2.5
 """Number of decades from which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled too. Pinned by
 tests/plots/test_plot_axes.py."""
 MANY_SIDED = 5.0
-"""The same number for an axis that is linear about zero. Its linear part is treated as one decade on each side.
-Pinned by tests/plots/test_plot_ranking.py."""
+"""Like `MANY_DECADES`, for an axis that is linear about zero. Its linear part counts as one decade on each side. Pinned
+by tests/plots/test_plot_ranking.py."""
 EMPTY = (1.0, 10.0)
-"""Limits of an axis without data. It has no ticks."""
+"""Limits of an axis without data. Such an axis has no ticks."""
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """Format a number with `digits` significant digits, and with a power of ten outside 0.001 … 10 000.
+    """Format a number with `digits` significant digits, and with a power of ten if it is not in 0.001 … 10 000.
 
     >>> number_text(0.0123456), number_text(7.1123e-7), number_text(0.0), number_text(2.0e6)
     ('0.0123', '7.11×10⁻⁷', '0', '2×10⁶')
@@ -44,8 +44,11 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
-    """Return limits around the positive finite values, wider by the fraction `margin` of the decades; at least one
-    decade."""
+    """Return limits of a logarithmic axis that contain the positive finite values.
+
+    On each side, the limits exceed the values by the fraction `margin` of the number of decades between them. They span
+    at least one decade.
+    """
     shown = drawable(values)
     if not np.any(np.isfinite(shown)):
         return EMPTY
@@ -57,8 +60,8 @@ def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
 def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tuple[float, float]:
     """Return limits around the values `core`, extended by at most a factor `reach` to include the values `around`.
 
-    Without the factor, the confidence limit of the longest scale or a very small term could determine the scale of the
-    whole plot.
+    If the factor were not limited, the confidence limit at the longest scale, or a very small term, could determine the
+    scale of the whole plot.
     """
     core = drawable(core)
     if not np.any(np.isfinite(core)):
@@ -70,9 +73,9 @@ def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tupl
 
 
 def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple[Tick, ...], tuple[float, ...]]:
-    """Return labelled and unlabelled ticks of a logarithmic axis: at powers of ten, or at 1, 2 and 5 on a short axis.
+    """Return the labelled ticks and the positions of the unlabelled ticks of a logarithmic axis.
 
-    A long axis has at most `at_most` labels.
+    The labels are at powers of ten; a short axis also has labels at 2 and 5. A long axis has at most `at_most` labels.
 
     >>> [tick.label for tick in power_ticks((0.004, 5000.0))[0]]
     ['0.01', '0.1', '1', '10', '100', '1000']
@@ -97,7 +100,7 @@ def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple
 
 
 def _tick_texts(values: Sequence[float]) -> list[str]:
-    """Return labels of ticks: plain numbers if all are between 0.001 and 10 000, otherwise all as powers of ten."""
+    """Return the labels of ticks: plain numbers if all are between 0.001 and 10 000, otherwise powers of ten."""
     if all(0.999e-3 <= value <= 1.001e4 for value in values):
         return [f"{value:.6g}" for value in values]
     return [power_text(value) for value in values]
@@ -111,19 +114,19 @@ def power_text(value: float) -> str:
 
 
 def time_axis(times: Vector, label: str) -> Axis:
-    """Make the horizontal axis in seconds: a grid line at each dyadic scale, minutes and hours on the opposite side.
+    """Return a horizontal axis in seconds, with a grid line at each dyadic scale, and minutes and hours at the top.
 
     Parameters
     ----------
     times : (n,) array, s
-        The positions of the levels of all curves of the panel, in any order, possibly repeated.
+        Scales of all curves of the panel, in any order and possibly repeated.
     label : str
         Label of the axis.
     """
     limits = limits_of(times, margin=0.03)
     ticks, _ = power_ticks(limits)
     scales = np.unique(times)
-    # Curves of two sampling rates have two dyadic grids. Both together would be confusing.
+    # Curves with two sampling rates have two sets of dyadic scales. Grid lines for both would be confusing.
     one_grid = bool(np.all(scales[1:] > 1.9 * scales[:-1]))
     grid = scales.tolist() if one_grid else [tick.value for tick in ticks]
     above = [Tick(value, text) for value, text in _DURATIONS if limits[0] <= value <= limits[1]]
@@ -131,7 +134,7 @@ def time_axis(times: Vector, label: str) -> Axis:
 
 
 def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
-    """Return the ticks that are at least the fraction `share` of the axis away from the previous tick."""
+    """Return only those ticks whose distance from the previous one is at least the fraction `share` of the axis."""
     kept: list[Tick] = []
     least = (limits[1] / limits[0]) ** share
     for tick in ticks:
@@ -141,18 +144,18 @@ def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> 
 
 
 def quiet(axis: Axis) -> Axis:
-    """Return the axis without label and tick labels, for a panel next to one with the same axis."""
+    """Return the axis without label and tick labels, for a panel beside a panel that shows the same axis."""
     return replace(axis, label="", ticks=tuple(Tick(tick.value, "") for tick in axis.ticks))
 
 
 def value_axis(limits: tuple[float, float], label: str) -> Axis:
-    """Make the vertical logarithmic axis, with grid lines at the labelled ticks."""
+    """Return a vertical logarithmic axis with grid lines at the labelled ticks."""
     ticks, minor = ((), ()) if limits == EMPTY else power_ticks(limits)
     return Axis(label, limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
 
 
 def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
-    """Make an axis for positive and negative values of different size: linear about zero, logarithmic beyond.
+    """Return an axis for positive and negative values of different magnitude: linear about zero, logarithmic beyond.
 
     Parameters
     ----------
@@ -161,9 +164,9 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
     label : str
         The quantity and its unit.
     linear : float
-        End of the linear part.
+        Magnitude up to which the axis is linear.
     even : float
-        If no value exceeds this one, the whole axis is linear.
+        If no magnitude exceeds this number, the whole axis is linear.
     least : float
         The axis extends at least from −least to +least.
 
@@ -196,5 +199,5 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
 
 
 def _beyond(end: float, side: int, decades: float, linear: float) -> float:
-    """Return the end of a signed axis, extended by `decades` decades."""
+    """Return the end of a signed axis, extended by `decades` decades; `side` is −1 or +1."""
     return end * 10**decades if abs(end) > linear else end + side * decades * linear

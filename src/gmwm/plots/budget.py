@@ -1,4 +1,4 @@
-"""Plot of an error budget: attitude, velocity and position errors over time with their terms, and the alignment."""
+"""Plot of an error budget: errors of attitude, velocity and position over time, and errors of a static alignment."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 LEAST_SHARE = 0.03
-"""Largest share of an error at any time below which a term is not drawn; tests/plots/test_plot_budget.py."""
+"""A term is drawn only if its largest ratio to the total error is above this number. Pinned by
+tests/plots/test_plot_budget.py."""
 _REACH = 30.0
-"""Factor below the smallest error to which the axis extends for its terms."""
+"""Largest factor by which the axis may extend below the smallest total error to show single terms."""
 _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "Velocity error",
            "position": "Position error", "height": "Position error"}  # fmt: skip
 
 
 def budget_figure(budget: Budget) -> Figure:
-    """Return the plot of `plot_budget` as data."""
+    """Return the figure that `plot_budget` draws."""
     chosen = list(_chosen(budget).values())
     named = [label for one in chosen for label in _drawn(one)]
-    # A term has the same stroke in all panels.
+    # Each term has the same stroke in all panels.
     strokes = {label: term_stroke(k) for k, label in enumerate(dict.fromkeys(named))}
     panels: list[Panel] = [_growth(one, strokes, budget) for one in chosen]
     if budget.alignment:
@@ -46,7 +47,7 @@ def budget_figure(budget: Budget) -> Figure:
 
 
 def _chosen(budget: Budget) -> dict[str, Growth]:
-    """Return the largest error of each kind: of attitude, velocity and position."""
+    """Return the error of the worst axis for each of attitude, velocity and position, by kind."""
     found: dict[str, Growth] = {}
     for kinds in (("tilt", "heading"), ("velocity",), ("position", "height")):
         for kind in kinds:
@@ -106,7 +107,7 @@ def _upper(text: str) -> str:
 
 
 def plot_budget(budget: Budget, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw an error budget: see `Budget.plot`."""
+    """Draw an error budget. `Budget.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(budget_figure(budget), path=path)

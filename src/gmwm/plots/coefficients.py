@@ -1,4 +1,4 @@
-"""Plot of the wavelet coefficients of a signal over time, a panel for each level."""
+"""Plot of the wavelet coefficients of a signal over time, with a panel for each level."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def coefficients_figure(
     transform: Modwt | Dwt, rate: float, *, unit: str = "", levels: Iterable[int] | None = None
 ) -> Figure:
-    """Return the plot of `plot_coefficients` as data."""
+    """Return the figure that `plot_coefficients` draws."""
     rate = as_rate(rate)
     shown = [j for j in transform.details if transform.interior[j].start < transform.interior[j].stop]
     wanted = shown if levels is None else sorted(set(levels))
@@ -38,7 +38,7 @@ def coefficients_figure(
 
 
 def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
-    """Make the panel of one level: each coefficient is drawn at the middle of the samples that it depends on."""
+    """Return the panel of one level, with each coefficient at the middle of the samples on which it depends."""
     inside = transform.interior[level]
     step = 1 if isinstance(transform, Modwt) else 1 << level
     one = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS * PAGE))
@@ -64,7 +64,7 @@ def plot_coefficients(
     levels: Iterable[int] | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw wavelet coefficients over time, a panel for each level, without those that depend on the boundary.
+    """Draw wavelet coefficients over time, with a panel for each level, without those affected by the boundaries.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def plot_coefficients(
     unit : str
         Unit of the signal, for the labels.
     levels : sequence of int, optional
-        Levels to draw; by default all that have coefficients inside the boundaries.
+        Levels to draw. Default: all levels with coefficients that the boundaries do not affect.
     path : path, optional
         File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -86,7 +86,7 @@ def plot_coefficients(
     Raises
     ------
     OptionError
-        If a level has no coefficients, or the rate is not a positive number.
+        If a level has no such coefficients, or the rate is not a positive number.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Plot of several wavelet variances in one panel, with labels that state what differs."""
+"""Plot of several wavelet variances in one panel, with labels that state how they differ."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def compare(
     Parameters
     ----------
     items : WaveletVariance or Fit
-        One or more. A fit has symbols for the data and a line for the model.
+        One or more curves. A fit is drawn with symbols for the data and a line for the model.
     labels : sequence of str, optional
-        Names for the legend. By default they state what differs: axis, classical or robust with its efficiency,
-        filter, length and rate, or fitted model.
+        Names for the legend. By default, they state the properties in which the curves differ: axis, classical or
+        robust estimate, filter, length and rate, or fitted model.
     view : "wavelet" or "allan"
         ν² against the scale τ (s), or the Allan deviation √(2ν²) against the averaging time τ/2 (s).
     units : "si" or "datasheet"
@@ -91,7 +91,9 @@ def compare(
 
 
 def automatic_labels(items: Sequence[Item]) -> list[str]:
-    """Return a name for each item that states what differs, such as the axis or the model; a number if nothing does.
+    """Return a name for each item that states how it differs from the others, such as by its axis or its model.
+
+    Items that do not differ are numbered.
 
     >>> from gmwm.variance.result import WaveletVariance
     >>> one = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
@@ -123,7 +125,7 @@ def _model(item: Item) -> str:
 
 
 def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
-    """Return "classical" or "robust" for each result, with the efficiency if the robust curves have different ones."""
+    """Return "classical" or "robust" for each result, with the efficiency if it differs between robust results."""
     several = len({wv.efficiency for wv in results if wv.robust}) > 1
     return [
         (f"robust, efficiency {wv.efficiency:g}" if several else "robust") if wv.robust else "classical"

@@ -1,4 +1,4 @@
-"""Plot of the correlation of several axes by scale, as a triangle of panels."""
+"""Plot of the correlations between several axes by scale, as a triangle of panels."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from gmwm.joint.result import CrossCovariance
 
 ZERO = Stroke(GREY, 0.8, SOLID)
-"""The line at correlation zero."""
+"""Stroke of the line at correlation zero."""
 SEEN = Stroke(BLUE, 0.7, SOLID, "circle", filled=False)
-"""Stroke of correlations that may be zero."""
+"""Stroke of all correlations, with open symbols: they may be zero."""
 SURE = Stroke(BLUE, 0.0, SOLID, "circle")
-"""Stroke of correlations that the test finds."""
+"""Stroke of correlations that differ significantly from zero."""
 LINEAR = 0.03
-"""Correlation up to which the vertical axis is linear. Gyroscopes of one unit have a correlation of some 0.01
-(tests/plots)."""
+"""Correlation up to which the vertical axis is linear. The gyroscopes of one unit typically have correlations of about
+0.01 (tests/plots)."""
 
 
 def cross_figure(found: CrossCovariance, *, confidence: bool = True) -> Figure:
-    """Return the plot of `plot_cross` as data: row b and column a for each pair (a, b)."""
+    """Return the figure that `plot_cross` draws. The panel of axes a and b is in row b and column a."""
     x = replace(time_axis(found.tau, "Scale τ (s)"), opposite=())
     shown = [*found.correlation.values(), *([*found.lower.values(), *found.upper.values()] if confidence else [])]
     y = signed_axis(np.concatenate(shown), "Correlation", linear=LINEAR, even=LINEAR)
@@ -67,7 +67,7 @@ def _panel(found: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confiden
 def plot_cross(
     found: CrossCovariance, *, confidence: bool = True, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw the correlations by scale; see `CrossCovariance.plot`."""
+    """Draw the correlations by scale. `CrossCovariance.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(cross_figure(found, confidence=confidence), path=path)

@@ -1,4 +1,4 @@
-"""Elements that several plots share: the observed curve with its band, and the panel around its marks."""
+"""Elements that several plots share: a measured curve with its confidence band, and a panel with fitting axes."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
-"""Layers from back to front: guides, confidence bands, the whole model, its terms (thin lines, so that the model behind
-them remains visible), data."""
+"""Layers from back to front: guides, confidence bands, model, terms of the model, data. Terms are thin lines, so that
+the model behind them remains visible."""
 
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
-    """Return the view of one result.
+    """Return the view of a wavelet variance by its name and unit system.
 
     Raises
     ------
@@ -51,7 +51,9 @@ def observed_marks(
     label: str = "",
     used: NDArray[np.bool_] | None = None,
 ) -> tuple[Mark, ...]:
-    """Return the estimate, its confidence band, and the levels that a fit left out as open symbols.
+    """Return the marks of a measured curve: the line with symbols, and the confidence band.
+
+    Levels that a fit left out have open symbols.
 
     Parameters
     ----------
@@ -60,11 +62,11 @@ def observed_marks(
     view : View
         Quantity and unit of the plot.
     stroke : Stroke, optional
-        Style of the curve; the band has its colour. The default depends on whether the estimate is robust.
+        Style of the curve, whose colour the band also has. The default depends on whether the estimate is robust.
     label : str
-        Entry in the legend; by default the name of the quantity.
+        Legend entry. Default: the name of the quantity.
     used : (J,) array of bool, optional
-        Levels that the fit used; all by default.
+        Whether the fit used each level. Default: all levels.
     """
     x, y = view.time(wv.tau), drawable(view.height(wv.variance))
     stroke = stroke or (ROBUST if wv.robust else OBSERVED)
@@ -92,13 +94,13 @@ def observed_marks(
 
 
 def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
-    """Sort marks for the legend: curves first, then bands. Bands of several curves have a grey legend entry."""
+    """Sort marks for the legend: curves first, then bands. The bands of several curves share a grey entry."""
     ordered = sorted(marks, key=lambda mark: isinstance(mark, Band))
     return [replace(mark, swatch=GREY) if curves > 1 and isinstance(mark, Band) else mark for mark in ordered]
 
 
 def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:
-    """Return lower and upper limits as heights; NaN where the estimate itself cannot be drawn."""
+    """Return the vertical positions of the lower and upper limits; NaN where the estimate itself cannot be drawn."""
     lower, upper = view.height(wv.lower), view.height(wv.upper)
     there = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
     return np.where(there, lower, np.nan), np.where(there, upper, np.nan)
@@ -114,20 +116,20 @@ def closed_panel(
     names: Sequence[str] = ("",),
     title: str = "",
 ) -> Panel:
-    """Make a panel with axes that fit the measured curves, and with symbols at its lower border for variances of zero.
+    """Return a panel whose axes fit the measured curves. Symbols at its lower border mark variances of zero.
 
     Parameters
     ----------
     views : sequence of View
-        View of each measured curve; all have the same quantity and unit.
+        View of each measured curve. All views have the same quantity and unit.
     measured : sequence of WaveletVariance
         The measured curves. They and their confidence limits determine the limits of the axes.
     marks : iterable of Mark
         The marks of the panel.
     around : iterable of (n,) arrays
-        Further heights to include, up to a factor `View.reach` beyond the curves.
-    strokes, names : sequences
-        Stroke and name of each measured curve, for its zeros.
+        Further vertical positions to include in the axis, up to a factor `View.reach` beyond the curves.
+    strokes, names : sequences of Stroke and of str
+        Stroke and name of each measured curve, which the symbols for its zeros have too.
     title : str
         Title of the panel.
     """

@@ -1,6 +1,6 @@
-"""Plots as plain data: a Figure has rows of Panels, and a Panel has two Axes and Marks.
+"""Description of a plot as plain data: a Figure has rows of Panels, and a Panel has two Axes and several Marks.
 
-This module does not depend on a drawing library. A renderer for Matplotlib or Plotly translates a Figure without
+This module does not depend on a drawing library. The renderers for Matplotlib and Plotly draw a Figure and make no
 further decisions about its content. All positions are in the units of the axis labels.
 """
 
@@ -28,11 +28,11 @@ class Stroke:
     width : float
         Width in points.
     dash : tuple of float
-        Lengths of dashes and gaps in turn, in units of the width; empty for a solid line.
+        Alternating lengths of dashes and gaps, in units of the width; empty for a solid line.
     symbol : Symbol or None
-        Symbol at each point.
+        Symbol at each point; None for no symbol.
     filled : bool
-        Whether the symbols are filled. Unfilled ones mark, for example, levels that a fit left out.
+        Whether the symbols are filled. Unfilled symbols mark, for example, levels that a fit left out.
     """
 
     colour: str
@@ -53,9 +53,9 @@ class Line:
     stroke : Stroke
         Style of the line.
     label : str
-        Its entry in the legend; "" for none.
+        Legend entry; "" for none.
     layer : int
-        Marks of a higher layer are drawn in front.
+        Marks with a higher layer are drawn in front of others.
     """
 
     x: Vector
@@ -72,19 +72,18 @@ class Band:
     Parameters
     ----------
     x, lower, upper : (n,) arrays
-        Positions in the units of the axes. NaN interrupts the band; edges at 0 on a logarithmic axis or at infinity
-        reach the border of the panel.
+        Positions in the units of the axes. NaN interrupts the band. An edge at infinity, or at 0 on a logarithmic axis,
+        is drawn at the border of the panel.
     colour : str
         "#rrggbb".
     opacity : float
         From 0 to 1.
     label : str
-        Its entry in the legend; "" for none.
+        Legend entry; "" for none.
     layer : int
-        Marks of a higher layer are drawn in front.
+        Marks with a higher layer are drawn in front of others.
     swatch : str
-        Colour of the entry in the legend, if one entry describes bands of several colours; "" for the colour of the
-        band.
+        Colour of the legend entry, if one entry stands for bands of several colours; "" for the colour of the band.
     """
 
     x: Vector
@@ -108,7 +107,7 @@ class Foot:
     stroke : Stroke
         Style of the symbols.
     label : str
-        Its entry in the legend; "" for none.
+        Legend entry; "" for none.
     """
 
     x: Vector
@@ -139,7 +138,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis with all its limits and ticks, so that no renderer chooses any by itself.
+    """One axis with its limits and all of its ticks. A renderer adds no ticks of its own.
 
     Parameters
     ----------
@@ -156,8 +155,8 @@ class Axis:
     opposite : tuple of Tick
         Ticks on the opposite side of the panel, for example minutes and hours if the axis is in seconds.
     linear : float
-        The scale is linear between −`linear` and +`linear` and logarithmic beyond: 0 for a logarithmic axis, infinity
-        for a linear one.
+        The scale is linear between −`linear` and +`linear`, and logarithmic outside this range. A logarithmic axis has
+        0, a linear axis infinity.
     """
 
     label: str
@@ -196,11 +195,11 @@ class Panel:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The entries of the legend, in order, each once."""
+        """The legend entries in order, without duplicates."""
         return tuple(dict.fromkeys(mark.label for mark in self.marks if mark.label))
 
     def __getitem__(self, label: str) -> Mark:
-        """Return the first mark with this entry in the legend."""
+        """Return the first mark with this legend entry."""
         for mark in self.marks:
             if mark.label == label:
                 return mark
@@ -214,14 +213,14 @@ class Figure:
     Parameters
     ----------
     rows : tuple of tuple of Panel
-        The panels of a row have the same width; None leaves a place empty. If all rows have the same length, the panels
-        form columns.
+        The panels of a row have the same width; None leaves the position empty. If all rows have the same length, the
+        panels are aligned in columns.
     width, height : float
         Size in millimetres.
     title : str
         Title above all panels; "" for none.
     legend_columns : int
-        Columns of the legend below the panels.
+        Number of columns of the legend, which is below the panels.
     heights : tuple of float
         Relative heights of the rows; empty if all rows have the same height.
     """
@@ -235,22 +234,22 @@ class Figure:
 
     @property
     def panels(self) -> tuple[Panel, ...]:
-        """All panels, row by row, without the empty places."""
+        """All panels, row by row, without the empty positions."""
         return tuple(panel for row in self.rows for panel in row if panel is not None)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The entries of the legend, in order, each once."""
+        """The legend entries of all panels in order, without duplicates."""
         return tuple(dict.fromkeys(label for panel in self.panels for label in panel.labels))
 
 
 def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Figure:
-    """Make a figure of one panel `height` mm high, with room below for a legend of at least `legend_rows` rows."""
+    """Return a figure with one panel of `height` mm, and space below it for a legend of at least `legend_rows` rows."""
     rows = max((len(panel.labels) + 1) // 2, legend_rows)
     return Figure(((panel,),), height=height + 4.0 * rows)
 
 
 def drawable(values: Vector) -> Vector:
-    """Return `values` with NaN where a logarithmic axis cannot show them: zero, negative, not finite."""
+    """Return `values` with NaN for each value that a logarithmic axis cannot show (zero, negative or not finite)."""
     kept = np.isfinite(values) & (values > 0)
     return np.where(kept, values, np.nan)

@@ -27,19 +27,19 @@ if TYPE_CHECKING:
 
 
 class HasNotes(Protocol):
-    """Protocol for the diagnostics of a fit that the plot uses."""
+    """Protocol for those diagnostics of a fit that its plot shows."""
 
     @property
     def acts_as(self) -> Mapping[str, str]:
-        """Terms that act as another process, with the name of this process."""
+        """Terms that the data cannot distinguish from another process, with the name of this process."""
 
 
 class Fitted(Protocol):
-    """Protocol for a result that can be drawn: a fit to a wavelet variance, or a fit by maximum likelihood."""
+    """Protocol for a result that `plot_fit` can draw: a fit to a wavelet variance, or a maximum-likelihood fit."""
 
     @property
     def model(self) -> Model:
-        """The model with its estimates."""
+        """The model with the estimated parameter values."""
 
     @property
     def wavelet_variance(self) -> WaveletVariance:
@@ -62,9 +62,9 @@ REMARK = (0.5, 0.93)
 """Position of the text that lists terms without a curve. Curves of inertial sensors fall on the left and rise on the
 right, so the top centre is free."""
 LINE = 28
-"""Number of characters in a line of this text."""
+"""Number of characters in a line of the text at `REMARK`."""
 LINES = 2
-"""Largest number of sinusoids that have a curve each, also in `gmwm.plots.spectrum`. Pinned by
+"""Largest number of sinusoids that are drawn as separate curves, also in `gmwm.plots.spectrum`. Pinned by
 tests/plots/test_plot_limits.py."""
 
 
@@ -76,9 +76,9 @@ def fit_panel(
     decomposition: bool = True,
     alone: bool = True,
 ) -> Panel:
-    """Return the plot of `plot_fit` as data.
+    """Return the panel that `plot_fit` draws.
 
-    If `alone` is False, the panel shares a legend with other panels: the legend names the terms without their
+    If `alone` is False, the panel shares a legend with other panels. Then the legend names the terms without their
     parameters, and a text in the panel lists the terms that are zero.
     """
     wv = fit.wavelet_variance
@@ -136,8 +136,10 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
 
 
 def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
-    """Return the curve of each term, and the sinusoids that are drawn as one curve, their sum, because there are
-    many."""
+    """Return the curve of each term, and the terms that are combined into one curve.
+
+    If the model has more than `LINES` sinusoids, they are combined: the first of them has the sum of their curves.
+    """
     curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
     rate = fit.wavelet_variance.rate
     processes = zip(fit.model.terms, fit.model.processes, strict=True)
@@ -149,19 +151,21 @@ def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
 
 
 def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
-    """Return the legend entry of a term: with datasheet values if the plot has datasheet units, otherwise with key
-    parameters."""
+    """Return the legend entry of a term.
+
+    It has datasheet values such as N if the plot has datasheet units, and otherwise the key parameters of the process.
+    """
     found = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
     return found or term_label(term, process, view, wv.rate)
 
 
 def _summit(line: Line) -> Vector:
-    """Return half of the highest value of a term. If the axis includes it, the top of the curve is visible."""
+    """Return half of the highest value of a term, as an array. An axis that includes it shows the top of the curve."""
     return np.array([0.5 * np.nanmax(line.y)]) if np.any(np.isfinite(line.y)) else np.empty(0)
 
 
 def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
-    """Mark terms in the legend that are completely below the panel."""
+    """Return the panel with a note in the legend entry of each term whose curve is completely below the axes."""
     low = panel.y.limits[0]
     hidden = {id(line) for line in terms if np.any(line.y > 0) and not np.any(line.y >= low)}
     marks = tuple(
@@ -181,7 +185,7 @@ def plot_fit(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a fit: see `Fit.plot`."""
+    """Draw a fit. `Fit.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
     from gmwm.plots.shared_axes import named_fit_panel
 

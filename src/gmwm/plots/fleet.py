@@ -1,5 +1,4 @@
-"""Plot of a fleet: each quantity of each axis for all units, with outlier units and the prediction range of another
-unit."""
+"""Plot of a fleet: each quantity of each axis for all units, with outliers and a prediction interval for a new unit."""
 
 from __future__ import annotations
 
@@ -36,36 +35,36 @@ SINGLY = 40
 """Largest number of units that are drawn as dots with intervals. More units are drawn as a curve. Pinned by
 tests/plots/test_plot_fleet.py."""
 UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "cross", "plus")
-"""Symbols of the units, if there are not more units than symbols."""
+"""Symbols of single units. They are used only if there are at most as many units as symbols."""
 POINTS = 400
-"""Largest number of points of a curve of many units. Pinned by tests/plots/test_plot_limits.py."""
+"""Largest number of points of the curve that shows many units. Pinned by tests/plots/test_plot_limits.py."""
 HALF = 0.4
-"""Half of the width of the strip of an axis. The distance between two strips is 1."""
+"""Half of the width of the strip that shows one axis. The centres of neighbouring strips have the distance 1."""
 COLUMNS = 3
 EVEN = 4.0
-"""Largest ratio of the largest to the smallest value for a linear axis. It is then as readable as a logarithmic one,
-and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
+"""Largest ratio of the largest to the smallest value for which the axis is linear. For such a small ratio, a linear
+axis is as readable as a logarithmic axis and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
 NAMED, LETTERS = 3, 14
-"""Largest number of outliers in a panel for which names are written, and the number of letters of a name. Pinned by
-tests/plots/test_plot_fleet.py."""
+"""Largest number of outliers in a panel whose names are shown, and largest number of characters of such a name. Pinned
+by tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
 """Height of a name and width of a letter, as fractions of the panel."""
 SMALL = 0.005
-"""Largest value of a panel below which its values are written with a power of ten. Pinned by
+"""If no value of a panel reaches this number, its axis label has a power of ten. Pinned by
 tests/plots/test_plot_fleet.py."""
 REACH = 3.0
-"""Largest factor by which a confidence interval may stretch the axis beyond the values. Pinned by
+"""Largest factor by which a confidence interval may extend the axis beyond the values. Pinned by
 tests/plots/test_plot_limits.py."""
 ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
 
 class FleetLike(Protocol):
-    """Protocol for the data of a fleet that the plot uses."""
+    """Protocol for those data of a fleet that its plot uses."""
 
     @property
     def table(self) -> polars.DataFrame:
-        """A row for each unit and axis."""
+        """Table of the fleet, with a row for each unit and axis."""
         ...
 
     @property
@@ -75,9 +74,9 @@ class FleetLike(Protocol):
 
 
 def fleet_figure(fleet: FleetLike) -> Figure:
-    """Return the plot of `plot_fleet` as data.
+    """Return the figure that `plot_fleet` draws.
 
-    There is a panel for each quantity of a sensor, and in each panel a strip for each axis.
+    It has a panel for each quantity of a sensor, such as N of the gyroscopes. A panel has a strip for each axis.
     """
     found = fleet.statistics
     if not found.rows:
@@ -103,7 +102,7 @@ def fleet_figure(fleet: FleetLike) -> Figure:
 
 
 def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the values of all units; see `Fleet.plot`."""
+    """Draw the values of all units. `Fleet.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(fleet_figure(fleet), path=path)
@@ -135,7 +134,16 @@ def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """Marks of one axis, heights that the panel must show, and positions and names of its outliers."""
+    """Part of a panel that shows one axis.
+
+    Attributes
+    ----------
+    marks : list of Mark
+    heights : (n,) array
+        Values that the vertical axis must include.
+    stars : list of (x, y, name)
+        Positions and names of outliers.
+    """
 
     marks: list[Mark]
     heights: Vector
@@ -204,7 +212,7 @@ def _dots(
     colour: str,
     units: Sequence[str],
 ) -> list[Mark]:
-    """Return the dots of the units: with a symbol and a name for each unit if there are few."""
+    """Return the dots of the units. If there are few units, each has its own symbol and its name in the legend."""
     if len(units) > len(UNIT_SYMBOLS):
         dots = Stroke(colour, 0.0, symbol="circle")
         label = "Unit, with its confidence interval"
@@ -220,8 +228,10 @@ def _dots(
 def _further(
     place: int, row: FleetNumber, *, factor: float, colour: str, confidence: float
 ) -> tuple[list[Mark], Vector]:
-    """Return the prediction range of another unit with the typical value, if they are known, and the ends of the
-    range."""
+    """Return the marks of the prediction interval for a new unit and of the typical value, and the interval's ends.
+
+    If they are unknown, both results are empty.
+    """
     if row.predicted_low is None or row.predicted_high is None or row.typical is None:
         return [], np.array([])
     ends = place + np.array([-HALF, HALF])
@@ -237,7 +247,10 @@ def _further(
 
 
 def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
-    """Return marks for upper limits: a triangle for each, or a line over the middle 90 % of them if there are many."""
+    """Return the marks for units that have only an upper limit, and the heights of these marks.
+
+    Each limit is a triangle. If there are many limits, a line shows their 5 % to 95 % quantiles.
+    """
     if row.signed or not np.any(sample.limited):
         return [], np.array([])
     high = np.sort(factor * sample.high[sample.limited])
@@ -264,7 +277,7 @@ def _stroke(place: int, axis: str) -> Stroke:
 
 
 def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
-    """Make the vertical axis: logarithmic, but linear for signed values and for values of similar size."""
+    """Return the vertical axis: linear for signed values and for values of similar size, otherwise logarithmic."""
     shown = values[np.isfinite(values)]
     if signed:
         return even_axis(float(shown.min(initial=0.0)), float(shown.max(initial=0.0)), label, margin=0.1, at_most=6)
@@ -280,7 +293,7 @@ def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
 
 
 def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple[Text, ...]:
-    """Return the names of outliers beside their stars, if there is room."""
+    """Return the names of outliers as texts beside their symbols, as long as the texts do not overlap."""
     texts: list[Text] = []
     for across, tall, unit in stars:
         low, high = y.limits
@@ -297,7 +310,9 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
 
 
 def _short(unit: str) -> str:
-    """Return the last part of a file name, without folder and suffix: most file names differ there.
+    """Return a short name of a unit: its file name without folder and suffix, of which only the last letters are kept.
+
+    Most file names differ in their last letters.
 
     >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
     ('unit_0005', '…g_of_unit_0005')

@@ -1,4 +1,4 @@
-"""Plot of the deviations of an array of sensors and of its virtual sensor, with a panel for each axis."""
+"""Plot of the wavelet deviations of the sensors of an array and of their virtual sensor, with a panel for each axis."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ AVERAGE = Stroke(ORANGE, 1.2, DASHED)
 VIRTUAL = Stroke(BLUE, 1.4, SOLID)
 """Stroke of the virtual sensor."""
 HERE = Stroke(BLUE, 0.0, SOLID, "circle", filled=False)
-"""Stroke of the deviation of the virtual sensor in the recording from which it was made."""
+"""Stroke of the deviation that the virtual sensor has in the recording from which its weights were computed."""
 MOST_COLUMNS = 3
 
 
 def fusion_figure(virtual: VirtualSensor) -> Figure:
-    """Return the plot of `plot_fusion` as data."""
+    """Return the figure that `plot_fusion` draws."""
     panels = [_panel(one) for one in virtual.axes.values()]
     columns = min(len(panels), MOST_COLUMNS)
     rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + columns]) for k in range(0, len(panels), columns)]
@@ -57,7 +57,7 @@ def _panel(one: VirtualAxis) -> Panel:
 
 
 def plot_fusion(virtual: VirtualSensor, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the deviations of each signal, their average and the virtual sensor; see `VirtualSensor.plot`."""
+    """Draw the deviations of each sensor, of their average and of the virtual sensor, like `VirtualSensor.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(fusion_figure(virtual), path=path)

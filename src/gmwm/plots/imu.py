@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 PAGE = 174.0
-"""Width of two printed columns (mm)."""
+"""Width of a plot (mm) that fills two columns of a printed page."""
 SINGLE = 120.0
-"""Width of a single panel (mm). If it is reduced to a column of 85 mm, its text is still 5 points high."""
+"""Width of a plot with a single panel (mm). If it is reduced to a printed column of 85 mm, its text has 5 points."""
 
 
 def imu_figure(
@@ -35,7 +35,7 @@ def imu_figure(
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
 ) -> Figure:
-    """Return the plot of `plot_imu` as data."""
+    """Return the figure that `plot_imu` draws."""
     if not isinstance(items, Mapping) or not items:
         checked_items(items)
     axes = {
@@ -68,11 +68,11 @@ def plot_imu(
     Parameters
     ----------
     items : mapping of axis to WaveletVariance or Fit
-        One or more axes named "gyro_x" … "accel_z"; any other name has its own panel. A value may also be a mapping of
-        names to several curves, which share the panel of the axis.
+        One or more axes named "gyro_x" … "accel_z". A curve with any other name has its own panel. A value may also be
+        a mapping from names to curves, which are then drawn in the panel of this axis.
     split : bool
-        If True, one panel for each axis and one row for each sensor. If False, one panel for each sensor, with x, y and
-        z in vermillion, green and blue and with different symbols and dashes.
+        If True, draw one panel for each axis and one row of panels for each sensor. If False, draw one panel for each
+        sensor, in which x, y and z differ in colour (vermillion, green, blue), symbol and dash.
     view : "wavelet" or "allan"
         ν² against the scale τ (s), or the Allan deviation √(2ν²) against the averaging time τ/2 (s).
     units : "si" or "datasheet"
@@ -122,7 +122,7 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
 
 
 def _alike_together(panels: Mapping[str, Panel]) -> dict[str, Panel]:
-    """Merge the legend entries of lines with the same stroke, for example GM of one axis and GM[1] of another."""
+    """Return the panels with one common legend entry for lines with the same stroke, such as "GM, GM[1]"."""
     entries: dict[Stroke, dict[str, None]] = {}
     lines = [mark for panel in panels.values() for mark in panel.marks if isinstance(mark, Line) and mark.label]
     for line in lines:
@@ -137,7 +137,7 @@ def _alike_together(panels: Mapping[str, Panel]) -> dict[str, Panel]:
 
 
 def _with_room(drawn: Figure, entries: int) -> Figure:
-    """Return the figure with more height for the rows of the legend beyond `entries` entries."""
+    """Return the figure with more height if its legend has more than `entries` entries."""
     more = -(-max(len(drawn.labels) - entries, 0) // drawn.legend_columns)
     return replace(drawn, height=drawn.height + 4.0 * more)
 
@@ -161,7 +161,10 @@ def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> 
 
 
 def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
-    """Arrange the panels: a row for each sensor and a column for each letter present; other names in rows of three."""
+    """Arrange panels by name in rows, with one row for each sensor and one column for each letter.
+
+    If any name is not the name of an axis, all panels are arranged in rows of three.
+    """
     places = {name: sensor_and_letter(name) for name in panels}
     if all(sensor for sensor, _ in places.values()):
         letters = sorted({letter for _, letter in places.values()})
@@ -174,7 +177,7 @@ def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
 
 
 def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
-    """Give the panels of a row a common vertical scale if they show the same quantity, so that axes can be compared."""
+    """Return a row of panels with a common vertical scale, if all of them show the same quantity."""
     present = [panel for panel in row if panel is not None and panel.y.ticks]
     if len({panel.y.label for panel in present}) != 1:
         return row
@@ -185,7 +188,10 @@ def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
 
 
 def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
-    """Remove repeated labels: a common vertical scale is labelled at the left, the time below the lowest panel."""
+    """Return the rows of panels without repeated axis labels.
+
+    A common vertical scale is labelled only at the left panel, and a common time axis only below the lowest panel.
+    """
     result: list[tuple[Panel | None, ...]] = []
     for i, row in enumerate(rows):
         done: list[Panel | None] = []
@@ -206,7 +212,7 @@ def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | Non
 
 
 def _sparse(panel: Panel) -> Panel:
-    """Return the panel with fewer ticks on its upper side, for a narrow panel."""
+    """Return the panel with fewer ticks at its upper side, because it is narrow."""
     return replace(panel, x=replace(panel.x, opposite=spaced(panel.x.opposite, panel.x.limits, 0.2)))
 
 

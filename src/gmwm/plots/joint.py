@@ -1,4 +1,4 @@
-"""A joint fit as a triangle of panels: deviations on the diagonal, correlations below it."""
+"""Plot of a joint fit as a triangle of panels, with deviations on the diagonal and correlations below it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def joint_figure(fit: JointFit) -> Figure:
-    """Return the plot of `plot_joint` as data."""
+    """Return the figure that `plot_joint` draws."""
     d = len(fit.axes)
     tau = np.exp2(fit.levels.astype(np.float64)) / fit.rate
     x = replace(time_axis(tau, "Scale τ (s)"), opposite=())
@@ -60,7 +60,7 @@ def _correlations(tau: np.ndarray, data: np.ndarray, model: np.ndarray, *, x: Ax
 
 
 def plot_joint(fit: JointFit, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the deviations and the correlations of a joint fit; see `JointFit.plot`."""
+    """Draw the deviations and the correlations of a joint fit. `JointFit.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(joint_figure(fit), path=path)

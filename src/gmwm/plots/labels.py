@@ -1,4 +1,4 @@
-"""Texts in plots: titles of axes, and legend entries of terms with their parameters."""
+"""Texts in plots: names of sensor axes for titles, and legend entries of terms with their parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
 
-# Unit, its length (s), and the shortest duration that is written in this unit (s).
+# Name of a unit of time, its length (s), and the shortest duration that is written in this unit (s).
 _DURATIONS = (
     ("d", 86400.0, 172800.0),
     ("h", 3600.0, 7200.0),
@@ -28,13 +28,13 @@ _DURATIONS = (
 )
 
 DIGITS = 2
-"""Number of significant digits in a legend. The summary of the fit has more digits."""
+"""Number of significant digits of parameters in a legend. The summary of the fit has more digits."""
 KEY_PARAMETERS = 2
-"""Number of parameters of a term in its legend entry."""
+"""Largest number of parameters that the legend entry of a term shows."""
 
 
 def sensor_and_letter(axis: str) -> tuple[str, str]:
-    """Return the sensor and the letter of an axis named like "gyro_x"; ("", "") for any other name.
+    """Return the sensor and the letter of an axis with a name such as "gyro_x"; ("", "") for any other name.
 
     >>> sensor_and_letter("accel_z"), sensor_and_letter("pressure")
     (('accel', 'z'), ('', ''))
@@ -53,7 +53,7 @@ def sensor_title(sensor: str) -> str:
 
 
 def axis_title(axis: str) -> str:
-    """Return the name of an axis in words.
+    """Return the name of an axis in words; a name that is not of an axis is returned unchanged.
 
     >>> axis_title("gyro_x"), axis_title("pressure")
     ('Gyroscope X', 'pressure')
@@ -63,19 +63,19 @@ def axis_title(axis: str) -> str:
 
 
 def term_label(term: str, process: Process, view: View, rate: float) -> str:
-    """Write a term with its key parameters, in readable form.
+    """Return a term with its key parameters, as readable text.
 
-    Variances appear as standard deviations in the unit of the plot, and rates as correlation times. The power of a
-    sinusoid, which is not the square of another parameter, appears as its amplitude.
+    Variances are given as standard deviations in the unit of the plot, rates as correlation times, and the power of a
+    sinusoid as its amplitude.
 
     Parameters
     ----------
     term : str
         Name of the term, such as "GM[1]".
     process : Process
-        The term with its estimates.
+        The process of the term with its estimates.
     view : View
-        Unit of the plot, and the factor from the unit of the data.
+        Unit of the plot, and the conversion factor from the unit of the data.
     rate : float
         Sampling rate (Hz).
 
@@ -95,14 +95,14 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
 
 
 def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
-    """Write a term with its continuous-time values in the symbols and units of datasheets; "" if it has none.
+    """Return a term with its values in the symbols and units of datasheets, as text; "" if it has no such values.
 
     Parameters
     ----------
     term : str
         Name of the term, such as "GM[1]".
     process : Process
-        The term with its estimates.
+        The process of the term with its estimates.
     unit : str
         Unit of the signal.
     rate : float
@@ -119,13 +119,13 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
     'AR(2): N = 0.083 deg/√h, f_b = 36.6 Hz, f_r = 20.0 Hz, Q_r = 12'
     """
     numbers = process.physical(rate)
-    # The frequency of a line needs no symbol, but the bandwidth of a noise with a density does.
+    # The frequency of a sinusoid needs no symbol, but the bandwidth of a noise process does.
     named = any(number.signal_power and number.time_power for number in numbers)
     return f"{term}: {', '.join(_physical_text(number, unit, named) for number in numbers)}" if numbers else ""
 
 
 def _physical_text(number: Physical, unit: str, named: bool) -> str:
-    """Format one datasheet value with symbol and unit; a frequency has a symbol if it is `named`."""
+    """Format a datasheet value with symbol and unit. A frequency has a symbol only if `named` is True."""
     if not number.signal_power:
         if number.time_power < 0:
             return f"{f'{number.symbol} = ' if named else ''}{_three_digits(number.value)} Hz"
@@ -138,7 +138,7 @@ def _physical_text(number: Physical, unit: str, named: bool) -> str:
 
 
 def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: float) -> str:
-    """Return the amplitude for a power parameter, in the unit of the signal; "" if the process has none."""
+    """Format the amplitude that belongs to a power parameter, in the unit of the plot; "" for any other parameter."""
     if (parameter.signal_power, parameter.time_power) != (2, 0) or parameter.symbol.endswith("²"):
         return ""
     for number in process.physical(rate):
@@ -148,9 +148,9 @@ def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: fl
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """Format one estimate: a variance as its square root, a rate as its inverse, anything else unchanged.
+    """Format the estimate of a parameter with symbol and unit.
 
-    A frequency has no symbol.
+    A variance is given as its square root, and a rate as its inverse. A frequency has no symbol.
     """
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
@@ -175,7 +175,7 @@ def _three_digits(value: float) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Format a duration in a readable unit.
+    """Format a duration in a unit that suits its size.
 
     >>> duration_text(0.0042), duration_text(53.0), duration_text(5400.0), duration_text(40000.0)
     ('4.2 ms', '53 s', '90 min', '11 h')
@@ -187,7 +187,7 @@ def duration_text(seconds: float) -> str:
 
 
 def model_text(terms: Iterable[str]) -> str:
-    """Write a short name of a model, from the names of its terms.
+    """Return a short name of a model from the names of its terms.
 
     >>> model_text(["GM[1]", "GM[2]", "WN"])
     '2·GM + WN'

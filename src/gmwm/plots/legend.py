@@ -1,5 +1,4 @@
-"""Legends and titles with line breaks: a legend in as many columns as the figure has room for, with long entries
-wrapped."""
+"""Layout of legends and titles: number of columns of a legend, and line breaks in long entries."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 MILLIMETRE = 1 / 25.4
 EDGE = 2.0
-"""Free margin at the left and right border (mm), because the width of a text depends on the file format."""
+"""Margin at the left and right border (mm) that stays empty, because the width of a text depends on the file format."""
 LEGEND_SIZE = 6.6
 _HANDLE, _PAD, _BETWEEN, _BORDER, _AROUND = 3.0, 0.6, 1.2, 0.4, 0.5
 _LOOK: dict[str, Any] = {
@@ -27,15 +26,15 @@ _LOOK: dict[str, Any] = {
 }  # fmt: skip
 _SAFE = 0.97
 """Factor on the available width. Texts are measured without hinting, which changes their width slightly."""
-# Spaces at which a line may be wrapped: not next to "=", and not between a number and its unit.
+# Spaces at which a line may be wrapped. Spaces next to "=" and between a number and its unit are excluded.
 _BREAKS = re.compile(r"(?<![=\d⁰¹²³⁴-⁹]) (?!=)")
 
 
 def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
-    """Draw one legend below all panels, in as many columns as the width can hold, at most `columns`.
+    """Draw one legend below all panels, in as many columns as fit the width, but at most `columns`.
 
     The height of the figure was chosen for a legend with `columns` columns. If the legend needs more height, the figure
-    grows, so that the panels keep their size.
+    gets higher, so that the panels keep their size.
     """
     room = picture.bbox.width - 2 * EDGE * MILLIMETRE * picture.dpi
     layouts = list(_layouts([*handles], columns, 72 * room / picture.dpi))
@@ -51,15 +50,15 @@ def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns:
 
 
 def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[list[str], int]]:
-    """Yield layouts to try for a width of `room` points: entries and number of columns, the best first.
+    """Yield layouts to try for a legend of at most `room` points width, from the best to one that always fits.
 
-    The last one always fits.
+    Each layout consists of the entries, possibly with line breaks, and the number of columns.
     """
     for ncols in range(columns, 1, -1):
         yield list(names), ncols
     halves = [folded(name, _text_room(room, 2), LEGEND_SIZE) for name in names]
     broken = sum("\n" in half for half in halves)
-    # If most entries are long, one column with long lines is easier to read.
+    # If most entries would be wrapped in two columns, one column is easier to read.
     if columns > 1 and 2 * broken <= len(names) and all(half.count("\n") < 2 for half in halves):
         yield halves, 2
     yield list(names), 1
@@ -67,13 +66,13 @@ def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[
 
 
 def _text_room(room: float, columns: int) -> float:
-    """Return the width (points) for the text of an entry, if the legend is `room` points wide."""
+    """Return the largest width (points) of the text of an entry in a legend of `room` points and `columns` columns."""
     besides = 2 * _BORDER + (columns - 1) * _BETWEEN + columns * (_HANDLE + _PAD)
     return _SAFE * (room - besides * LEGEND_SIZE) / columns
 
 
 def legend_inside(ax: Axes, handles: dict[str, Artist]) -> None:
-    """Draw a legend inside the axes, with entries wrapped if the axes are narrow."""
+    """Draw a legend inside the axes, and wrap its entries if the axes are narrow."""
     room = 72 * ax.bbox.width / ax.figure.dpi - 2 * _AROUND * LEGEND_SIZE
     names = [folded(name, _text_room(room, 1), LEGEND_SIZE) for name in handles]
     ax.legend([*handles.values()], names, **_LOOK)
@@ -85,14 +84,14 @@ def folded(text: str, room: float, size: float) -> str:
     >>> folded("GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (acts as WN)", 140.0, 6.6).split("\\n")
     ['GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s', '(acts as WN)']
     """
-    # A line has room for a few letters, even in a very narrow figure.
+    # Even in a very narrow figure, a line can have a few letters.
     room = max(room, 6 * size)
     lines = [line for given in text.split("\n") for line in _lines(given, room, size)]
     return "\n".join(lines)
 
 
 def _lines(text: str, room: float, size: float) -> Iterator[str]:
-    """Yield the lines of a text, wrapped at spaces, or within a word that is longer than a line."""
+    """Yield the lines of a text, wrapped at spaces. A word that is longer than a line is broken."""
     line = ""
     for word in _BREAKS.split(text):
         longer = f"{line} {word}" if line else word

@@ -1,4 +1,4 @@
-"""Linear axes: ticks at multiples of 1, 2 or 5, time in a readable unit, values with a power of ten."""
+"""Linear axes: ticks at multiples of 1, 2 or 5, the unit of time axes, and powers of ten in labels."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ import math
 from gmwm.plots.axes import power_text
 from gmwm.plots.figure import Axis, Tick
 
-# Unit of a time axis, its length (s), and the longest recording that is shown in this unit (s).
+# Name of a unit of time, its length (s), and the longest time axis that is shown in this unit (s).
 _TIMES = (
     ("µs", 1e-6, 2e-4), ("ms", 1e-3, 0.2), ("s", 1.0, 300.0), ("min", 60.0, 10800.0), ("h", 3600.0, 4 * 86400.0),
     ("d", 86400.0, math.inf),
 )  # fmt: skip
 _PLAIN = (0.1, 1e4)
-"""Range of values that are written without a power of ten. Pinned by tests/plots/test_plot_series.py."""
+"""Range of the largest value of an axis for which the label has no power of ten. Pinned by
+tests/plots/test_plot_series.py."""
 
 
 def even_ticks(limits: tuple[float, float], at_most: int = 8) -> tuple[Tick, ...]:
-    """Return ticks at multiples of 1, 2 or 5 times a power of ten: as many as possible, but at most `at_most`.
+    """Return as many ticks as possible, but at most `at_most`, at multiples of 1, 2 or 5 times a power of ten.
 
     >>> [tick.label for tick in even_ticks((-0.31, 0.52), at_most=5)]
     ['−0.2', '0', '0.2', '0.4']
@@ -32,7 +33,7 @@ def even_ticks(limits: tuple[float, float], at_most: int = 8) -> tuple[Tick, ...
 
 
 def number_at(value: float, decimals: int) -> str:
-    """Format a number with a fixed count of decimals and a typographic minus sign; zero has no decimals.
+    """Format a number with a fixed number of decimals and a typographic minus sign. Zero has no decimals.
 
     >>> number_at(-0.25, 2), number_at(0.0, 2)
     ('−0.25', '0')
@@ -41,8 +42,8 @@ def number_at(value: float, decimals: int) -> str:
 
 
 def even_axis(low: float, high: float, label: str, *, margin: float, at_most: int = 8) -> Axis:
-    """Make a linear axis from `low` to `high`, extended on each side by the fraction `margin` of the span."""
-    # A constant has no span. Then the margin is a tenth of its value.
+    """Return a linear axis from `low` to `high`, extended on each side by the fraction `margin` of this range."""
+    # If all values are equal, the axis is extended by a tenth of the value.
     room = margin * (high - low) or 0.1 * abs(high) or 1.0
     limits = (low - room, high + room)
     ticks = even_ticks(limits, at_most)
@@ -50,7 +51,7 @@ def even_axis(low: float, high: float, label: str, *, margin: float, at_most: in
 
 
 def time_unit(seconds: float) -> tuple[str, float]:
-    """Return the unit of the time axis for a recording of this duration, and the length of the unit (s).
+    """Return the unit of a time axis of this duration, and the length of the unit (s).
 
     >>> time_unit(20.0), time_unit(7200.0), time_unit(86400.0)
     (('s', 1.0), ('min', 60.0), ('h', 3600.0))
@@ -59,7 +60,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 
 def power_of(largest: float) -> int:
-    """Return the exponent of the power of ten for values up to `largest`: a multiple of three.
+    """Return the exponent of the power of ten in the label of an axis with values up to `largest`, a multiple of three.
 
     >>> power_of(0.0123), power_of(9.8), power_of(2.5e6), power_of(0.0)
     (-3, 0, 6, 0)
@@ -70,7 +71,7 @@ def power_of(largest: float) -> int:
 
 
 def scaled_unit(unit: str, power: int) -> str:
-    """Write a unit with a power of ten as prefix.
+    """Return a unit with a power of ten in front of it.
 
     >>> scaled_unit("rad/s", -3), scaled_unit("", -3), scaled_unit("mg", 0)
     ('10⁻³ rad/s', '10⁻³ × unit of the data', 'mg')

@@ -1,4 +1,4 @@
-"""The renderer for Matplotlib: convert plot data to a Matplotlib figure, without pyplot's global state."""
+"""The renderer for Matplotlib, which draws the figures of `gmwm.plots.figure` without pyplot's global state."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.gridspec import SubplotSpec
 
 FORMATS = (".png", ".pdf", ".svg")
-"""File endings of the pictures that can be written."""
+"""Suffixes of the picture formats that can be written."""
 
 DPI = 200
 PRINT_DPI = 400
@@ -63,16 +63,16 @@ class Picture(MatplotlibFigure):
 
 
 def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw plot data, and write the picture to a file if a path is given.
+    """Draw a figure with Matplotlib, and write the picture to a file if a path is given.
 
     If writing fails, an existing file is not changed.
 
     Parameters
     ----------
     figure : Figure
-        The plot as data.
+        Description of the plot.
     ax : matplotlib Axes, optional
-        Axes for a plot of one panel, which then contain the legend; by default a new figure is made.
+        Axes on which a plot with one panel and its legend are drawn. Default: a new Matplotlib figure.
     path : path, optional
         File to write, ending in .png, .pdf or .svg.
 
@@ -84,7 +84,7 @@ def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str]
     Raises
     ------
     OptionError
-        If `ax` is not Matplotlib axes, if it is given for a plot of several panels, or if `path` has another ending.
+        If `ax` is not a Matplotlib Axes, if it is given for a plot of several panels, or if `path` has another suffix.
     """
     if path is not None and Path(path).suffix.lower() not in FORMATS:
         raise OptionError(argument="path", expected=f"a path that ends in {', '.join(FORMATS)}", got=str(path))
@@ -95,7 +95,7 @@ def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str]
 
 
 def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
-    """Write a picture in the format of the suffix of `path`; the same picture gives the same bytes."""
+    """Write a picture in the format that the suffix of `path` names. The same picture always gives the same bytes."""
     suffix = Path(path).suffix.lower()
     # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
     # reproducible.
@@ -122,13 +122,16 @@ def _new_picture(figure: Figure) -> MatplotlibFigure:
 
 
 def _titled(row: Sequence[Panel | None], width: float) -> list[Panel | None]:
-    """Fold the titles of a row of panels to the width of the panels."""
+    """Return a row of panels with their titles wrapped to the width of a panel, if the figure is `width` mm wide."""
     room = (width / len(row) - BESIDE) * MILLIMETRE * 72
     return [panel and replace(panel, title=folded(panel.title, room, TEXT_SIZE)) for panel in row]
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
-    """Return the place of each panel: in one grid, or in a grid for each row if the rows differ in length."""
+    """Return the parent figure and the grid cell of each panel.
+
+    All panels are in one grid, or each row has its own grid if the rows differ in length.
+    """
     heights = figure.heights or None
     lengths = [len(row) for row in figure.rows]
     if len(set(lengths)) == 1:
@@ -155,7 +158,7 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
     earlier: dict[str, Artist] = {}
     for label, artist in zip(labels, artists, strict=True):
         earlier.setdefault(label, artist)
-    # The ticks on the opposite side are drawn again.
+    # Remove the ticks on the opposite side, because they are drawn again with the new limits.
     for child in [one for one in ax.child_axes if isinstance(one, SecondaryAxis)]:
         child.remove()
     handles = {**earlier, **draw_panel(figure.panels[0], ax)}
@@ -168,7 +171,7 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
 
 
 def draw_panel(panel: Panel, ax: Axes) -> dict[str, Artist]:
-    """Draw one panel on axes; return the artist for each entry of the legend."""
+    """Draw one panel on Matplotlib axes, and return the artist for each legend entry."""
     ax.set_xscale(_scale(panel.x))
     ax.set_yscale(_scale(panel.y))
     handles: dict[str, Artist] = {}
@@ -203,7 +206,7 @@ def _scale(axis: Axis) -> ScaleBase:
 
 
 def _far(axis: Axis) -> tuple[float, float]:
-    """Return positions far beyond both ends of an axis."""
+    """Return a position far below and a position far above the limits of an axis."""
     low, high = axis.limits
     return (low / 100, high * 100) if axis.linear == 0 else (2 * low - high, 2 * high - low)
 
@@ -219,7 +222,7 @@ def _draw_mark(mark: Mark, ax: Axes, far: tuple[float, float]) -> Artist:
 
 
 def _swatch(mark: Mark) -> Artist | None:
-    """Return the artist for a mark in the legend, if it is not the artist of the mark itself."""
+    """Return a separate legend artist for a band that has a `swatch` colour; None for any other mark."""
     if not isinstance(mark, Band) or not mark.swatch:
         return None
     return Patch(color=mark.swatch, alpha=0.25, linewidth=0)
@@ -252,7 +255,7 @@ def _line_style(stroke: Stroke) -> dict[str, Any]:
 
 
 def _dress(axis: MatplotlibAxis, data: Axis) -> None:
-    """Give an axis its label and exactly the ticks of the data."""
+    """Set the label of a Matplotlib axis, and exactly the ticks of `data`."""
     axis.set_major_locator(FixedLocator([tick.value for tick in data.ticks]))
     axis.set_major_formatter(FixedFormatter([tick.label for tick in data.ticks]))
     axis.set_minor_locator(NullLocator())
@@ -263,8 +266,10 @@ def _dress(axis: MatplotlibAxis, data: Axis) -> None:
 
 
 def _minor_ticks(axis: MatplotlibAxis, places: tuple[float, ...]) -> Line2D:
-    """Return the minor ticks of an axis as one artist. Ticks of Matplotlib have labels, even empty ones, whose layout
-    takes half of the time of a picture."""
+    """Return the minor ticks of an axis as one artist.
+
+    Minor ticks of Matplotlib always have labels, even if empty. Their layout would take half of the time of a picture.
+    """
     ax, edge = axis.axes, [0.0] * len(places)
     along = axis is ax.xaxis
     ticks = Line2D(
@@ -277,7 +282,7 @@ def _minor_ticks(axis: MatplotlibAxis, places: tuple[float, ...]) -> Line2D:
 
 
 def _opposite(axis: MatplotlibAxis, ticks: tuple[Tick, ...]) -> None:
-    """Give the secondary axis on the opposite side its ticks."""
+    """Set the ticks of the secondary axis on the opposite side of a panel."""
     for spine in axis.axes.spines.values():
         spine.set_visible(False)
     axis.set_major_locator(FixedLocator([tick.value for tick in ticks]))

@@ -1,4 +1,4 @@
-"""The picture of a monitor: each signal with its events, and the heights of its charts."""
+"""Plot of a monitor: each signal with its events, and the statistics of its control charts."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 TOP = 1.1
-"""Height at which charts far above their threshold are drawn."""
+"""Largest value of a chart statistic that is drawn. Larger values are drawn at this value; the threshold is 1."""
 HEIGHT = 30.0
-"""Height of a row (mm)."""
+"""Height of a row of panels (mm)."""
 
 
 def trace_figure(trace: Trace) -> Figure:
-    """Return the plot of `plot_trace` as data: a row for each axis, with its signal and its charts.
+    """Return the figure that `plot_trace` draws, with a row for each axis that shows its signal and its charts.
 
     Raises
     ------
     DataError
-        If there are no samples.
+        If the trace has no samples.
     """
     axes = trace.monitor.axes
     times = [trace.signal(axis)[0] for axis in axes]
@@ -86,14 +86,14 @@ def _charts(trace: Trace, axis: str, *, x: Axis, scale: tuple[float, float]) -> 
 
 
 def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vector]:
-    """Vertical lines as one interrupted curve."""
+    """Return vertical lines at the positions `places`, as the coordinates of one interrupted curve."""
     x = np.repeat(places, 3)
     y = np.tile(np.array([limits[0], limits[1], np.nan]), places.size)
     return x, y
 
 
 def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the signals with the events, and the heights of the charts: see `Trace.plot`."""
+    """Draw the signals with the events, and the control charts. `Trace.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(trace_figure(trace), path=path)

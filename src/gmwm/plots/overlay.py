@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 Item: TypeAlias = "WaveletVariance | Fit | AtCondition"
-"""A curve of a panel: a wavelet variance, or a fit with its wavelet variance."""
+"""Something to draw as a curve: a wavelet variance, or a fit, which contains a wavelet variance."""
 
 
 def measured(item: Item) -> WaveletVariance:
@@ -33,7 +33,7 @@ def measured(item: Item) -> WaveletVariance:
     Raises
     ------
     OptionError
-        If it is neither a WaveletVariance nor a Fit.
+        If the item is neither a WaveletVariance nor a Fit.
     """
     wv: Any = getattr(item, "wavelet_variance", item)
     if not hasattr(wv, "variance") or not hasattr(wv, "tau"):
@@ -42,12 +42,12 @@ def measured(item: Item) -> WaveletVariance:
 
 
 def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
-    """Check a mapping of names to items and return it as a dict.
+    """Check a mapping from names to wavelet variances and fits, and return it as a dict.
 
     Raises
     ------
     OptionError
-        If it is not a mapping, if it is empty, or if a value is neither a WaveletVariance nor a Fit.
+        If `items` is not a mapping, if it is empty, or if a value is neither a WaveletVariance nor a Fit.
     """
     if not isinstance(items, Mapping) or not items:
         raise OptionError(
@@ -68,7 +68,9 @@ def overlay_panel(
     strokes: Sequence[Stroke] | None = None,
     title: str = "",
 ) -> Panel:
-    """Return a panel with several curves and their bands; a fit has symbols for the data and a line for the model.
+    """Return a panel with several curves and their confidence bands.
+
+    A fit is drawn with symbols for the data and a line for the model.
 
     Raises
     ------
@@ -128,7 +130,7 @@ def plot_comparison(
     Parameters
     ----------
     items : mapping of name to WaveletVariance or Fit
-        The names appear in the legend. A fit has symbols for the data and a line for the model.
+        The curves, with their names for the legend. A fit is drawn with symbols for the data and a line for the model.
     view, units, ax, path
         As for `plot_wavelet_variance`.
     title : str

@@ -1,4 +1,4 @@
-"""Plot of relative standard errors against the length of the recording, to choose how long to record."""
+"""Plot of the relative standard errors of parameters against the duration of a planned recording."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 HIGHEST = 2.0
-"""Largest relative error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
+"""Largest relative standard error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
 FURTHER = (2.0, 100.0)
-"""Smallest and largest end of the curves, in planned durations. Between them, they end where all parameters have
-reached the accuracy. Pinned by tests/plots/test_plot_limits.py."""
+"""Smallest and largest duration at which the curves may end, as multiples of the planned duration. Between these
+limits, they end where all parameters have reached the accuracy. Pinned by tests/plots/test_plot_limits.py."""
 PER_DECADE = 8
-"""Number of points of a curve for each decade of duration. Pinned by tests/plots/test_plot_limits.py."""
+"""Number of points of a curve per decade of duration. Pinned by tests/plots/test_plot_limits.py."""
 SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
 OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
-"""Symbols that are also used unfilled. The unfilled circle is not one of them: it marks where the accuracy is
-reached."""
+"""Symbols that are used unfilled too. The unfilled circle is not among them, because it marks where a parameter reaches
+the accuracy."""
 
 
 def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
-    """Return the plot of `plot_plan` as data: a curve for each parameter, with a circle at the chosen accuracy."""
+    """Return the panel that `plot_plan` draws, with a curve for each parameter and a circle at the accuracy."""
     wanted, needed = as_accuracy(accuracy), plan.needed(accuracy)
     times, curves = _curves(plan, needed)
     strokes = _strokes(plan)
@@ -86,9 +86,11 @@ _LABEL = "Relative standard error (%)"
 
 
 def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
-    """Return the durations of the curves, and the relative error of each parameter at each of them.
+    """Return the durations (s) at which the curves have points, and the relative standard errors of each parameter
+    there.
 
-    The durations start where the first error falls below `HIGHEST` and end after the last error reaches the accuracy.
+    The durations start where the first error falls below `HIGHEST`, and end after the last error has reached the
+    accuracy.
     """
     furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
     least, most = (plan.duration * factor for factor in FURTHER)
@@ -106,8 +108,8 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
 def _strokes(plan: Plan) -> dict[str, Stroke]:
     """Return the stroke of each parameter.
 
-    A scale parameter has the stroke of its term. The other parameters have solid lines in the colour of the term, with
-    symbols.
+    A scale parameter, such as a variance, has the stroke of its term. Any other parameter has a solid line with symbols
+    in the colour of the term.
     """
     strokes = {}
     symbols = cycle([*((symbol, True) for symbol in SYMBOLS), *((symbol, False) for symbol in OPEN)])
@@ -137,7 +139,7 @@ def plot_plan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the relative standard errors of a plan: see `Plan.plot`."""
+    """Draw the relative standard errors of a plan. `Plan.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     panel = plan_panel(plan, accuracy=accuracy)

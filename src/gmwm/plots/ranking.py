@@ -27,24 +27,24 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 LISTED = 10
-"""Number of candidates whose criterion is drawn, in addition to all equivalent candidates. Pinned by
-tests/plots/test_plot_ranking.py."""
+"""Number of best candidates whose criterion is drawn. Candidates that are equivalent to the best one are always drawn.
+Pinned by tests/plots/test_plot_ranking.py."""
 MOST_CURVES = 8
 """Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
 NAME = 44
-"""Number of characters in a line of the name of a model."""
+"""Number of characters after which the name of a model is wrapped."""
 FIRST = replace(IMPLIED, symbol="circle")
-"""The stroke of the recommended candidate."""
+"""Stroke of the recommended candidate."""
 SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
 OTHER = Stroke(GREY, 0.0, symbol="circle", filled=False)
 """Stroke of candidates whose curve is not drawn."""
 
 EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
-"""End of the linear part of the axis of differences, and the largest value up to which a whole axis is linear."""
+"""Value up to which the axis of differences is linear, and largest value for which a whole axis is linear."""
 
 
 def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
-    """Return the plot of `plot_ranking` as data."""
+    """Return the figure that `plot_ranking` draws."""
     if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
         raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
     drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
@@ -71,7 +71,7 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
 
 
 def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
-    """Return the plot of `plot_candidates` as data."""
+    """Return the figure that `plot_candidates` draws."""
     pair = (comparison.first, comparison.second)
     strokes = [FIRST, _stroke(0)]
     curves = _curves(pair, strokes, view, units)
@@ -94,8 +94,10 @@ def _stroke(place: int) -> Stroke:
 
 
 def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """Make the panel of the data and the curves of the models. Their legend entries come from the panel of the
-    distances."""
+    """Return the panel with the data and the curves of the models.
+
+    The models have no legend entries here, because they have them in the panel of `_distances`.
+    """
     wv = candidates[0].fit.wavelet_variance
     shown = view_for(wv, view, units)
     marks: list[Mark] = list(observed_marks(wv, shown, stroke=replace(OBSERVED, width=0.0)))
@@ -107,8 +109,7 @@ def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: Vi
 
 
 def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """Make the panel of the distances of each model from the data, scaled so that the confidence limits are at −1 and
-    1."""
+    """Return the panel with the distance of each model from the data, in units of the confidence limits."""
     wv = candidates[0].fit.wavelet_variance
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
@@ -138,10 +139,11 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
 
 
 def distance(wv: WaveletVariance, implied: Vector) -> Vector:
-    """Return the distance (J,) of the model from the data, ν²(θ̂) − ν̂², relative to the confidence interval.
+    """Return the distance (J,) of a model from the data relative to the confidence interval.
 
-    The unit is the distance from ν̂² to its upper confidence limit if the model is above the data, and to its lower
-    limit if it is below. NaN at levels without limits.
+    The distance at a level is ν²(θ̂) − ν̂², the wavelet variance of the fitted model minus the measured one. If it is
+    positive, it is divided by the distance from ν̂² to its upper confidence limit, otherwise by the distance to the
+    lower limit. At levels without limits, the result is NaN.
     """
     above = implied - wv.variance
     room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
@@ -150,7 +152,7 @@ def distance(wv: WaveletVariance, implied: Vector) -> Vector:
 
 
 def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
-    """Make the panel of differences to the best criterion: a row for each candidate, with the values on the right."""
+    """Return the panel with the criterion of each candidate minus the best criterion, and the values as text."""
     places = np.arange(len(listed), 0, -1.0)
     name = _score_name(listed[0])
     marks: list[Mark] = []
@@ -193,7 +195,7 @@ def _name(candidate: Candidate) -> str:
 
 
 def _row_name(candidate: Candidate) -> str:
-    """Return the name of a model beside its row, wrapped to leave room for the criteria."""
+    """Return the name of a model as the label of its row, wrapped to leave space for the panel."""
     # The no-break space prevents lines that start with a plus sign.
     name = model_text(candidate.model.terms).replace(" + ", "\N{NO-BREAK SPACE}+ ")
     return "\n".join(wrap(name, NAME, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
@@ -215,7 +217,7 @@ def plot_ranking(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the best models over the data: see `Ranking.plot`."""
+    """Draw the best models of a ranking with the data. `Ranking.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(ranking_figure(ranking, limit=limit, view=view, units=units), path=path)
@@ -228,7 +230,7 @@ def plot_candidates(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw two candidates over the data: see `Comparison.plot`."""
+    """Draw two candidates of a ranking with the data. `Comparison.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(candidates_figure(comparison, view=view, units=units), path=path)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gmwm.replicates import Replicates
 
 MEAN = Stroke(GREY, 0.8, SOLID)
-"""The line of the mean."""
+"""Stroke of the line at zero, which is the mean of the recordings."""
 LINEAR, EVEN = 10.0, 100.0
 """Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
 linear."""
@@ -30,7 +30,10 @@ _REACH = 1.96
 
 
 def recordings_figure(found: Replicates) -> Figure:
-    """Return the plot of `plot_recordings` as data: the ratio of each recording to the mean, minus 1, in per cent."""
+    """Return the figure that `plot_recordings` draws.
+
+    It shows by how many per cent the wavelet deviation of each recording differs from the mean of all recordings.
+    """
     wv, fit = found.fit.wavelet_variance, found.fit
     curves = wv.recordings
     ratios = {name: 100 * (np.sqrt(one.variance[: len(wv)] / wv.variance[: len(one)]) - 1)
@@ -38,7 +41,7 @@ def recordings_figure(found: Replicates) -> Figure:
     typical = sorted(curves.values(), key=lambda one: one.samples)[len(curves) // 2]
     typical_levels = min(len(typical), len(wv))
     design = Design.of(typical).only(typical.levels <= typical_levels)
-    # A recording is a part of the mean, so that it differs from it by less than from another recording.
+    # A recording contributes to the mean, so it differs less from the mean than from another recording.
     part = np.sqrt(max(1 - typical.samples / wv.samples, 0.0))
     scatter = 50 * _REACH * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
     x = replace(time_axis(wv.tau, "Scale τ (s)"), opposite=())
@@ -55,7 +58,7 @@ def recordings_figure(found: Replicates) -> Figure:
 
 
 def plot_recordings(found: Replicates, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw each recording over the mean; see `Replicates.plot`."""
+    """Draw the difference of each recording from the mean. `Replicates.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(recordings_figure(found), path=path)

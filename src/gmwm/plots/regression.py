@@ -1,4 +1,4 @@
-"""The plot of a regression: an axis over a covariate, before and after its effect is removed."""
+"""Plot of a regression: the signal of an axis against a covariate, before and after the effect is removed."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _NAMES = {"temperature": "Temperature (°C)", TIME: "Time (h)", WARM_UP: "Time (
 
 
 def regression_panel(found: Regression, *, units: UnitSystem = "si") -> Panel:
-    """Make the panel with the block means of an axis over its first covariate, before and after, and the effect with
-    its 95 % band.
+    """Return the panel that `plot_regression` draws.
 
-    All values are relative to the mean at the reference of the covariate. The means before the removal are the means of
-    the recording; if there are several covariates, they have the effects of all.
+    It shows block means of the signal against the first covariate, before and after the effect is removed, and the
+    estimated effect with its 95 % confidence band. All values are relative to the mean of the signal at the reference
+    value of the covariate. The means before the removal contain the effects of all covariates.
     """
     unit, factor = found.unit, 1.0
     if units == "datasheet" and (known := datasheet_units(found.unit)):
@@ -64,14 +64,14 @@ def regression_panel(found: Regression, *, units: UnitSystem = "si") -> Panel:
 
 
 def regression_figure(found: Regression, *, units: UnitSystem = "si") -> Figure:
-    """Return the panel as a figure."""
+    """Return the figure that `plot_regression` draws, which has one panel."""
     return single_panel(regression_panel(found, units=units))
 
 
 def plot_regression(
     found: Regression, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw a regression: see `Regression.plot`."""
+    """Draw a regression. `Regression.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     if units not in ("si", "datasheet"):

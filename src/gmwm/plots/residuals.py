@@ -1,4 +1,4 @@
-"""Plots of the standardised innovations of a model: over time, against normal quantiles, and their autocorrelation."""
+"""Plot of the standardised innovations of a model: over time, against normal quantiles, and their autocorrelation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 LEAST_P = 1e-6
-"""Smallest p-value that is shown as a number; smaller ones are shown as "p < 10⁻⁶". Pinned by
+"""Smallest p-value that is shown as a number. Smaller p-values are shown as "p < 10⁻⁶". Pinned by
 tests/plots/test_plot_residuals.py."""
 LINE = Stroke(BLUE, 0.5)
 LIMIT = Stroke(VERMILLION, 0.9)
@@ -35,14 +35,16 @@ LIMIT = Stroke(VERMILLION, 0.9)
 
 
 def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
-    """Return the plot of `plot_residuals` as data."""
+    """Return the figure that `plot_residuals` draws."""
     below = (quantile_panel(residuals), correlation_panel(residuals, lags))
     return Figure(((time_panel(residuals),), below), width=PAGE, height=126.0, heights=(0.8, 1.0), legend_columns=4)
 
 
 def time_panel(residuals: Residuals) -> Panel:
-    """Make the panel of residuals over time, with the limit that the largest of them exceeds with a probability of 5
-    %."""
+    """Return the panel of the residuals over time.
+
+    If the model is right, the largest residual exceeds the limits in the panel with a probability of 5 %.
+    """
     z = residuals.observed
     largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
     one = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
@@ -65,8 +67,10 @@ def time_panel(residuals: Residuals) -> Panel:
 
 
 def quantile_panel(residuals: Residuals) -> Panel:
-    """Make the panel of observed against normal quantiles. If the model is right, the points are near the diagonal,
-    within the limits."""
+    """Return the panel of observed against normal quantiles.
+
+    If the model is right, the points are near the diagonal and mostly within the limits.
+    """
     normal, observed = residuals.quantiles()
     lower, upper = order_limits(normal, residuals.observed.size)
     reach = float(np.max(np.abs(normal)))
@@ -92,14 +96,15 @@ def quantile_panel(residuals: Residuals) -> Panel:
 
 
 def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vector, Vector]:
-    """Return confidence limits (n,) of order statistics of a standard normal sample.
+    """Return the lower and upper confidence limits (n,) of order statistics of a standard normal sample.
 
-    The k-th smallest value z of N has a Φ(z) with the distribution Beta(k, N − k + 1).
+    For the k-th smallest value z of N, Φ(z) has the distribution Beta(k, N − k + 1), where Φ is the normal distribution
+    function.
 
     Parameters
     ----------
     normal : (n,) array
-        Normal quantiles at which the order statistics are expected.
+        Normal quantiles that are the expected values of the order statistics.
     count : int
         Sample size N.
     level : float
@@ -111,7 +116,7 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
     """
     from scipy.special import betaincinv, ndtr, ndtri
 
-    # Computed in the lower half, where small probabilities have full relative precision.
+    # The limits are computed for negative quantiles, where small probabilities have full relative precision.
     mirrored = -np.abs(normal)
     place = np.clip(np.round(ndtr(mirrored) * count + 0.5), 1, count)
     ends = [ndtri(betaincinv(place, count - place + 1, share)) for share in ((1 - level) / 2, (1 + level) / 2)]
@@ -120,7 +125,7 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
 
 
 def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
-    """Make the panel of the autocorrelation from lag 1 on, with the confidence limits for uncorrelated residuals."""
+    """Return the panel of the autocorrelation of the residuals, with confidence limits for white noise."""
     r = residuals.acf(lags)[1:]
     return autocorrelation_panel(r, residuals.acf_error(r.size), _whiteness(residuals, lags))
 
@@ -143,7 +148,7 @@ def _p_text(p_value: float) -> str:
 def plot_residuals(
     residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw residuals and their tests: see `Residuals.plot`."""
+    """Draw residuals and the results of their tests. `Residuals.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(residuals_figure(residuals, lags), path=path)

@@ -27,21 +27,21 @@ if TYPE_CHECKING:
     from gmwm.simulation.components import SimulatedSignal
 
 PAGE = 174.0
-"""Width of two printed columns (mm)."""
+"""Width of a plot (mm) that fills two columns of a printed page."""
 DOTS = 15.0
-"""Columns of dots per millimetre, about 400 per inch."""
+"""Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
 WIDTH = 0.5
-"""Width of the line through a long signal, in points."""
+"""Width of the line through a long signal (points)."""
 FEW = 60
-"""Largest number of samples that are drawn with a symbol each. Pinned by tests/plots/test_plot_limits.py."""
+"""Largest number of samples for which each sample has a symbol. Pinned by tests/plots/test_plot_limits.py."""
 ALIKE = 8.0
-"""Largest ratio of the spans of panels that share a scale. With a larger ratio, the signal with the smallest span would
-look constant. Pinned by tests/plots/test_plot_series.py."""
+"""Panels share a vertical scale if the ratio of their largest to their smallest span is at most this number. With a
+larger ratio, the signal with the smallest span would look constant. Pinned by tests/plots/test_plot_series.py."""
 ONE_POWER = 1e3
-"""Largest ratio of the largest values of panels that share a power of ten. Pinned by
+"""Panels share a power of ten in their labels if the ratio of their largest values is at most this number. Pinned by
 tests/plots/test_plot_limits.py."""
 CLIPPED = "#1b1f24"
-"""Colour of the marks of clipped samples."""
+"""Colour of the symbols that mark clipped samples."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 
@@ -49,7 +49,7 @@ NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 
 def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
-    """Return the plot of `plot_signal` as data."""
+    """Return the panel that `plot_signal` draws."""
     shown = view_of(signal.unit, "allan", units)
     one = trace(signal, shown.factor, round(DOTS * width))
     mean = removed(one)
@@ -58,7 +58,7 @@ def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAG
 
 
 def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
-    """Return the plot of `plot_recording` as data: a column of panels for each sensor, a row for each axis letter."""
+    """Return the figure that `plot_recording` draws, with a column for each sensor and a row for each axis letter."""
     places = {axis: sensor_and_letter(axis) for axis in imu}
     named = all(sensor for sensor, _ in places.values())
     sensors = list(dict.fromkeys(sensor for sensor, _ in places.values())) if named else [""]
@@ -75,7 +75,7 @@ def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
 
 
 def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: float) -> list[Panel]:
-    """Make the panels of the axes of a sensor, with a common scale if their spans are similar."""
+    """Return the panels of the axes of a sensor, with a common vertical scale if their spans are similar."""
     panels: dict[str, Panel] = {}
     for unit in dict.fromkeys(imu[axis].unit for axis in axes):
         members = [axis for axis in axes if imu[axis].unit == unit]
@@ -92,7 +92,7 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
 
 
 def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -> Figure:
-    """Return the plot of `plot_components` as data: the signal, and below it each term of its model."""
+    """Return the figure that `plot_components` draws: the signal, and below it the process of each term."""
     signal, model = simulated.signal, simulated.model
     shown = view_of(signal.unit, "allan", units)
     columns = round(DOTS * PAGE)
@@ -120,8 +120,10 @@ class _Row:
 
 
 def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
-    """Make panels of one quantity over the same time, with a common scale or at least a common power of ten if
-    possible."""
+    """Return panels of one quantity over the same time.
+
+    If possible, they have a common vertical scale, or at least a common power of ten in their labels.
+    """
     seconds = np.array([[np.min(row.trace.seconds), np.max(row.trace.seconds)] for row in rows])
     unit, size = time_unit(float(np.max(seconds) - np.min(seconds)))
     label = f"Time since the first sample ({unit})"
@@ -148,7 +150,7 @@ def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
 
 
 def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
-    """Return the line, and a dot for each sample between two gaps, which a line cannot show."""
+    """Return the line of a signal, and symbols for clipped samples and for single samples between two gaps."""
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
     alone = isolated(y)
@@ -173,12 +175,12 @@ def _stroke(axis: str) -> Stroke:
 
 
 def _clipped(one: Trace) -> str:
-    """Return the end of a title that explains the marks of clipped samples."""
+    """Return the end of a title that explains the symbols of clipped samples; "" if there are none."""
     return " (▲▼: beyond the limits)" if any(one.clipped) else ""
 
 
 def _without_mean(title: str, mean: float, unit: str) -> str:
-    """Return a title that states the mean that was subtracted."""
+    """Return the title with the mean that was subtracted from the signal; unchanged if the mean is 0."""
     return f"{title} less its mean of {_number(mean)} {unit}".strip() if mean else title
 
 
@@ -192,13 +194,15 @@ def _name(unit: str) -> str:
 
 
 def row_height(rows: int, usual: float) -> float:
-    """Return the height of a row (mm): all rows fit on a printed page, but each is at least 20 mm high, to be
-    readable."""
+    """Return the height of a row of panels (mm), at most `usual`, so that all rows fit on a printed page.
+
+    A row has at least 20 mm, because it would not be readable otherwise.
+    """
     return max(min(usual, 235.0 / rows), 20.0)
 
 
 def time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
-    """Return the panels with a time axis only below the lowest panel of each column."""
+    """Return the panels with labels of the time axis only at the lowest panel of each column."""
     lowest = {k: i for i, row in enumerate(rows) for k, panel in enumerate(row) if panel is not None}
     return tuple(
         tuple(
@@ -219,7 +223,7 @@ def plot_signal(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a signal over time: see `Signal.plot`."""
+    """Draw a signal over time. `Signal.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0), ax=ax, path=path)
@@ -228,7 +232,7 @@ def plot_signal(
 def plot_recording(
     imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw all axes of a recording over time: see `Imu.plot`."""
+    """Draw all axes of a recording over time. `Imu.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(recording_figure(imu, units=units), path=path)
@@ -237,7 +241,7 @@ def plot_recording(
 def plot_components(
     simulated: SimulatedSignal, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw a simulated signal and its latent processes: see `SimulatedSignal.plot`."""
+    """Draw a simulated signal and its latent processes. `SimulatedSignal.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(components_figure(simulated, units=units), path=path)

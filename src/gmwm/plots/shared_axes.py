@@ -1,5 +1,4 @@
-"""Several fits or wavelet variances drawn one after another on the same Matplotlib axes, each with a name and a
-colour."""
+"""Draw fits or wavelet variances one after another on the same Matplotlib axes, each with a name and a colour."""
 
 from __future__ import annotations
 
@@ -33,20 +32,20 @@ def named_panel(
     units: UnitSystem = "si",
     ax: Axes | None = None,
 ) -> Panel:
-    """Return a panel with one named curve, whose axes also include what gmwm has drawn on `ax` before.
+    """Return a panel with one named curve. Its axes also include the curves that gmwm has already drawn on `ax`.
 
     Parameters
     ----------
     item : WaveletVariance or Fit
-        The curve. A fit has symbols for the data and a line for the model.
+        The curve. A fit is drawn with symbols for the data and a line for the model.
     label : str, optional
-        Name in the legend; by default the axis of the sensor.
+        Name in the legend. Default: the sensor axis.
     color : str, optional
-        A colour of Matplotlib; by default the next colour of a comparison.
+        A Matplotlib colour. Default: the next colour that the earlier curves do not have.
     view, units
         As for `plot_wavelet_variance`.
     ax : matplotlib Axes, optional
-        Axes with earlier curves.
+        Axes on which earlier curves may have been drawn.
 
     Raises
     ------
@@ -54,14 +53,14 @@ def named_panel(
         If an option is unknown, or if the earlier curves have another quantity or unit.
     """
     drawn = ax if isinstance(ax, Axes) else None
-    # Each curve has one confidence band.
+    # Each earlier curve has one confidence band, so the number of bands is the number of curves.
     before = 0 if drawn is None else sum(isinstance(one, PolyCollection) for one in drawn.collections)
     stroke = curve_stroke(before)
     if color is not None:
         stroke = replace(stroke, colour=_hex(color))
     name = measured(item).axis or "Data" if label is None else label
     panel = overlay_panel({name: item}, view=view, units=units, strokes=[stroke])
-    # The bands of all curves share one entry of the legend.
+    # The bands of all curves share one legend entry.
     panel = replace(panel, marks=tuple(curves_then_bands(panel.marks, 2)))
     return panel if drawn is None or not before else _joined(panel, drawn)
 
@@ -76,8 +75,10 @@ def named_fit_panel(
     ax: Axes | None,
     decomposition: bool,
 ) -> Panel:
-    """Return `named_panel` of a fit, with a thin line for each term in the colour of the fit if `decomposition` is
-    True."""
+    """Return the panel of `named_panel` for a fit.
+
+    If `decomposition` is True, the panel also has a thin line for each term, in the colour of the fit.
+    """
     panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)  # type: ignore[arg-type]
     if not decomposition:
         return panel
@@ -99,7 +100,13 @@ def _hex(color: str) -> str:
 
 
 def _joined(panel: Panel, ax: Axes) -> Panel:
-    """Return the panel with axes that also include the limits of `ax`."""
+    """Return the panel with axes that also include the curves on `ax`.
+
+    Raises
+    ------
+    OptionError
+        If `ax` shows another quantity or unit.
+    """
     if ax.get_ylabel() != panel.y.label:
         raise OptionError(
             f"curves on the same axes need the same quantity and unit, but they are {ax.get_ylabel()!r} and "
@@ -108,7 +115,7 @@ def _joined(panel: Panel, ax: Axes) -> Panel:
             got=ax,
             advice="Plot them on axes of their own.",
         )
-    # Minor ticks are lines too, but their vertical positions are not in units of the data.
+    # Minor ticks are lines too. They are excluded because their positions are not in the units of the data.
     curves = [line for line in ax.lines if all(line.get_transform().contains_branch_seperately(ax.transData))]
     times = [np.asarray(line.get_xdata(), dtype=float) for line in curves] + [line.x for line in panel.lines]
     (low, high), (bottom, top) = ax.get_ylim(), panel.y.limits

@@ -1,4 +1,4 @@
-"""Plot of a power spectral density with its lines, and the density of a model over it."""
+"""Plot of a power spectral density with its lines and bumps, and with the density of a model."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ REACH = 5.0
 """Largest factor by which limits and models may extend the vertical axis beyond the data. Pinned by
 tests/plots/test_plot_limits.py."""
 FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
-"""Symbol of a line in the spectrum."""
+"""Stroke of the symbol that marks a line in the spectrum."""
 BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
-"""Symbol of a bump in the spectrum."""
+"""Stroke of the symbol that marks a bump in the spectrum."""
 ABOVE_PEAK = 1.35
-"""Ratio of the height of a symbol to the height of its peak."""
+"""Ratio of the value at which a symbol is drawn to the root density at its peak."""
 
 
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
-    """Return the unit of a root density for a unit of the data, and the factor to it.
+    """Return the unit of the root density of data in `unit`, and the conversion factor to this unit.
 
     Raises
     ------
@@ -69,9 +69,9 @@ def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
 def spectrum_panel(
     spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", alone: bool = True
 ) -> Panel:
-    """Return the plot of `plot_spectrum` as data.
+    """Return the panel that `plot_spectrum` draws.
 
-    If it is not alone, the legend names neither frequencies nor the model, because several panels share it.
+    If `alone` is False, several panels share the legend. Then it names neither frequencies nor the model.
     """
     shown = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     unit, factor = density_unit(shown.unit, units)
@@ -103,8 +103,10 @@ def _frequency_axis(frequencies: Vector) -> Axis:
 
 
 def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Line]:
-    """Return the one-sided root density of a model and of each term, and a symbol at the height that a sinusoid would
-    reach."""
+    """Return curves of the one-sided root density of a model and of each term.
+
+    A sinusoid is a symbol at the root density that its peak would have in this spectrum.
+    """
     f, rate = spectrum.frequencies, spectrum.rate
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)
@@ -131,7 +133,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
 
 
 def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
-    """Return symbols above the lines and the bumps."""
+    """Return the symbols that mark the lines and the bumps of a spectrum."""
     marks = []
     lines = {line.frequency: line.height for line in spectrum.lines}
     bumps = {bump.frequency: bump.height for bump in spectrum.bumps}
@@ -148,7 +150,7 @@ def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Lin
 
 
 def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
-    """Return the largest height within two bins of a frequency."""
+    """Return the largest value of `heights` within two bins, or 2 %, of a frequency."""
     near = np.abs(spectrum.frequencies - frequency) <= max(2 * spectrum.resolution, 0.02 * frequency)
     values = heights[near & np.isfinite(heights)]
     return float(values.max()) if values.size else float("nan")
@@ -157,7 +159,7 @@ def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
 def spectra_figure(
     spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si"
 ) -> Figure:
-    """Return the plot of `plot_spectra` as data: one row for each sensor, one panel for each axis."""
+    """Return the figure that `plot_spectra` draws, with one row for each sensor and one panel for each axis."""
     rows = [
         tuple(
             spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
@@ -178,7 +180,7 @@ def plot_spectrum(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a power spectral density; see `PowerSpectrum.plot`."""
+    """Draw a power spectral density. `PowerSpectrum.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     panel = spectrum_panel(spectrum, model=model, units=units)
@@ -192,7 +194,7 @@ def plot_spectra(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the power spectral densities of several axes; see `PowerSpectra.plot`."""
+    """Draw the power spectral densities of several axes. `PowerSpectra.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     return draw(spectra_figure(spectra, models=models, units=units), path=path)

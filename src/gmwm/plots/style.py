@@ -45,28 +45,27 @@ SPARSE = (1.0, 3.2)
 LONG_SHORT = (8.0, 1.6, 2.5, 1.6)
 
 OBSERVED = Stroke(BLUE, 0.9, SOLID, "circle")
-"""The estimate from the data."""
+"""Stroke of a classical estimate from the data."""
 ROBUST = Stroke(BLUE, 0.9, SOLID, "diamond")
-"""The robust estimate from the data."""
+"""Stroke of a robust estimate from the data."""
 IMPLIED = Stroke(ORANGE, 2.6, SOLID)
-"""The curve of the fitted model."""
+"""Stroke of the curve of a fitted model."""
 
-# Twelve colours and nine dashes: a pair repeats after 108 terms, a colour after twelve, a dash (which is all that
-# remains in greyscale) after nine. The last three colours are the first choice for further processes, see `_FURTHER`.
+# Terms have twelve colours and nine dashes. A colour repeats after twelve terms, a dash (which is all that remains in
+# greyscale) after nine, and a pair of both after 108. `_FURTHER` uses the last three colours first.
 _MORE_COLOURS = (WINE, INDIGO, OLIVE)
 _TERM_COLOURS = (GREEN, VERMILLION, PURPLE, SKY, BLACK, GREY, BROWN, MAGENTA, FOREST, *_MORE_COLOURS)
 _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, SPARSE, LONG_SHORT)
 
 _ALONE = 4
-"""Number of processes of inertial sensors that a model can contain only once."""
+"""Number of processes for inertial sensors of which a model can contain only one each."""
 _NEXT = {FN.name: 7, SIN.name: 8}
-"""Stroke numbers of flicker noise and of the first line, after the strokes of three Gauss-Markov terms."""
+"""Stroke numbers of flicker noise and of the first sinusoid. They follow the strokes of three Gauss-Markov terms."""
 _OUTPUT = ("AR", "MA", "ARMA")
-"""Processes that describe white noise after the filter of the sensor. They replace WN in a model, and have its
-stroke."""
-# Strokes of all further processes. They have three colours of their own (P. Tol's muted scheme), first with the three
-# dashes that few models use otherwise. Neighbours in the list differ in colour and dash. The remaining pairs of colour
-# and dash are at the end.
+"""Processes that describe white noise after the filter of the sensor. In a model without WN, they have its stroke."""
+# Strokes of all further processes, in the order in which they are used. The first have one of three colours (P. Tol's
+# muted scheme) and one of the three dashes that few other terms have. Neighbours in the list differ in colour and dash.
+# The remaining pairs of colour and dash are at the end.
 _FURTHER = tuple(
     Stroke(_MORE_COLOURS[k % 3], 1.0, dashes[(k + k // len(dashes)) % len(dashes)])
     for dashes in (_TERM_DASHES[6:], _TERM_DASHES[:6])
@@ -92,7 +91,7 @@ _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
 
 
 def term_stroke(index: int) -> Stroke:
-    """Return the stroke with the number `index` for terms of a model."""
+    """Return the stroke number `index` for terms of a model."""
     colour = _TERM_COLOURS[index % len(_TERM_COLOURS)]
     # The numbers of colours and dashes are both divisible by three. Without the shift, a pair would repeat after 36
     # terms.
@@ -101,13 +100,13 @@ def term_stroke(index: int) -> Stroke:
 
 
 def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str, Stroke]:
-    """Return the stroke of each term of a model. A term has the same stroke in all models and plots, if possible.
+    """Return the stroke of each term of a model. If possible, a term has the same stroke in all models and plots.
 
-    The processes of inertial sensors are first in the registry. Their stroke follows from their position there, and
-    from the number of the term if the process can be repeated. The stroke of any other process follows from its name
-    and does not depend on the rest of the registry. An AR, MA or ARMA process in a model without WN has the stroke of
-    WN. Only if another term of the model already has this stroke or its dash, the next free stroke is used. Up to nine
-    terms differ in both colour and dash. Two parametrisations of a process have the same stroke.
+    The processes for inertial sensors come first in the registry. Their stroke depends on their position there, and
+    on the number of the term if a model can contain the process several times. The stroke of any other process depends
+    on its name, but not on the other processes in the registry. In a model without WN, an AR, MA or ARMA process has
+    the stroke of WN. If another term of the model already has this stroke or its dash, the next free stroke is used. Up
+    to nine terms differ in both colour and dash. Two parametrisations of a process have the same stroke.
 
     >>> from gmwm.processes import GM, RW, WN
     >>> one, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
@@ -119,13 +118,13 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
     if WN.name not in kinds.values():
         settled |= dict.fromkeys(_OUTPUT, settled[WN.name])
     strokes, seen = dict[str, Stroke](), Counter[str]()
-    # Inertial processes first. Otherwise sorted, so that the result does not depend on the order of the terms.
+    # Processes for inertial sensors come first. The others are sorted, so that the order of the terms has no effect.
     for term in sorted(kinds, key=lambda term: settled.get(kinds[term], 0) > _ALONE):
         kind = kinds[term]
         if kind in settled:
             stroke = term_stroke(settled[kind] + seen[kind])
             seen[kind] += 1
-            # A second line has a free stroke: the numbers after the first line belong to no process.
+            # A second sinusoid gets a free stroke, because the next stroke number is not reserved for sinusoids.
             if stroke not in strokes.values() and not (kind in _NEXT and seen[kind] > 1):
                 strokes[term] = stroke
     for term in sorted(kinds.keys() - strokes.keys()):
@@ -139,8 +138,11 @@ def _kind(process: type[Process] | Process) -> str:
 
 
 def _settled() -> dict[str, int]:
-    """Return the stroke numbers of the inertial processes: four that cannot be repeated, the first repeatable one, then
-    others."""
+    """Return the stroke numbers of the processes for inertial sensors, by name.
+
+    The first numbers belong to the four processes of which a model can contain only one each, and the next to the first
+    repeatable process. The numbers of `_NEXT` follow.
+    """
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]
@@ -148,9 +150,9 @@ def _settled() -> dict[str, int]:
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
-    """Return the best unused stroke, searched from position `start` on.
+    """Return an unused stroke of `_FURTHER`, searched from position `start` on.
 
-    A stroke whose dash differs from those already used is best, then one whose colour differs.
+    A stroke with an unused dash is preferred, and among these a stroke with an unused colour.
     """
     preferred = 3 * len(_TERM_DASHES[6:])
     turned = [_FURTHER[(start + k) % preferred] for k in range(preferred)]
@@ -162,7 +164,7 @@ def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
 
 
 def letter_stroke(letter: str) -> Stroke | None:
-    """Return the stroke of axis x, y or z of a triad; None for another letter."""
+    """Return the stroke of the axis x, y or z of a sensor; None for any other letter."""
     if letter not in _LETTERS:
         return None
     colour, dash, symbol = _LETTERS[letter]

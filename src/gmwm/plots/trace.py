@@ -19,18 +19,17 @@ from gmwm.signals import Signal
 from gmwm.time_base import begins_of
 
 TAIL = 0.005
-"""Share of the samples on each side that do not count for the limits of a clipped plot."""
+"""Fraction of the smallest and of the largest samples that are ignored when the limits of a clipped plot are chosen."""
 FAR = 2.0
-"""Distance of the limits from the other samples, in their span: samples of Gaussian noise are never clipped, because
-they would have to be 12 standard deviations from the mean (tests/plots/test_plot_series.py)."""
+"""Distance of the limits of a clipped plot from the other samples, as a multiple of their span. Gaussian noise is never
+clipped, because a sample would have to be 12 standard deviations from the mean (tests/plots/test_plot_series.py)."""
 _FEW = 100_000
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
-    """Return indices of the first, smallest, largest and last value of each of `columns` equal parts, in ascending
-    order.
+    """Return the sorted indices of the first, smallest, largest and last value of each of `columns` equal parts.
 
-    If there are at most 4 values for each part, all indices are returned.
+    If the parts have at most 4 values each, all indices are returned.
 
     >>> extremes(np.array([0.0, 5.0, 1.0, -3.0, 2.0, 2.0, 2.0, 2.0, 9.0, 2.0]), 2)
     array([0, 1, 3, 4, 5, 8, 9])
@@ -48,7 +47,7 @@ def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The samples of a signal that are drawn, with NaN where samples are missing.
+    """The samples of a signal that are drawn, with a NaN in each gap.
 
     Parameters
     ----------
@@ -57,11 +56,11 @@ class Trace:
     y : (n,) array
         Values in the unit of the plot; NaN interrupts the line.
     low, high : float
-        The smallest and the largest sample.
+        The smallest and the largest value of `y`.
     mean : float
-        Mean of all samples; their median if some are clipped.
-    clipped : (below, above)
-        Whether samples below `low` and samples above `high`, for example of a knock, were moved to these limits.
+        Mean of all samples; their median if samples are clipped.
+    clipped : (bool, bool)
+        Whether samples below `low`, and samples above `high`, were clipped to these limits, for example after a knock.
     """
 
     seconds: Vector
@@ -73,18 +72,18 @@ class Trace:
 
     @property
     def span(self) -> float:
-        """Difference between the largest and the smallest sample."""
+        """Difference between `high` and `low`."""
         return self.high - self.low
 
     def less(self, amount: float) -> Trace:
-        """Return the trace with a constant subtracted."""
+        """Return the trace with the constant `amount` subtracted from all values."""
         return Trace(
             self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount,
             clipped=self.clipped,
         )  # fmt: skip
 
     def beyond(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return masks of the samples that were moved down, and of those that were moved up."""
+        """Return a mask of the samples that were clipped at `high`, and a mask of those clipped at `low`."""
         below, above = self.clipped
         return above & (self.y >= self.high), below & (self.y <= self.low)
 
@@ -92,10 +91,10 @@ class Trace:
 def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Trace:
     """Reduce a signal to the trace for a plot with `columns` columns of dots.
 
-    The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far
-    beyond nearly all others are moved to limits, so that a knock does not flatten the rest of the picture.
+    The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far from
+    nearly all others are clipped, so that a knock does not flatten the rest of the plot.
     """
-    # Times are measured from the first sample: seconds since 1970 in double precision cannot resolve a microsecond.
+    # Times are measured from the first sample, because seconds since 1970 do not resolve a microsecond in doubles.
     starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
     clock = Signal(signal.values, signal.rate, segments=signal.segments, starts=starts)
     seconds: list[Vector] = []
@@ -120,7 +119,7 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, cli
 
 
 def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
-    """Reduce evenly sampled values, in which NaN marks missing samples, to a trace."""
+    """Reduce evenly sampled values, with NaN for missing samples, to the trace for a plot with `columns` columns."""
     index = extremes_there(values, columns)
     y = factor * values[index]
     mean = factor * float(np.mean(values, where=np.isfinite(values)))
@@ -128,8 +127,7 @@ def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trac
 
 
 def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
-    """Return indices as `extremes` does, but without NaN; for a part that is all NaN one index, which interrupts the
-    line.
+    """Return indices like `extremes`, but ignore NaN. A part with NaN only has one index, which interrupts the line.
 
     >>> extremes_there(np.array([0.0, 5.0, 1.0, np.nan, np.nan, np.nan, np.nan, np.nan, 9.0, 2.0]), 2)
     array([0, 1, 2, 8, 9])
@@ -152,9 +150,10 @@ def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
 
 
 def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
-    """Return positions, lower and upper edges of a band, reduced to the extremes of each of `columns` parts.
+    """Reduce a band to `columns` parts, and return the positions and the lower and upper edges of the parts.
 
-    An edge is NaN if no sample of the part has finite edges. If there are at most `columns` samples, all are returned.
+    The edges of a part are its smallest lower and its largest upper edge; NaN if no sample of the part has two finite
+    edges. Positions are sample numbers. If there are at most `columns` samples, all of them are returned.
 
     >>> envelope(np.array([0.0, -1.0, 2.0, 3.0]), np.array([1.0, 2.0, np.inf, 5.0]), 2)
     (array([0., 3.]), array([-1.,  3.]), array([2., 5.]))
@@ -164,12 +163,12 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
     if n <= columns:
         return np.arange(float(n)), low, high
     starts = np.linspace(0, n, columns + 1).astype(np.int64)[:-1]
-    # A part is narrower than a visible dot, so the positions are stretched until the band reaches both ends.
+    # A part is narrower than a visible dot, so its position may be shifted so that the band reaches both ends.
     return np.linspace(0.0, n - 1.0, columns), np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
 
 
 def isolated(y: Vector) -> NDArray[np.bool_]:
-    """Return a mask of finite values whose neighbours are all missing, so that a line cannot show them.
+    """Return a mask of the finite values whose neighbours are missing, so that a line cannot show these values.
 
     >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
     [True, False, False, False]
@@ -179,9 +178,9 @@ def isolated(y: Vector) -> NDArray[np.bool_]:
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
-    """Yield ranges of samples that are drawn as one line, with their number of columns: (start, stop, columns).
+    """Yield the ranges of samples that are drawn as one line, as (start, stop, number of columns).
 
-    Gaps that are narrower than a column are invisible, so the line continues across them.
+    A gap that is narrower than a column is not visible, so the line continues across it.
     """
     ends = [start + (b - a) / signal.rate for start, (a, b) in zip(signal.starts, signal.segments, strict=True)]
     total = max(ends) - min(signal.starts)
@@ -201,6 +200,9 @@ def removed(one: Trace) -> float:
 
 
 def in_digits(mean: float, span: float) -> float:
-    """Round the mean to a small fraction of the span, so that the title can state exactly what was subtracted."""
+    """Round a mean to a few digits, so that a title can state exactly which constant was subtracted.
+
+    The rounding error is small compared with the span of the values.
+    """
     digits = math.ceil(math.log10(abs(mean) / span)) + 2 if mean and span else 6
     return float(f"{mean:.{min(max(digits, 2), 6) - 1}e}")

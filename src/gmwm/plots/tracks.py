@@ -1,4 +1,4 @@
-"""Plot of estimated latent processes over time: the record with its bias, and below it each track with its band."""
+"""Plot of estimated latent processes over time: the record with its bias, and below it each process with its band."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ TRACK = Stroke(BLUE, 1.1)
 TRUTH = Stroke(BLACK, 0.5)
 WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
 SETTLED = 2.0
-"""Multiple of the median standard error. The vertical scale ignores the time until the standard error of a filter has
-fallen to it, because the first errors are large. Pinned by tests/plots/test_plot_tracks.py."""
+"""A filter counts as settled when its standard error is below this multiple of its median standard error. Earlier
+values have large errors and do not affect the vertical scale. Pinned by tests/plots/test_plot_tracks.py."""
 DENSE = 0.03
-"""Mean distance of neighbouring points of a line, relative to the panel height, from which the line fills an area.
-Pinned by tests/plots/test_plot_tracks.py."""
+"""Mean vertical distance of neighbouring points of a line, relative to the panel height, above which the line looks
+like a filled area. Pinned by tests/plots/test_plot_tracks.py."""
 FAR = 50.0
-"""Ratio of values to their span above which a constant is subtracted, because tick labels would be too long. Pinned by
-tests/plots/test_plot_limits.py."""
+"""Ratio of the largest value to the span of the values above which a constant is subtracted, because the tick labels
+would be too long. Pinned by tests/plots/test_plot_limits.py."""
 
 
 # --- what is drawn, as data ---------------------------------------------------------------------------
@@ -58,7 +58,10 @@ def tracks_figure(
     units: UnitSystem = "si",
     record: bool = True,
 ) -> Figure:
-    """Return the plot of `plot_tracks` as data: the record with its bias, if available, and a panel for each track."""
+    """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and a panel for each process.
+
+    Without `record`, or without data, the first panel is left out.
+    """
     chosen, known = _as_labels(tracks, labels), _as_truth(tracks, truth)
     shown = view_of(tracks.unit, "allan", units)
     panels: list[Panel] = []
@@ -78,7 +81,7 @@ def tracks_figure(
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """A track, its true path (N,) if known, and the view."""
+    """What to draw in one panel: the process `label` of `tracks`, its true path (N,) if known, and the unit."""
 
     tracks: Tracks
     label: str
@@ -88,7 +91,7 @@ class _Drawn:
 
 
 def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
-    """Make the panel of the record with its bias; also return the constant that was subtracted from both."""
+    """Return the panel with the record and its bias, and the constant that was subtracted from both."""
     one = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
     mean = removed(one)
     one = one.less(mean)
@@ -110,13 +113,13 @@ def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
 
 
 def _track_panel(drawn: _Drawn, less: float) -> Panel:
-    """Make the panel of a track with its confidence band."""
+    """Return the panel of one process with its confidence band. `less` is the constant subtracted from the record."""
     tracks, shown = drawn.tracks, drawn.shown
     mean = shown.factor * _there(tracks, drawn.label)
     lower, upper = (shown.factor * end for end in tracks.band(drawn.label, drawn.level))
     truth = None if drawn.truth is None else shown.factor * drawn.truth
     low, high = _ends(tracks, drawn.label, lower=lower, upper=upper, truth=truth)
-    # Subtract the same constant as from the record, but only from tracks that include the level of the record.
+    # Subtract the same constant as from the record, but only if the process contains the level of the record.
     less = less if abs(low - less) < abs(low) else 0.0
     if max(abs(low - less), abs(high - less)) > FAR * (high - low) > 0:
         less = in_digits((low + high) / 2, high - low)
@@ -156,8 +159,10 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
 
 
 def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vector | None) -> tuple[float, float]:
-    """Return the smallest and the largest value that the panel must show, without the first values of an unsettled
-    filter."""
+    """Return the smallest and the largest value that the panel must show.
+
+    The first values of a filter, before it has settled, are ignored.
+    """
     error = tracks.error[label]
     there = np.isfinite(error)
     if tracks.kind == "filter" and np.any(there):
@@ -167,14 +172,14 @@ def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vecto
 
 
 def _dense(values: Vector, height: float) -> bool:
-    """Return whether a line oscillates so fast that it fills an area and would hide the curves behind it."""
+    """Return whether a line varies so fast that it looks like a filled area and would hide the curves behind it."""
     index = extremes_there(values, COLUMNS)
     steps = np.abs(np.diff(values[index]))
     return index.size > COLUMNS and bool(np.nanmean(steps) > DENSE * height)
 
 
 def _there(tracks: Tracks, label: str) -> Vector:
-    """Return the estimated values, NaN where they have no finite standard error."""
+    """Return the estimated values of a process, with NaN where the standard error is not finite."""
     return np.where(np.isfinite(tracks.error[label]), tracks.mean[label], math.nan)
 
 
@@ -184,7 +189,7 @@ def _first_time(tracks: Tracks) -> float:
 
 
 def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
-    """Return the time axis, and the length of its unit (s)."""
+    """Return the time axis of the tracks, and the length of its unit (s)."""
     unit, size = time_unit(len(tracks) / tracks.rate)
     first = _first_time(tracks)
     since = "the end of the record" if first else "the first sample"
@@ -204,7 +209,7 @@ def _title(tracks: Tracks, label: str, shown: View) -> str:
 
 
 def _less(title: str, amount: float, shown: View) -> str:
-    """Return a title that states the value that was subtracted."""
+    """Return the title with the constant that was subtracted; unchanged if the constant is 0."""
     written = number_text(amount, 6).replace("-", "−")
     return f"{title}, less {written} {shown.unit}".rstrip() if amount else title
 
@@ -230,7 +235,13 @@ def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
 
 
 def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None) -> dict[str, Vector]:
-    """Return the true paths (N,) by label; a single array is the path of the bias."""
+    """Return the true paths (N,) by label. A single array is the path of the bias.
+
+    Raises
+    ------
+    OptionError
+        If a label is unknown, or a path has another length than the tracks.
+    """
     if truth is None:
         return {}
     given = truth if isinstance(truth, Mapping) else {BIAS: truth}
@@ -264,7 +275,7 @@ def plot_tracks(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw estimated components with their confidence bands; see `Tracks.plot`."""
+    """Draw estimated processes with their confidence bands. `Tracks.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
 
     figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Panel:
-    """Return the plot of `plot_wavelet_variance` as data."""
+    """Return the panel that `plot_wavelet_variance` draws."""
     shown = view_for(wv, view, units)
     return closed_panel([shown], [wv], observed_marks(wv, shown), title=axis_title(wv.axis))
 
@@ -33,7 +33,7 @@ def plot_wavelet_variance(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a wavelet variance over its scales; see `WaveletVariance.plot`."""
+    """Draw a wavelet variance over its scales. `WaveletVariance.plot` describes the arguments."""
     from gmwm.plots.matplotlib import draw
     from gmwm.plots.shared_axes import named_panel
 

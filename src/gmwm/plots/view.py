@@ -1,4 +1,4 @@
-"""Views of a wavelet variance: wavelet variance or Allan deviation, in SI or datasheet units."""
+"""Views, which determine the quantity of a plot (wavelet variance or Allan deviation) and its unit."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ UnitSystem: TypeAlias = Literal["si", "datasheet"]
 """Unit system of a plot: rad/s and m/s², or deg/h and mg."""
 
 DATASHEET_UNIT: dict[Quantity, str] = {quantity: next(iter(datasheet_units(si))) for quantity, si in SI_UNIT.items()}
-"""The unit in which a deviation of each quantity is quoted on a datasheet."""
+"""Unit of an Allan deviation on datasheets, for gyroscopes and for accelerometers."""
 
 _SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg": "mg²"}
 
 
 @dataclass(frozen=True)
 class View:
-    """View of a wavelet variance: quantity, unit and conversion factor.
+    """Quantity and unit in which a plot shows a wavelet variance, with the conversion factor.
 
     Parameters
     ----------
     name : "wavelet" or "allan"
-        The quantity that is drawn.
+        The quantity that is drawn: wavelet variance or Allan deviation.
     unit : str
-        The unit of a deviation in the picture; "" if the data have no unit.
+        Unit of a deviation in the plot; "" if the data have no unit.
     factor : float
         Conversion factor from the unit of the data to `unit`.
     """
@@ -46,10 +46,10 @@ class View:
         return tau / 2 if self.name == "allan" else tau
 
     def height(self, variance: Vector) -> Vector:
-        """Return the vertical position of a wavelet variance ν² given in the square of the data's unit.
+        """Return the vertical position of a wavelet variance ν², which is given in the squared unit of the data.
 
-        ν² itself, or the Allan deviation √(2ν²): Allan's variance of clusters of τ/2 is twice the Haar
-        wavelet variance at scale τ.
+        The position is ν² itself, or the Allan deviation √(2ν²), because the Allan variance at the averaging time τ/2
+        is twice the Haar wavelet variance at the scale τ.
         """
         if self.name == "allan":
             variance = 2 * np.maximum(variance, 0.0)
@@ -70,14 +70,14 @@ class View:
 
     @property
     def square(self) -> str:
-        """The unit of a variance."""
+        """Unit of a variance in the plot."""
         if not self.unit:
             return "unit of the data, squared"
         return _SQUARES.get(self.unit, f"({self.unit})²")
 
     @property
     def of_datasheets(self) -> bool:
-        """Whether the view has the units of datasheets."""
+        """Whether the plot has datasheet units."""
         return self.unit in DATASHEET_UNIT.values()
 
     @property
@@ -87,14 +87,14 @@ class View:
 
 
 def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
-    """Return the view named `view` of data in `unit`, in the unit system `units`.
+    """Return the view of data in `unit`, with the quantity `view` and the unit system `units`.
 
     Parameters
     ----------
     unit : str
-        Unit of the data, such as "rad/s"; a unit that is not of an inertial sensor is kept as it is.
+        Unit of the data, such as "rad/s". A unit that is neither of an angular rate nor of an acceleration is kept.
     view : "wavelet" or "allan"
-        Which quantity to draw.
+        Quantity to draw: wavelet variance or Allan deviation.
     units : "si" or "datasheet"
         rad/s and m/s², or deg/h and mg.
 
