@@ -1,4 +1,4 @@
-"""Calibration: from a recording to the recommended noise model and the datasheet numbers of every axis."""
+"""Calibrate recordings: choose and fit a noise model for every axis, and compute its datasheet numbers."""
 
 from gmwm.calibration.agreement import agree
 from gmwm.calibration.agreement_result import Agreement, SharedNumber

@@ -1,4 +1,4 @@
-"""Compare several calibrations of one unit: test each datasheet number for equality, and compare it with references."""
+"""Compare several calibrations of one unit with each other, number by number, and with reference values."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from gmwm.processes.sinusoid import SIN
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0
-"""Number of standard errors beyond which a p-value is zero in double precision."""
+"""Number of standard errors beyond which a normal p-value is zero in double precision."""
 _SLOW = ("K", "R")
-"""Symbols of the numbers that slow terms of a model determine."""
+"""Symbols of the datasheet numbers that depend on the slow terms of a model."""
 _SIGNED = "R"
-"""Symbol of the rate ramp, which has a sign and a symmetric interval. The other numbers have intervals of their
-logarithms."""
+"""Symbol of the rate ramp, which has a sign and a symmetric interval. The intervals of the other numbers are symmetric
+on a logarithmic scale."""
 
 Recording = Calibration | Mapping[str, Datasheet]
 
@@ -47,41 +47,42 @@ def agree(
 ) -> Agreement:
     """Test which numbers of several calibrations of one unit differ by more than chance.
 
-    Recording r gives a number as x_r with the standard error s_r, from the width of its confidence interval. The test
-    that all recordings have the same value uses
+    Let x_r be the logarithm of a number in recording r of n (for the rate ramp R, the number itself), and s_r its
+    standard error, which follows from the width of the confidence interval. If all recordings have the same value,
 
-        Σ (x_r − x̄)²/s_r² ~ χ² with R − 1 degrees of freedom for R recordings, x̄ the mean weighted by 1/s_r²,
+        Σ (x_r − x̄)²/s_r² ~ χ² with n − 1 degrees of freedom, where x̄ is the mean of x_r weighted by 1/s_r².
 
-    where x is the logarithm of the number, or the number itself for the ramp R. If a recording gives only an upper
-    limit, the limit is compared with the interval of each other recording, and the smallest p-value is used: two
-    recordings agree if the limit reaches the interval when both have the width that the test needs. All p-values are
-    adjusted by Holm's method, so `size` is the probability of any false alarm among all numbers.
+    If a recording gives only an upper limit, this limit is compared with the interval of each other recording: both
+    are widened until they meet, and the p-value follows from the number of standard errors that this needs. The
+    smallest p-value, multiplied by the number of comparisons, is used. All p-values are then adjusted by Holm's method,
+    so `size` is the probability of any false alarm among all numbers.
 
-    Q, N and B are compared for all models, K and R only if all models have the same slow terms, and other numbers only
-    if all recordings have the same model. B of a flicker term is not compared with B at the minimum of the Allan
-    deviation. Intervals of calibrations include the choice of the model.
+    Q, N and B are always compared. K and R are compared only if all models have the same slow terms, and other numbers
+    only if all recordings have the same model. B of a flicker term is not compared with B at the minimum of the Allan
+    deviation. The intervals of calibrations include the uncertainty of the model choice.
 
     Parameters
     ----------
     calibrations : sequence of Calibration, or of mappings of axis to Datasheet
-        One for each recording, at least two.
+        One calibration for each recording; at least two.
     size : float
-        Size of the test of all numbers together.
+        Significance level of all tests together.
     labels : sequence of str, optional
-        Names of the recordings; by default the names of their files.
+        Names of the recordings. Default: the names of their files.
     reference : mapping of "gyro.N" or "gyro_x.N" to (value, unit), optional
-        Values of the manufacturer for a sensor or an axis, with a datasheet unit: (2.0, "deg/√h").
+        Values of the manufacturer for a sensor or an axis, with a datasheet unit, such as (2.0, "deg/√h").
 
     Returns
     -------
     Agreement
+        The numbers of all recordings, with the test and the reference value of each.
 
     Raises
     ------
     OptionError
-        If there are fewer than two recordings, they have no axis in common, or an option has an invalid value.
+        If there are fewer than two calibrations, no axis is in two of them, or an option has an invalid value.
     UnitError
-        If an axis has different units in the recordings, or a reference has a wrong unit.
+        If an axis has different units in the recordings, or a reference value has a wrong unit.
 
     References
     ----------
@@ -121,7 +122,13 @@ def agree(
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
-    """Return the datasheets of each recording."""
+    """Return the datasheets of each recording by axis.
+
+    Raises
+    ------
+    OptionError
+        If there are fewer than two recordings, or one of them has a wrong type.
+    """
     if not isinstance(calibrations, list | tuple) or len(calibrations) < 2:
         got = len(calibrations) if isinstance(calibrations, list | tuple) else type(calibrations).__name__
         raise OptionError(argument="calibrations", expected="a list of at least two, one for each recording", got=got)
@@ -153,7 +160,7 @@ def _labels(calibrations: Sequence[Recording], labels: Sequence[str] | None) -> 
 def _where(
     calibrations: Sequence[Recording], names: Sequence[str], of: Callable[[Calibration], Iterable[str]]
 ) -> dict[str, tuple[str, ...]]:
-    """Return, for each axis, the names of the recordings for which `of` yields the axis."""
+    """Return for each axis the names of those recordings for whose calibration `of` returns this axis."""
     found: dict[str, tuple[str, ...]] = {}
     for name, calibration in zip(names, calibrations, strict=True):
         for axis in of(calibration) if isinstance(calibration, Calibration) else ():
@@ -165,7 +172,7 @@ def _where(
 
 
 def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequence[str]) -> list[SharedNumber]:
-    """Return the numbers of one axis, each with the p-value of its own test."""
+    """Return the numbers of one axis, each with the p-value of its test, not adjusted for the number of tests."""
     found = [sheet.get(axis) for sheet in sheets]
     units = {sheet.unit: name for sheet, name in zip(found, names, strict=True) if sheet is not None}
     if len(units) > 1:
@@ -199,10 +206,11 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
 
 
 def _alike(symbol: str, models: Sequence[str]) -> bool:
-    """Return whether a number has the same meaning in all models.
+    """Return whether a datasheet number has the same meaning in all models.
 
-    N, Q and B are read from the curve. K and R depend on the slow terms beside them: a random walk is smaller where a
-    slow Gauss-Markov term takes its part. All other numbers belong to one term of one model.
+    N, Q and B are read from the Allan deviation, so they do not depend on the terms of the model. K and R depend on its
+    slow terms, because a slow Gauss-Markov term can describe a part of a random walk. All other numbers are parameters
+    of one term.
     """
     if symbol not in LAWS:
         return len(set(models)) == 1
@@ -210,7 +218,8 @@ def _alike(symbol: str, models: Sequence[str]) -> bool:
 
 
 def _slow_terms(model: str) -> tuple[str, ...]:
-    """Return the terms of a model without white noise, quantization noise, short-memory noise and lines."""
+    """Return the sorted names of the terms of a model that are not white noise, quantization noise, short-memory noise
+    or sinusoids."""
     processes = Model.parse(model).processes
     fast = (WN, QN, SIN, Lagged)
     return tuple(sorted(p.name for p in processes if not isinstance(p, fast)))
@@ -224,13 +233,20 @@ def _is_known(entry: Entry) -> bool:
 
 
 def _reach(level: float) -> float:
-    """Return the number of standard errors from the centre of a confidence interval to its end."""
+    """Return half the width of a confidence interval of this level, in standard errors."""
     return NormalDist().inv_cdf((1 + level) / 2)
 
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
-    """Return the p-value of the test that all entries have one value. Each entry has the half width z of its interval
-    in standard errors."""
+    """Return the p-value of the test that all entries have the same value.
+
+    Parameters
+    ----------
+    known : sequence of (Entry, float)
+        The entries, each with half the width of its confidence interval in standard errors.
+    signed : bool
+        Whether the number may be negative, so that its logarithm cannot be used.
+    """
     from scipy.special import gammaincc
 
     points = [_point(entry, z, signed) for entry, z in known if not entry.upper_only]
@@ -238,7 +254,7 @@ def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
     tests = []
     if len(points) > 1:
         x, s = np.array(points).T
-        # Relative to the smallest error, so that no weight overflows.
+        # The weights are relative to the smallest error, so that none of them overflows.
         weights = (s.min() / s) ** 2
         centre = float(weights @ x / weights.sum())
         tests.append(float(gammaincc((len(points) - 1) / 2, float(np.sum(((x - centre) / s) ** 2)) / 2)))
@@ -247,7 +263,7 @@ def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
 
 
 def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
-    """Return a number and its standard error, as a logarithm unless the number has a sign."""
+    """Return the logarithm of a number and its standard error. If the number is signed, no logarithm is taken."""
     low, high = entry.low or 0.0, entry.high or 0.0
     if signed:
         return entry.value, (high - low) / (2 * z)
@@ -255,12 +271,12 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 
 
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
-    """Return the p-value for the difference between an upper limit and a larger value x ± s.
+    """Return the p-value for the difference between an upper limit and a larger value x with the standard error s.
 
-    Both intervals are widened by the same number of standard errors until they meet. The p-value of this number is an
-    upper bound, because the sum of two independent errors is larger than their root sum of squares. The upper limit of
-    the amplitude of a term is widened on the scale of its variance, and the limit of a value from the curve on a
-    logarithmic scale.
+    Both intervals are widened by the same number of standard errors until they meet. The p-value for this number is an
+    upper bound, because the sum of two independent errors is larger than the root of their sum of squares. If the
+    number is the amplitude of a term, its upper limit is widened on the scale of its square, the variance. If the
+    number is read from the Allan deviation, the limit is widened on a logarithmic scale.
     """
 
     def apart(width: float) -> bool:
@@ -282,7 +298,7 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
 
 
 def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
-    """Adjust the p-values of all tests by Holm's method."""
+    """Return the rows with p-values adjusted by Holm's method, and whether each number agrees at the level `size`."""
     adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
     return [
         row if row.pvalue is None else replace(row, adjusted=p, agrees=p > size)
@@ -296,9 +312,9 @@ def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
 def _beside(
     rows: Sequence[SharedNumber], reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[SharedNumber], tuple[str, ...]]:
-    """Add the references to the numbers; also return the references without a number."""
+    """Return the numbers with their reference values, and the keys of references for which there is no number."""
     made, unmatched = list(rows), []
-    # References of axes come last, so that they replace those of sensors.
+    # References for axes are set last, so that they replace references for sensors.
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in {row.axis for row in rows}):
         name, _, symbol = key.rpartition(".")
         axes = {row.axis: row.unit for row in rows if name in (row.axis, sensor_of(row.axis))}

@@ -17,7 +17,7 @@ _RAMP = "R"
 
 
 def verdict_of(found: Agreement) -> Remark:
-    """Make the verdict: how many numbers were compared, and how many differ."""
+    """Return the verdict, a remark that states how many numbers were compared and how many of them differ."""
     differing = len(found.disagreeing)
     state = "none" if not found.compared else "all" if not differing else "one" if differing == 1 else "some"
     return Remark.of(
@@ -27,7 +27,7 @@ def verdict_of(found: Agreement) -> Remark:
 
 
 def remarks_of(found: Agreement) -> list[Remark]:
-    """Make all remarks on an agreement, the most severe first."""
+    """Return all remarks on an agreement, the most severe first."""
     return sorted_remarks(_remarks(found))
 
 
@@ -57,7 +57,7 @@ def _name(row: SharedNumber) -> str:
 
 
 def _difference(row: SharedNumber) -> Remark:
-    """Make the remark on a number that differs: its values and its p-value."""
+    """Return the remark on a number that differs between recordings, with its values and p-value."""
     entries = [entry for entry in row.entries if entry is not None]
     unit = entries[0].in_units("datasheet")[3]
     return Remark.of(
@@ -68,7 +68,7 @@ def _difference(row: SharedNumber) -> Remark:
 
 
 def apart_text(share: float) -> str:
-    """Format the ratio of the largest to the smallest value, minus 1.
+    """Format how far the largest value is from the smallest, given their ratio minus 1.
 
     >>> apart_text(0.12), apart_text(2.0)
     ('12 % between the largest and the smallest', 'a factor of 3 between the largest and the smallest')

@@ -1,4 +1,4 @@
-"""The result of `agreement`: the numbers of several recordings of one unit, with the test of each."""
+"""Result of `agree`: the datasheet numbers of several recordings of one unit, with the test of each number."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from gmwm.remarks import Remark
 
 @dataclass(frozen=True, kw_only=True)
 class SharedNumber:
-    """One number of one axis, from several recordings.
+    """One datasheet number of one axis, as estimated from several recordings.
 
     Attributes
     ----------
     axis, symbol, title, unit : str
         Axis, symbol and title of the number, and its SI unit.
-    entries : tuple of Entry or None
-        The number of each recording; None if the recording does not have it.
+    entries : tuple of (Entry or None)
+        The number in each recording; None if the model of the recording does not have it.
     pvalue : float or None
-        p-value of the test that the recordings have the same value; None if they are not compared.
+        p-value of the test that all recordings have the same value; None if the number was not tested.
     adjusted : float or None
-        The p-value adjusted for the number of tests by Holm's method.
+        The p-value adjusted by Holm's method for the number of tests; None if the number was not tested.
     agrees : bool or None
-        Whether `adjusted` is above the size of the test; None if they are not compared.
+        Whether `adjusted` is above the significance level; None if the number was not tested.
     reason : str
-        Why they are not compared: "one recording", "models" (different ones), "kinds" (different definitions of B) or
-        "interval" (too few confidence intervals); "" if they are compared.
+        Why the number was not tested: "one recording" (only one has it), "models" (the models differ), "kinds" (B has
+        different definitions) or "interval" (fewer than two values have a confidence interval); "" if it was tested.
     reference : Reference or None
-        The value of the manufacturer.
+        The reference value, for example of the manufacturer; None if none was given.
     """
 
     axis: str
@@ -50,20 +50,20 @@ class SharedNumber:
 
     @property
     def apart(self) -> float | None:
-        """Ratio of the largest to the smallest value, minus 1; None without two values, or if the signs differ."""
+        """Ratio of the largest to the smallest value, minus 1; None for fewer than two values or a value ≤ 0."""
         values = [entry.value for entry in self.entries if entry is not None and not entry.upper_only]
         return max(values) / min(values) - 1 if len(values) > 1 and min(values) > 0 else None
 
     @property
     def ratios(self) -> tuple[float | None, ...]:
-        """Ratio of the value, or of its upper limit, to the reference, for each recording; None if one is missing."""
+        """For each recording, ratio of the value (or upper limit) to the reference; None if either is missing."""
         if self.reference is None:
             return (None,) * len(self.entries)
         shown = [None if entry is None else entry.high if entry.upper_only else entry.value for entry in self.entries]
         return tuple(None if value is None else abs(value) / self.reference.si for value in shown)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the number as numbers, lists and strings, ready for JSON."""
+        """Return all fields as plain values for JSON."""
         return {
             "axis": self.axis, "symbol": self.symbol, "title": self.title, "unit": self.unit,
             "entries": [None if entry is None else entry.to_dict() for entry in self.entries],
@@ -75,24 +75,24 @@ class SharedNumber:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Agreement(Summarised, Sequence[SharedNumber]):
-    """The numbers of several recordings of one unit, and which of them differ by more than chance.
+    """Comparison of the datasheet numbers of several recordings of one unit.
 
     Attributes
     ----------
     labels : tuple of str
         Names of the recordings.
     rows : tuple of SharedNumber
-        All numbers, axis by axis.
+        All numbers, sorted by axis.
     models : mapping of axis to tuple of (str or None)
-        The model of each recording; None if the recording does not have the axis.
+        The model of the axis in each recording; None if the recording has no model for it.
     rejected : mapping of axis to tuple of str
-        Recordings whose model is rejected by a goodness-of-fit test; their confidence intervals are too narrow.
+        Names of the recordings in which a goodness-of-fit test rejects the model. Their intervals are too narrow.
     size : float
-        Probability of a false alarm among all numbers.
+        Significance level of all tests together.
     unmatched : tuple of str
-        References for which no recording has a number.
+        Keys of the reference values for which no recording has a number.
     failed : mapping of axis to tuple of str
-        Recordings in which the axis could not be calibrated.
+        Names of the recordings in which the axis could not be calibrated.
     """
 
     labels: tuple[str, ...]
@@ -110,17 +110,17 @@ class Agreement(Summarised, Sequence[SharedNumber]):
 
     @property
     def disagreeing(self) -> tuple[SharedNumber, ...]:
-        """The numbers that differ by more than chance."""
+        """The numbers that differ between the recordings by more than chance."""
         return tuple(row for row in self.rows if row.agrees is False)
 
     @property
     def verdict(self) -> Remark:
-        """Verdict: how many numbers were compared, and how many differ."""
+        """Remark that states how many numbers were compared and how many of them differ."""
         return verdict_of(self)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Remarks on values that differ or were not compared, the most severe first."""
+        """Remarks on numbers that differ or were not compared, the most severe first."""
         return tuple(remarks_of(self))
 
     def __getitem__(self, index: Any) -> Any:
@@ -139,11 +139,11 @@ class Agreement(Summarised, Sequence[SharedNumber]):
         return iter(self.rows)
 
     def summary(self) -> str:
-        """Write the numbers side by side in datasheet units, the remarks and the reference values, 80 columns wide."""
+        """Return the comparison as text of at most 80 columns, with numbers in datasheet units, and remarks."""
         return summary(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the agreement as numbers, lists and strings, ready for JSON."""
+        """Return the comparison as plain values for JSON."""
         return {
             "labels": list(self.labels),
             "size": self.size,

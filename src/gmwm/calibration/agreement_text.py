@@ -1,4 +1,4 @@
-"""The summary of an agreement: the verdict, the numbers side by side, the remarks and the reference values."""
+"""Format an `Agreement` as text: the verdict, the numbers side by side, the remarks and the reference values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LOWEST: Literal["B"] = "B"
 
 
 def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
-    """Write the verdict, a table for each axis, the remarks and the reference values; at most 80 columns wide."""
+    """Return the verdict, a table for each axis, the remarks and the reference values as text of at most 80 columns."""
     heads, names = _heads(found)
     parts = [[*wrapped(found.verdict.text(dialect)), *names]]
     parts += [[axis, *_fitting(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models]
@@ -38,7 +38,10 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def _heads(found: Agreement) -> tuple[list[str], list[str]]:
-    """Return the heads of the columns, and the list of long names that numbers replace in them."""
+    """Return the column headings, and lines that explain them.
+
+    If the names of the recordings are too long for a table, the headings are numbers, and the lines list the names.
+    """
     if sum(len(label) + 2 for label in found.labels) <= WIDTH - 24:
         return list(found.labels), []
     numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]
@@ -46,7 +49,15 @@ def _heads(found: Agreement) -> tuple[list[str], list[str]]:
 
 
 def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[list[str]]]) -> list[str]:
-    """Make a table with a column for each recording, split into several tables if it is too wide."""
+    """Return the lines of a table with a column for each recording, split into several tables if it is too wide.
+
+    Parameters
+    ----------
+    heads : sequence of str
+        Headings of the recordings.
+    rows : callable
+        Returns the rows of the table for the headings and the range of some recordings.
+    """
     lines: list[str] = []
     for count in range(len(heads), 0, -1):
         lines = []
@@ -79,7 +90,7 @@ def _why_absent(found: Agreement, axis: str, k: int) -> str:
 
 
 def _cell(found: Agreement, row: SharedNumber, k: int) -> str:
-    """Format a number of one recording, or the reason why there is none."""
+    """Format the number in recording `k`, or the reason why there is none."""
     entry = row.entries[k]
     if entry is not None:
         return number(entry)

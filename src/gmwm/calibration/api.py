@@ -1,4 +1,4 @@
-"""Calibrate a recording: a noise model, its numbers and their uncertainty for every axis."""
+"""Calibrate recordings: choose and fit the noise model of every axis, and compute its numbers and their uncertainty."""
 
 from __future__ import annotations
 
@@ -46,21 +46,21 @@ from gmwm.signals import Imu, Signal
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
-"""Names of the steps of one axis, as `progress` reports them."""
+"""Names of the steps of the calibration of one axis, as the progress callback gets them."""
 LONGER = 10
-"""Largest number of doublings of the recording length that `needed` tries: a factor of 1024
+"""Number of times that `needed` doubles the recording length at most, which is a factor of 1024
 (tests/calibration/test_calibrate.py)."""
 
 if TYPE_CHECKING:
     from distributed import Client
 
 Data = Imu | Signal | Stream | Mapping[str, Measured]
-"""One recording."""
+"""Data of one recording."""
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Stream] | Mapping[str, Imu | Stream]
-"""Several recordings of one unit."""
+"""Data of several recordings of one unit."""
 Progress = Callable[[int, int, str], None]
-"""Progress callback: called with the number of finished steps, the number of all steps, and a description of the last
-step."""
+"""Progress callback. Its arguments are the number of finished steps, the total number of steps, and a description of
+the last step."""
 
 
 def calibrate(
@@ -94,51 +94,52 @@ def calibrate(
     ----------
     data : Imu, Signal, Stream; a list of these; or mapping of axis to Signal, WaveletVariance or Pair
         A recording of a sensor at rest, or a list (or a mapping of name to Imu or Stream) of several recordings of one
-        unit. Several recordings get one model and one fit for each axis, to the mean of their curves; intervals include
-        the spread between them. `calibration.axes[axis].replicates` compares them. The result is the same
-        for a recording in memory and a Stream, which is read in bounded memory: twice if it has more than 2.1 million
-        samples, and once more for its temperature. Only for a recording in memory, a remark names axes that share noise
-        (see `cross`). If the effect of a condition is removed, the first 0.5 million
-        samples are read again for the baseline of `Monitor`.
+        unit. For several recordings, each axis has one model, which is fitted to the mean of their curves, and the
+        intervals include the spread between them; `calibration.axes[axis].replicates` compares the recordings. A Stream
+        gives the same result as a recording in memory, but is read in chunks: twice if it has more than 2.1 million
+        samples, once more for its temperature, and once more up to 0.5 million samples for the baseline of `Monitor` if
+        the effect of a condition is removed. Only for a recording in memory, a remark names axes that share noise (see
+        `cross`).
     within : "auto", or Model, Process or str
-        "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
-        rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the
-        largest model; all models made of some of its terms are compared.
+        With "auto", gmwm searches for the model. It starts with slow noise processes, white noise and quantization
+        noise. If the goodness-of-fit test rejects these, it adds what the spectrum shows: the filter of the sensor,
+        resonances and lines. Any other value is the largest model; all models made of some of its terms are compared.
     robust : "auto", False or True
-        Whether the robust wavelet variance, which outliers do not affect, is fitted. "auto" uses it for axes with
-        knocks or motion that raise the classical curve, at the 5 % level for all axes together (see `contamination`).
-        Heavy tails are not outliers: the classical curve is fitted, and its covariance includes them. Isolated wrong
-        samples are replaced before any curve is measured. With a sinusoid in `within`, "auto"
-        always uses the classical estimate, because the robust estimate of a sinusoid differs from its theory. A
-        WaveletVariance is fitted as it is.
+        Whether the robust wavelet variance, which outliers hardly affect, is fitted. "auto" uses it for axes on which
+        knocks or motion raise the classical curve, at the 5 % level for all axes together (see `contamination`). Heavy
+        tails are not outliers: the classical curve is fitted, and its covariance includes the effect of the tails.
+        Isolated wrong samples are replaced before any curve is computed. If `within` has a sinusoid, "auto" always uses
+        the classical estimate, because the robust estimate of a sinusoid differs from its theory. If the data are a
+        WaveletVariance, it is fitted unchanged.
     weighting, criterion, draws, rng
-        As in `select`. The settings record the integer seed; for a Generator, the seed drawn from it.
+        As in `select`. The settings of the result contain the integer seed; for a Generator, a seed drawn from it.
     confidence : float
         Confidence level of the intervals, and of the set of models that `select` considers equivalent.
     efficiency : float
         Efficiency of the robust wavelet variance under Gaussian noise, relative to the classical one.
     against : "auto", "none", str, (N,) array, or mapping of name to array
-        Conditions whose effect is removed before the noise is measured. "auto": the temperature of the recording, for
-        each axis that follows it at the 5 % level. Text names the temperature or time with options, for example
-        "temperature:2,lag", "time:3" or "warmup"; a mapping has further covariates. See docs/howto/temperature.md.
+        Conditions whose effect is removed before the noise is estimated. "auto" removes the effect of the temperature
+        of the recording from each axis that follows it at the 5 % level. A string names the temperature or time with
+        options, for example "temperature:2,lag", "time:3" or "warmup". An array or a mapping has other covariates. See
+        docs/howto/temperature.md.
     gravity : float, optional
-        Local gravity (m/s²), for the bias at rest of the accelerometers; by default 9.806 ± 0.016, the range at sea
-        level.
+        Local gravity (m/s²), which determines the bias at rest of the accelerometers. Default: 9.806 ± 0.016, the range
+        at sea level.
     tilt : float, optional
-        Largest angle (°) between the vertical and the accelerometer axis next to it. Without it, only the bias of the
-        vertical axis is computed.
+        Largest possible angle (°) between the vertical and the accelerometer axis closest to it. Without it, only the
+        bias of the vertical accelerometer is computed.
     axes : str or sequence of str, optional
-        The axes to calibrate, or "gyro" or "accel" for all axes of a sensor; all axes by default.
+        The axes to calibrate; "gyro" and "accel" mean all axes of a sensor. Default: all axes.
     models : mapping of axis or sensor to Model, Process or str, optional
-        Models that are fitted without a choice, such as {"gyro_x": "2*GM + WN", "accel": "WN + RW"}. gmwm chooses the
-        models of the other axes.
+        Models that are fitted without comparing them with others, such as {"gyro_x": "2*GM + WN", "accel": "WN + RW"}.
+        gmwm chooses the models of the other axes.
     threads : int, optional
-        Number of axes that are calibrated at the same time; by default the number of processors.
+        Number of axes that are calibrated at the same time. Default: the number of processors.
     scheduler, workers : optional
         Processes that read a stream in parallel: the address or client of a Dask scheduler, or a number of local
-        processes. The fits run in this process.
+        processes. The fits run in the calling process.
     progress : function of (done, all, text), optional
-        Called after each step, and repeatedly while a stream is read, from one thread at a time.
+        Function that is called after each step, and repeatedly while a stream is read, by one thread at a time.
 
     Returns
     -------
@@ -150,8 +151,8 @@ def calibrate(
     OptionError
         If an argument is not allowed.
     DataError, ModelError
-        If no axis can be calibrated, for example because the recording has fewer than 64 samples without a gap, which
-        are fewer than four usable scales.
+        If no axis can be calibrated, for example because the recording has fewer than 64 samples without a gap and thus
+        fewer than four usable scales.
 
     References
     ----------
@@ -193,7 +194,7 @@ def calibrate_recording(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Calibrate a recording with validated options, as `calibrate` does."""
+    """Calibrate one or several recordings like `calibrate`, with options that are already validated."""
     if threads is not None:
         as_whole_number(threads, "threads", 1)
     recordings = named(data)
@@ -261,8 +262,10 @@ def _recording_remarks(
     verdicts: Mapping[str, Mapping[str, Verdict]],
     shared: Mapping[str, Sequence[SharedNoise]],
 ) -> Iterator[Remark]:
-    """Yield the remarks of the inspections. The subject names the recording unless all recordings have the same
-    remark."""
+    """Yield the remarks on the recordings from their inspections, outlier tests and shared noise.
+
+    If a remark does not apply to all recordings, its subject names the recording.
+    """
     found = {}
     for name, inspection in inspections.items():
         own = [of[name] for of in verdicts.values() if name in of]
@@ -278,12 +281,12 @@ def _recording_remarks(
 
 
 def _read(steps: _Progress, name: str, text: str) -> None:
-    """Report the progress of reading one of several recordings."""
+    """Report the progress of reading the recording `name`; "" for a single recording."""
     steps.read(f"{name}: {text}" if name else text)
 
 
 class _Progress:
-    """Progress of several threads. It reports one step at a time, and stops all threads on request."""
+    """Progress of the threads of a calibration. It reports one step at a time, and it can stop all threads."""
 
     def __init__(self, steps: int, progress: Progress | None) -> None:
         self.steps, self.progress = steps, progress
@@ -292,16 +295,16 @@ class _Progress:
         self.stopped = threading.Event()
 
     def stop(self) -> None:
-        """Request that every thread ends before its next step."""
+        """Make every thread stop before its next step."""
         self.stopped.set()
 
     def check(self) -> None:
-        """End the work of this thread if a stop is requested."""
+        """Raise KeyboardInterrupt in this thread if `stop` was called."""
         if self.stopped.is_set():
             raise KeyboardInterrupt
 
     def read(self, text: str) -> None:
-        """Report progress of reading, before the first step."""
+        """Report the progress of reading, which is not a step of its own."""
         if self.progress is not None:
             self.progress(self.done, self.steps, text)
 
@@ -316,7 +319,22 @@ class _Progress:
 
 @dataclass(frozen=True, kw_only=True)
 class _Axis:
-    """The calibration of one axis."""
+    """The work of calibrating one axis.
+
+    Attributes
+    ----------
+    name : str
+        The axis.
+    parts : mapping of recording to Part
+        The measurements of the axis in each recording.
+    options : CalibrationOptions
+        Options of this axis.
+    together : int
+        Number of axes that are tested for outliers together.
+    steps : _Progress
+    verdicts : dict of recording to Verdict
+        The outlier tests of the axis, to which `calibrated` adds its own.
+    """
 
     name: str
     parts: Mapping[str, Part]
@@ -326,7 +344,7 @@ class _Axis:
     verdicts: dict[str, Verdict]
 
     def calibrated(self) -> AxisCalibration:
-        """Calibrate the axis, and report each stage."""
+        """Calibrate the axis, and report each finished step."""
         options, stages = self.options, iter(STAGES)
         measured = measured_together(self.name, self.parts, options, comparisons=self.together)
         wv, spectrum = measured.wv, measured.spectrum
@@ -355,13 +373,16 @@ class _Axis:
             regression=regression_of(self.name, self.parts),
             left_in=None if measured.raw is None else self._left_in(fit, measured.raw),
         )
-        _ = fit.replicates  # computed here, where axes are in parallel
+        _ = fit.replicates  # This cached property is computed here, where axes are processed in parallel.
         self.steps.step(self.name, next(stages))
         return axis
 
     def _left_in(self, fit: Fit, raw: WaveletVariance) -> float | None:
-        """Return K (SI) of the model with a random walk if the effect of the conditions is not removed; None if
-        unknown."""
+        """Return K (SI) that the axis would have if the effect of the conditions were not removed; None if unknown.
+
+        The model is fitted to the curve `raw`, from which the effect is not removed. If it has no random walk, one is
+        added.
+        """
         walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
         model = fit.model if walks else Model((*fit.model.processes, RW()))
         try:
@@ -373,7 +394,7 @@ class _Axis:
 
 
 def _require_scales(wv: WaveletVariance) -> None:
-    """Raise an error if a curve has so few usable scales that no model can be chosen."""
+    """Raise a DataError if a wavelet variance has too few usable scales to choose a model."""
     scales = int(np.count_nonzero(usable_levels(wv)))
     if scales < LEAST_SCALES:
         raise DataError(
@@ -393,11 +414,11 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) for a relative standard error of 20 %, for each parameter whose error exceeds 50
-    %.
+    """Return the recording length (s) that each poorly known parameter needs for a relative standard error of 20 %.
 
-    The length of the recording is doubled up to ten times. The result is infinite if 1024 times the length does not
-    suffice, and None if a term acts as a simpler process, so that the theory cannot predict its standard error.
+    These are the parameters whose relative standard error exceeds 50 %. The length of the recording is doubled up to
+    ten times. The result is infinite if even 1024 times the length is not enough. It is None if the data cannot
+    distinguish a term from a simpler process, because theory then cannot predict the standard error.
     """
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
     poor = [name for name, share in shares if share > SEEN]

@@ -1,5 +1,4 @@
-"""Confidence intervals that include the model selection: tail areas averaged over all models that agree with the
-data."""
+"""Confidence intervals that include the uncertainty of the model choice, by averaging over models that fit the data."""
 
 from __future__ import annotations
 
@@ -18,36 +17,36 @@ from gmwm.selection.ranking import Candidate, Ranking
 LIKELY = 0.02
 """Smallest weight of a model in the average, relative to the best model (docs/validation/sensors.md)."""
 EQUIVALENT = 4.0
-"""Largest difference of criteria that is used for a model that the test finds equivalent to the best one: two such
-models differ by chance (docs/validation/sensors.md)."""
+"""Limit for the criterion of a model minus the best criterion, if the test finds the model equivalent to the best one.
+A larger difference is replaced by this limit, because it is due to chance (docs/validation/sensors.md)."""
 MOST = 5
 """Largest number of models in the average."""
 ALIKE = 5.0
-"""Largest ratio of the correlation times of two terms in different models that are treated as the same process."""
+"""Largest ratio of the correlation times of Gauss-Markov terms in two models that are treated as the same process."""
 UNKNOWN = 1e4
-"""Ratio of the ends of the interval of q_c above which a term is not determined. Its model is then no better than a
-smaller one and has no valid interval for the other numbers (docs/validation/sensors.md)."""
+"""Largest ratio of the ends of the interval of q_c for which a Gauss-Markov term counts as determined. A model with an
+undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
 _HALVINGS = 80
 _LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
 WALK = "K"
 """Symbol of the rate random walk in a datasheet."""
 SLOW = 0.01
-"""Correlation time, relative to the length of the recording, from which a Gauss-Markov term is compared with a random
-walk: at shorter times it is one, with K = q_c (docs/validation/sensors.md)."""
+"""Smallest correlation time of a Gauss-Markov term, relative to the length of the recording, for which the term is
+treated as a random walk with K = q_c (docs/validation/sensors.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """An estimate from one model, with the weight of the model.
+    """The estimate of a number from one model, with the weight of the model in the average.
 
     Attributes
     ----------
     weight : float
     value, low, high : float
-        Estimate and its interval; positive.
+        Estimate and the ends of its confidence interval, all positive.
     upper_only : bool
-        Whether only `high` is known; then the number may be zero.
+        Whether the number may be zero, so that only the upper limit `high` is valid.
     """
 
     weight: float
@@ -58,14 +57,15 @@ class Estimate:
 
 
 ABSENT = Estimate(weight=0.0, value=0.0, low=0.0, high=0.0, upper_only=True)
-"""Estimate for a model that does not include the number: zero."""
+"""Estimate of a number from a model that does not have it, which is zero."""
 
 
 def averaged_interval(estimates: Sequence[Estimate], level: float) -> tuple[float, float]:
-    """Return the interval at whose ends the averaged tail areas are (1 − level) / 2 each.
+    """Return a confidence interval of a number, averaged over several models.
 
-    The logarithm of each estimate is normal around its value, with the width of its interval. The lower end is 0 if the
-    models in which the number is zero have a larger weight than the tail area.
+    In each model, the logarithm of the number has a normal distribution whose mean and width follow from the estimate
+    and its interval. At each end of the averaged interval, the weighted mean of the tail areas of the models is
+    (1 − level) / 2. The lower end is 0 if the models in which the number is zero have more weight than this.
 
     References
     ----------
@@ -117,7 +117,7 @@ def _crossing(above: Callable[[float], float], wanted: float, first: float, last
 
 
 def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
-    """Return the models of the average, with weights exp(−difference / 2)."""
+    """Return the models to average over, with the weights exp(−Δ/2), where Δ is the criterion minus the best one."""
     found = []
     for candidate in ranking.distinct:
         difference = candidate.difference
@@ -130,10 +130,11 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
 
 
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
-    """Return the datasheet of the recommended model, with intervals that include the choice of the model.
+    """Return the datasheet of the recommended model, with intervals that include the uncertainty of the model choice.
 
-    An interval only becomes wider: it has the ends of the average where they are outside the interval of the model. A
-    number that models with a share of more than (1 − level) / 2 of the weight do not have becomes an upper limit.
+    Each interval is the union of the interval in the recommended model and the interval averaged over all models, so it
+    can only become wider. If the models without a number have more than (1 − level) / 2 of the total weight, the number
+    becomes an upper limit.
     """
     others = []
     for weight, candidate in weighted_candidates(ranking):
@@ -142,7 +143,7 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
             continue
         try:
             other = datasheet(with_quick_intervals(candidate.fit, level), level)
-        except GmwmError:  # a model without intervals says nothing about a number
+        except GmwmError:  # A model without intervals gives no information about a number.
             continue
         if _determined(other):
             others.append((weight, other))
@@ -152,8 +153,15 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
 
 
 def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Datasheet:
-    """Return the datasheet with intervals, from the spectrum, of the numbers that describe its shape, by their relative
-    standard errors."""
+    """Return the datasheet with intervals for the numbers that were estimated from the spectrum, such as f_b.
+
+    Parameters
+    ----------
+    sheet : Datasheet
+    errors : mapping of symbol to float
+        Relative standard errors of these numbers. In the fit they were fixed, so that they have no interval yet.
+    level : float
+    """
     reach = NormalDist().inv_cdf((1 + level) / 2)
 
     def known(entry: Entry) -> Entry:
@@ -166,7 +174,7 @@ def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Da
 
 
 def _determined(sheet: Datasheet) -> bool:
-    """Return whether the driving noise of every Gauss-Markov term is determined."""
+    """Return whether the interval of q_c of every Gauss-Markov term is narrow enough (see `UNKNOWN`)."""
     driving = [entry for entry in sheet.values() if _base(entry.symbol) == _TIMES[1] and not entry.upper_only]
     return all(entry.low and entry.high and entry.high <= UNKNOWN * entry.low for entry in driving)
 
@@ -196,8 +204,11 @@ def _base(symbol: str) -> str:
 
 
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
-    """Return the entry of another model for the same number; Gauss-Markov terms are matched by their correlation
-    times."""
+    """Return the entry for the same number in the datasheet of another model; None if there is none.
+
+    Gauss-Markov terms are matched by their correlation times. A random walk is matched with a slow Gauss-Markov term if
+    the other model has no random walk.
+    """
     base = _base(entry.symbol)
     if base == WALK and (entry.symbol not in other or other[entry.symbol].upper_only):
         return _slowest(other, sheet.samples / sheet.rate) or other.get(entry.symbol)
@@ -214,27 +225,28 @@ def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> 
 
 
 def _slowest(other: Mapping[str, Entry], duration: float) -> Entry | None:
-    """Return q_c of the slowest Gauss-Markov term if this term is a random walk at most scales of the recording."""
+    """Return q_c of the slowest Gauss-Markov term; None if the term is too fast to be treated as a random walk."""
     slow = _slow({symbol: e.value for symbol, e in other.items() if _base(symbol) == _TIMES[0]}, duration)
     symbol = max(slow, key=slow.__getitem__, default=None)
     return None if symbol is None else other.get(_TIMES[1] + symbol.removeprefix(_TIMES[0]))
 
 
 def _slow(times: Mapping[str, float], duration: float) -> dict[str, float]:
-    """Return the correlation times (s) of terms that are a random walk at most scales of a recording."""
+    """Return only those correlation times (s) that are long enough to treat the term as a random walk (see `SLOW`)."""
     return {name: time for name, time in times.items() if time >= SLOW * duration}
 
 
 def is_walk(process: Process, rate: float) -> bool:
-    """Return whether a process is described by K."""
+    """Return whether a process has the datasheet number K, like a random walk."""
     return any(number.symbol == WALK for number in process.physical(rate))
 
 
 def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
-    """Return the correlation time (s) of a Gauss-Markov process that fits the data as well as the random walk; None if
-    there is none.
+    """Return the correlation time (s) of a Gauss-Markov process that could replace the random walk of the model.
 
-    K must be known, and the correlation time must lie between 1 % of the length of the recording and the full length.
+    The process belongs to another model that fits the data as well, and its correlation time is between 1 % and 100 %
+    of the length of the recording. The result is None if there is no such process, or if the datasheet has no value for
+    K.
     """
     walk, duration = sheet.get(WALK), sheet.samples / sheet.rate
     if walk is None or walk.upper_only or walk.held:
@@ -255,7 +267,11 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
 def averaged_intervals(
     fit: Fit, intervals: Mapping[str, tuple[float, float]], sheet: Datasheet
 ) -> dict[str, tuple[float, float]]:
-    """Widen the interval of each parameter to contain the interval of the datasheet number computed from it."""
+    """Return the intervals of the parameters, widened so that they include the uncertainty of the model choice.
+
+    If a datasheet number is computed from a single parameter, the interval of the parameter is widened until it
+    corresponds to at least the interval of the number.
+    """
     rate, found = fit.wavelet_variance.rate, dict(intervals)
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for number in process.physical(rate) if process.scale > 0 else ():
@@ -276,7 +292,7 @@ def averaged_intervals(
 
 
 def _scaled(value: float, ratio: float, power: float) -> float:
-    """Compute value · ratio^power, also for a ratio of zero or infinity, and for a result out of range."""
+    """Return value · ratio^power. The ratio may be 0 or infinite, and the result is infinite if it would overflow."""
     if ratio <= 0 or math.isinf(ratio):
         return math.inf if (ratio <= 0) == (power < 0) else 0.0
     exponent = power * math.log(ratio)

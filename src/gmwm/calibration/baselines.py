@@ -1,4 +1,4 @@
-"""Measure the baseline of each calibrated axis, with which a monitor compares later samples."""
+"""Compute the baseline of each calibrated axis, with which a monitor compares later samples."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ def with_baselines(
     recordings: Mapping[str, Any],
     threads: int | None,
 ) -> dict[str, AxisCalibration]:
-    """Add the baseline of each axis that was calibrated from samples.
+    """Return the calibrations with the baseline of each axis that was calibrated from samples.
 
-    Isolated wrong samples and knocks are replaced, as they are for the calibration: a monitor is to report them. The
-    effect of conditions is not removed, because a monitor does not remove it.
+    As in the calibration, isolated wrong samples and knocks are replaced, because they are not part of the normal noise
+    and a monitor must report them. The effect of conditions is not removed, because a monitor does not remove it
+    either.
 
     Parameters
     ----------
     done : mapping of axis to AxisCalibration
     parts : mapping of axis to mapping of recording to Part
-        The measurements, which keep the first samples.
+        The measurements, which contain the first samples.
     recordings : mapping of name to Imu, Signal, Stream, or mapping of axis to Signal
-        What was calibrated. With several recordings, the baseline is measured in all of them.
+        The recordings that were calibrated. If there are several, a baseline is computed from all of them together.
     threads : int or None
-        Number of axes that are measured at the same time.
+        Number of axes that are processed at the same time.
     """
     kept = {
         (axis, name): part.item.beginning
@@ -64,14 +65,14 @@ def with_baselines(
         try:
             baseline = Baseline.of(found.fit.model, segments, signals[0].rate)
         except (DataError, ModelError):
-            return found  # too short, or without a filter: the monitor says so
+            return found  # too short, or the model has no Kalman filter; the monitor reports it
         return replace(found, baseline=baseline)
 
     return in_threads(work, done, threads=threads)
 
 
 def _first_samples(data: Any) -> Mapping[str, Signal]:
-    """Return the signals of a recording up to the batch with the last sample of a baseline."""
+    """Return the signals of a recording by axis, at least up to the last sample that a baseline needs."""
     if isinstance(data, Imu | Stream):
         parts: list[Batch] = []
         for batch in batches(data):

@@ -17,16 +17,18 @@ from gmwm.variance.result import WaveletVariance
 def chosen_model(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *, check: Callable[[], None]
 ) -> Searched:
-    """Search for a model, select within the sum that the user gave, or use the model that the user gave.
+    """Choose the model of one axis as the options say.
+
+    gmwm searches for the model, selects among the parts of a largest model, or uses the model that the user gave.
 
     Parameters
     ----------
     wv : WaveletVariance
     spectrum : PowerSpectrum or None
     options : CalibrationOptions
-        Of the axis.
+        Options of this axis.
     check : function
-        Called between steps; it may raise to end the search.
+        Function that is called between steps. It can raise an exception to stop the search.
     """
     if options.models:
         return given_model(options.general, wv, options.ranking)
@@ -37,13 +39,13 @@ def chosen_model(
 
 
 def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model with weights that have converged, and certify the optimum.
+    """Fit a model, repeating the fit until its weights have converged, and certify the optimum.
 
-    It issues no warnings, because threads share the filters of Python's warnings. Remarks are in the fit.
+    The function issues no Python warnings, because threads share the warning filters. The fit contains the remarks.
     """
     return as_fit(settle(model, wv, weighting, certify=True), wv, weighting)
 
 
 def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) -> Fit:
-    """Fit a model as `calibrate` fits the model that the user gave, without its ranking."""
+    """Fit a given model in the same way as `calibrate` does for its argument `models`, without a ranking."""
     return final_fit(model, given_curve(model, wv, options.weighting), options.weighting)

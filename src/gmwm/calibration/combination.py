@@ -1,4 +1,4 @@
-"""Put the calibrations of sensors with different clocks into one calibration of the unit."""
+"""Combine the calibrations of sensors with different clocks into one calibration of the unit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def combined(calibrations: Sequence[Calibration]) -> Calibration:
-    """Return one calibration with the axes of all: see `Calibration.combined`."""
+    """Return one calibration with the axes of all given calibrations. `Calibration.combined` describes the rules."""
     first = calibrations[0]
     if len(calibrations) == 1:
         return first
@@ -49,6 +49,6 @@ def combined(calibrations: Sequence[Calibration]) -> Calibration:
 
 
 def _name(calibration: Calibration) -> str:
-    """Name a recording by its topic, or by its file or source."""
+    """Return a name for the recording of a calibration: its topic, its source, or its axes."""
     topics = [str(r.facts["topic"]) for r in calibration.recording_remarks if r.code == "topic-read"]
     return topics[0] if len(topics) == 1 else calibration.source or " ".join(calibration.axes)

@@ -1,4 +1,4 @@
-"""Input of `calibrate`: the recordings by name, and the axes of each."""
+"""Check the input of `calibrate`, and return the recordings by name and the data of their axes."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
 
 
 def named(data: Any) -> dict[str, Any]:
-    """Return the recordings by name; a single recording has the name "".
+    """Return the recordings by name. A single recording has the name "".
 
-    Names are the keys of a mapping of recordings. Those of a list are the names of the files without extension, or
-    numbers if these are not unique.
+    The keys of a mapping of recordings are their names. Recordings in a list are named after their files without
+    extension, or numbered if these names are not unique.
 
     Raises
     ------
     OptionError
-        If an item of a list is not a recording.
+        If a list is empty, or one of its items is not a recording.
     """
     if isinstance(data, Mapping) and len(data) > 1 and all(isinstance(item, Imu | Stream) for item in data.values()):
         return dict(data)
@@ -53,7 +53,7 @@ def named(data: Any) -> dict[str, Any]:
 
 
 def require_one(options: CalibrationOptions, **processes: object) -> None:
-    """Raise an error for options that need a single recording."""
+    """Raise an OptionError if an option is set that can be used with a single recording only."""
     for name, value in processes.items():
         if value is not None:
             raise OptionError(
@@ -68,7 +68,13 @@ def require_one(options: CalibrationOptions, **processes: object) -> None:
 
 
 def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
-    """Return the data of each axis to calibrate; None for the axes of a stream, which is not read yet."""
+    """Return the data of each axis to calibrate; None for each axis of a stream, which is read later.
+
+    Raises
+    ------
+    OptionError
+        If the data have a wrong type, an axis is unknown, or a unit does not belong to the sensor of its axis.
+    """
     items: dict[str, Measured | None]
     if isinstance(data, Signal):
         items = {data.axis or "signal": data}
@@ -104,7 +110,7 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measu
 
 
 def _check_unit(axis: str, unit: str) -> None:
-    """Raise an error if the name and the unit of an axis belong to different sensors."""
+    """Raise an OptionError if the name and the unit of an axis belong to different sensors."""
     known = find_unit(unit)
     named = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
     if known is not None and named is not None and known.quantity != named:
@@ -116,19 +122,19 @@ def _check_unit(axis: str, unit: str) -> None:
 
 
 def require_axes(models: Mapping[str, object], axes: Sequence[str]) -> None:
-    """Raise an error if a model is given for an axis or a sensor that is not calibrated."""
+    """Raise an OptionError if a model is given for an axis or sensor that is not calibrated."""
     for name in models:
         if name not in axes and name not in map(sensor_of, axes):
             raise OptionError(argument="models", expected=f"models of some of {', '.join(axes)}", got=name)
 
 
 def common_axes(chosen: Mapping[str, Mapping[str, object]]) -> tuple[list[str], dict[str, str]]:
-    """Return the axes that all recordings have, and for the other axes the reason why they are not calibrated.
+    """Return the axes that all recordings have, and for each other axis the reason why it is not calibrated.
 
     Raises
     ------
     DataError
-        If there is no such axis.
+        If the recordings have no axis in common.
     """
     every = list(dict.fromkeys(axis for axes in chosen.values() for axis in axes))
     lacking = {axis: [name for name, axes in chosen.items() if axis not in axes] for axis in every}

@@ -34,7 +34,7 @@ from gmwm.spectrum import PowerSpectrum
 
 FORMAT = "gmwm-calibration"
 VERSION = 2
-"""Version of the document. gmwm reads this version only; a new key alone does not change the version."""
+"""Version of the format. gmwm reads only this version. Adding a key to the format does not change the version."""
 
 T = TypeVar("T")
 
@@ -47,14 +47,14 @@ _AXIS_PARTS: Mapping[str, type | UnionType] = {
     "regression": Mapping | NoneType, "left_in": float | NoneType,
     "spectrum": Mapping | NoneType, "misfit": Mapping | NoneType, "model_error": float, "tried": list,
 }  # fmt: skip
-"""Parts of a document and of its axes, with the type of each."""
+"""Required keys of the document and of the entry of an axis, with the type of each value."""
 
 _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
-"""Strings for the numbers that JSON cannot represent."""
+"""Strings that replace the numbers that JSON cannot represent."""
 
 
 def document(found: Calibration) -> dict[str, Any]:
-    """Return a calibration as dicts, lists, numbers and strings, as in the file."""
+    """Return a calibration as the dicts, lists, numbers and strings that are written to calibration.json."""
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -95,12 +95,12 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
 
 
 def calibration(content: Any) -> Calibration:
-    """Make a calibration from a document.
+    """Return the calibration that a document contains.
 
     Raises
     ------
     ReadError
-        If the document is of another format or of another version, or if a part is missing or wrong.
+        If the document has another format or version, or if a part of it is missing or wrong.
     """
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
         raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"', advice=AGAIN)
@@ -168,7 +168,7 @@ def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
 
 
 def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:
-    """Raise an error if a part is missing or of the wrong type."""
+    """Raise a ReadError if a required key is missing or its value has the wrong type. `where` names the mapping."""
     for key, kind in parts.items():
         if key not in content:
             raise ReadError(f"the calibration is incomplete: {where} has no {key!r}", advice=AGAIN)
@@ -201,12 +201,12 @@ def _read(what: str, read: Callable[[], T]) -> T:
 
 
 def as_text(content: Mapping[str, Any]) -> str:
-    """Write the document as JSON text."""
+    """Return the document as JSON text."""
     return json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 
 
 def read_text(path: str | os.PathLike[str]) -> Any:
-    """Read the document of a file.
+    """Read the document in a calibration.json.
 
     Raises
     ------
@@ -225,7 +225,7 @@ def read_text(path: str | os.PathLike[str]) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Replace tuples and arrays by lists, and infinite numbers and NaN by strings."""
+    """Return a value with lists instead of tuples and arrays, and strings instead of NaN and infinite numbers."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -238,7 +238,7 @@ def _plain(value: Any) -> Any:
 
 
 def _numbers(value: Any) -> Any:
-    """Replace the strings of `_NUMBERS` by numbers."""
+    """Return a value with numbers instead of the strings of `_NUMBERS`."""
     if isinstance(value, Mapping):
         return {key: _numbers(item) for key, item in value.items()}
     if isinstance(value, list):

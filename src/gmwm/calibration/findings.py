@@ -1,4 +1,4 @@
-"""The remarks on a calibration, and its verdict: whether the numbers can be used."""
+"""Remarks on a calibration, and the verdict whether its numbers can be used."""
 
 from __future__ import annotations
 
@@ -27,27 +27,30 @@ if TYPE_CHECKING:
     from gmwm.variance import WaveletVariance
 
 SIZE = 0.05
-"""Level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
+"""Significance level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
 SCALES = 7
-"""Number of usable scales below which no number of a calibration can be used. With fewer, the selection misses one of
-two terms that cross at a scale of 16 samples in more than half of the recordings (tests/calibration/test_short.py)."""
+"""Smallest number of usable scales for which the numbers of a calibration can be used. With fewer scales, the selection
+misses one of two terms, whose curves cross at a scale of 16 samples, in more than half of the recordings
+(tests/calibration/test_short.py)."""
 LEAST_SCALES = 4
-"""Number of usable scales below which a recording is refused. With fewer, the selection recommends a model other than
-white noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
+"""Smallest number of usable scales for which a recording is calibrated. With fewer scales, the selection recommends a
+model other than white noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
 WANTED = 0.2
-"""Relative standard error for which recording lengths are recommended (tests/calibration/test_calibrate.py)."""
+"""Relative standard error that the recommended recording lengths achieve (tests/calibration/test_calibrate.py)."""
 CLOSE = 0.05
-"""Largest relative misfit, over the scales with more than 30 degrees of freedom, at which a rejected model is used.
-Numbers are square roots of variances, so their error is about half of it (docs/validation/sensors.md)."""
+"""Largest relative misfit for which a rejected model can still be used. The misfit is taken over the scales with more
+than 30 degrees of freedom. Datasheet numbers are square roots of variances, so their relative error is about half of
+the misfit (docs/validation/sensors.md)."""
 LARGE = 1.5
-"""Ratio of model and data above which the model does not describe the data (tests/calibration/test_misfit.py)."""
+"""Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
+describe the data (tests/calibration/test_misfit.py)."""
 
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
-    """Make all remarks on a calibration, the most severe ones first."""
+    """Return all remarks on a calibration, the most severe first."""
     found = [*calibration.recording_remarks, *_failed(calibration), *_of_recording(calibration)]
     found += equality_remarks(calibration)
     bad = set(rejected(calibration))
@@ -57,7 +60,7 @@ def remarks_of(calibration: Calibration) -> list[Remark]:
 
 
 def verdict_of(calibration: Calibration) -> Remark:
-    """Make the verdict on whether the calibration can be used: the headline of the summary and of the report."""
+    """Return the verdict whether the calibration can be used, with which the summary and the report begin."""
     lost = unusable(calibration)
     worst = gravest(remark for remark in calibration.remarks if remark.subject not in lost)
     state = "wrong" if worst is not None and worst <= Severity.WRONG else "cautions"
@@ -78,7 +81,7 @@ def unusable(calibration: Calibration) -> list[str]:
 
 
 def rejected(calibration: Calibration) -> list[str]:
-    """Return the axes whose recommended model a goodness-of-fit test rejects, at 5 % for all axes together."""
+    """Return the axes whose recommended model is rejected by a goodness-of-fit test at the 5 % level for all axes."""
     tests = {axis: found.test for axis, found in calibration.axes.items() if found.test is not None}
     return [axis for axis, test in tests.items() if test.pvalue < SIZE / len(tests)]
 
@@ -89,7 +92,7 @@ def _failed(calibration: Calibration) -> Iterator[Remark]:
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
-    """Yield remarks on the longest usable scale, and on a recording that is too short for a test."""
+    """Yield remarks on the longest usable scale, and on recordings that are too short for a goodness-of-fit test."""
     shapes: dict[tuple[int, float], dict[str, WaveletVariance]] = {}
     for axis, found in calibration.axes.items():
         wv = found.fit.wavelet_variance
@@ -102,7 +105,7 @@ def _of_recording(calibration: Calibration) -> Iterator[Remark]:
 
 
 def equality_remarks(calibration: Calibration) -> list[Remark]:
-    """Report whether the recordings of each axis agree, with p-values adjusted for the number of axes."""
+    """Return a remark for each axis on whether its recordings agree, with p-values adjusted by Holm's method."""
     every = {axis: one.replicates for axis, one in calibration.axes.items()}
     known = {axis: one for axis, one in every.items() if one is not None}
     pvalues = holm([one.pvalue for one in known.values()]).tolist() if known else []
@@ -131,7 +134,7 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
 
 
 def _rejection(axis: str, found: AxisCalibration) -> Remark:
-    """Make the remark on a rejected model, depending on its largest distance from the data."""
+    """Return the remark on a rejected model, which depends on its largest distance from the data."""
     misfit = found.misfit
     if misfit is not None and misfit.largest <= CLOSE:
         return Remark.of("model-close", axis, largest=100 * misfit.largest, error=100 * found.model_error)
@@ -149,8 +152,7 @@ def _rejection(axis: str, found: AxisCalibration) -> Remark:
 
 
 def _of_coarse_levels(axis: str, found: AxisCalibration) -> Iterator[Remark]:
-    """Yield a remark if the model disagrees with the data at the coarsest scales more than simulated recordings of it
-    do."""
+    """Yield a remark if the model is farther from the data at the coarsest scales than chance explains."""
     wv, misfit = found.fit.wavelet_variance, found.misfit
     if misfit is None:
         return
@@ -209,13 +211,13 @@ def _of_replaced(axis: str, replaced: Replaced, wv: WaveletVariance) -> Iterator
 
 
 def _excess(verdict: Verdict) -> dict[str, Fact]:
-    """Return the largest excess of the classical over the robust wavelet variance, and its scale."""
+    """Return the largest excess of the classical over the robust wavelet variance, and its scale, as facts."""
     worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
     return {"excess": excess_text(float(verdict.excess[worst])), "tau": Quantity(float(verdict.tau[worst]), "s")}
 
 
 def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
-    """Make the remark on parameters with a large standard error, with the recording length for a smaller one."""
+    """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it."""
     finite = [seconds for seconds in needed.values() if seconds is not None and math.isfinite(seconds)]
     lengths = ""
     if finite:
@@ -238,7 +240,7 @@ def _longest_scale(wv: WaveletVariance) -> Remark:
 
 
 def _longest_unbroken(wv: WaveletVariance) -> float:
-    """Return the longest usable scale (s) of a recording with the same number of samples and no gap."""
+    """Return the longest scale (s) that could be used if the recording had the same number of samples but no gaps."""
     levels = np.arange(1, wv.samples.bit_length())
     whole = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
     usable = levels[usable_in(whole)]

@@ -1,4 +1,4 @@
-"""The measurements of a calibration: wavelet variances, wrong samples and tails, spectra, and the inspection."""
+"""Compute what a calibration needs from the samples: wavelet variances, outliers, spectra, and the inspection."""
 
 from __future__ import annotations
 
@@ -47,20 +47,20 @@ if TYPE_CHECKING:
 
 
 BEGINNING = 1 << 19
-"""Largest number of samples for the baseline of a monitor; the first samples are used: 1.5 h at 100 Hz. The scatter of
-every chart is then known to some percent."""
+"""Number of samples at the beginning of a recording that are used for the baseline of a monitor (1.5 h at 100 Hz). With
+them, the standard deviation of every chart statistic is known to a few per cent."""
 
 
 def clean(signal: Signal) -> Signal:
-    """Replace the isolated wrong samples and the knocks of a signal."""
+    """Return a signal with its isolated wrong samples and knocks replaced."""
     return cleaned(signal).signal
 
 
 class Pair(NamedTuple):
-    """The classical and the robust wavelet variance of one axis, with the screen of its samples and its spectrum if the
-    samples were read.
+    """The classical and the robust wavelet variance of one axis.
 
-    `other` is the robust wavelet variance with `other_efficiency`, if the samples were read.
+    If the samples were read, it also has the result of the outlier screening (`screen`), the spectrum, and a function
+    (`other`) that returns the robust wavelet variance with the efficiency `other_efficiency`.
     """
 
     classical: WaveletVariance
@@ -76,8 +76,7 @@ class Pair(NamedTuple):
 
 
 class AxisSamples:
-    """Statistics of the samples of one axis besides the wavelet variance: wrong samples, bursts and tails, and the
-    spectrum."""
+    """Statistics of the samples of one axis other than wavelet variances: outliers, distribution tails and spectrum."""
 
     def __init__(self, rate: float, unit: str, axis: str) -> None:
         self._screening = Screening(rate)
@@ -85,26 +84,26 @@ class AxisSamples:
         self._replaced = Replaced()
 
     def clean(self, signal: Signal) -> Signal:
-        """Replace the isolated wrong samples and the knocks of a batch, and count them."""
+        """Return a batch with its isolated wrong samples and knocks replaced, and count them."""
         found = cleaned(signal)
         self._replaced += found.replaced
         return found.signal
 
     def update(self, signal: Signal, continues: bool) -> None:
-        """Add samples."""
+        """Add a batch of samples. `continues` says whether it follows the previous batch without a gap."""
         for one in (self._screening, self._spectrum):
             feed(one, signal, continues)
 
     def screen(self) -> Screen:
-        """Return bursts, wrong samples and tails."""
+        """Return the bursts, the wrong samples and the tails of the distribution that were found."""
         return self._screening.result(replaced=self._replaced)
 
     def spectrum(self) -> PowerSpectrum | None:
-        """Return the spectrum, smoothed except at lines; None if there are too few samples."""
+        """Return the power spectrum, smoothed except at lines; None if there are too few samples."""
         return self.spectrum_with(())
 
     def spectrum_with(self, others: Sequence[AxisSamples]) -> PowerSpectrum | None:
-        """Return the spectrum of this and of other recordings together."""
+        """Return the power spectrum of this and other recordings together; None if there are too few samples."""
         whole = self._spectrum
         for other in others:
             whole = whole.beside(other._spectrum)
@@ -115,22 +114,23 @@ class AxisSamples:
 
 
 class AxisMeasurement:
-    """All measurements of one axis. The wavelet variances may need a second pass.
+    """All measurements of one axis. The wavelet variances may need a second pass over the samples.
 
     Parameters
     ----------
-    curves, samples
-        Empty, or of all samples.
+    curves : AxisCurves
+    samples : AxisSamples
+        Accumulators of the wavelet variances and of the other statistics, either empty or with all samples.
     turn : context manager
-        Held while the curves are computed. Several axes of a stream share a lock, so that only one of them at a time
-        needs the memory for this.
+        Context in which the wavelet variances are computed. The axes of a stream share a lock as context, so that only
+        one axis at a time needs the memory for this.
     keep : bool
-        Whether to keep all samples, without the isolated wrong samples and the knocks, until they are taken.
+        Whether to keep all samples, with isolated wrong samples and knocks replaced, until `taken` is called.
 
     Attributes
     ----------
     beginning : Signal or None
-        The first `BEGINNING` samples, without the isolated wrong samples and the knocks; None before the first batch.
+        The first `BEGINNING` samples, with isolated wrong samples and knocks replaced; None before the first batch.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class AxisMeasurement:
         return self.curves.first.unit
 
     def clean(self, signal: Signal) -> Signal:
-        """Replace the isolated wrong samples and the knocks of a batch, and count them."""
+        """Return a batch with its isolated wrong samples and knocks replaced, and count them."""
         found = self.samples.clean(signal)
         have = 0 if self.beginning is None else len(self.beginning)
         if have < BEGINNING:
@@ -154,7 +154,7 @@ class AxisMeasurement:
             if self.beginning is not None:
                 first = _continued(self.beginning, first)
             elif len(first) < len(found):
-                # A copy: a part of the array would keep all of it.
+                # Copy the values, because a view would keep the whole array in memory.
                 first = replace(first, values=first.values.copy())
             self.beginning = first
         if self.keep:
@@ -162,33 +162,33 @@ class AxisMeasurement:
         return found
 
     def taken(self) -> Vector:
-        """Return the samples that were kept, and release them."""
+        """Return the samples that were kept, and free their memory."""
         kept, self._kept = self._kept, []
         return kept[0] if len(kept) == 1 else freeze(np.concatenate(kept))
 
     def update(self, signal: Signal, continues: bool) -> None:
-        """Add samples in the first pass."""
+        """Add a batch of the first pass. `continues` says whether it follows the previous batch without a gap."""
         self.curves.update(signal, continues)
         self.samples.update(signal, continues)
 
     def release(self) -> None:
-        """Release the samples and sums when the results are known; the first samples are kept."""
+        """Free the memory of the accumulators when the results are known. The first samples are kept."""
         del self.curves, self.samples
 
     def pair(self, efficiency: float) -> Pair:
-        """Return the wavelet variances, the screen and the spectrum."""
+        """Return the wavelet variances, the outlier screening and the spectrum."""
         return pair_of(self.curves, self.samples.screen(), self.samples.spectrum(), efficiency)
 
 
 def _continued(before: Signal, after: Signal) -> Signal:
-    """Return two consecutive parts of a signal as one. They are one segment where no time passes between them."""
+    """Return two consecutive parts of a signal as one signal, joined without a gap if no sample is missing between."""
     begin, end = before.segments[-1]
     follows = before.starts[-1] + (end - begin) / before.rate
     return end_to_end([before, after], [False, abs(after.starts[0] - follows) < 0.5 / before.rate])
 
 
 def pair_of(curves: AxisCurves, screen: Screen, spectrum: PowerSpectrum | None, efficiency: float) -> Pair:
-    """Combine the results of one axis."""
+    """Return the `Pair` of one axis from its accumulated curves, its outlier screening and its spectrum."""
 
     def other() -> WaveletVariance:
         return curves.first.result(robust=True, efficiency=other_efficiency(efficiency))
@@ -202,11 +202,11 @@ Measured = Signal | WaveletVariance | Pair | AxisMeasurement
 def measured_axis(
     item: Measured, options: CalibrationOptions, *, comparisons: int = 1
 ) -> tuple[WaveletVariance, Verdict | None, PowerSpectrum | None]:
-    """Return the wavelet variance of an axis to fit, the test for outliers, and the spectrum.
+    """Return the wavelet variance of an axis to fit, the result of the outlier test, and the spectrum.
 
-    Isolated wrong samples and knocks are replaced before anything is measured. With robust="auto", the robust curve is
-    used if bursts that are left (motion, too many knocks) raise the classical one. A classical curve carries the
-    covariance that heavy tails add. A robust curve is compared with one of another efficiency.
+    Isolated wrong samples and knocks are replaced before anything is computed. With robust="auto", the robust curve is
+    returned if remaining bursts (motion, or too many knocks) raise the classical curve. A classical curve includes the
+    additional covariance from heavy tails. A robust curve is compared with a robust curve of another efficiency.
 
     Parameters
     ----------
@@ -219,14 +219,14 @@ def measured_axis(
     -------
     wv : WaveletVariance
     verdict : Verdict or None
-        None for a WaveletVariance, which is fitted as it is.
+        Result of the outlier test; None if `item` is a WaveletVariance, which is fitted unchanged.
     spectrum : PowerSpectrum or None
-        Smoothed away from lines; None for a WaveletVariance, and for a recording that is too short.
+        Power spectrum, smoothed except at lines; None if `item` is a WaveletVariance, or the recording is too short.
 
     Raises
     ------
     DataError
-        If the robust curve is required, but `item` is a classical one.
+        If the options require the robust curve, but `item` is a classical WaveletVariance.
     """
     if isinstance(item, WaveletVariance):
         if options.robust is True and not item.robust:
@@ -243,7 +243,7 @@ def measured_axis(
             found = measured_axis(item.pair(options.efficiency), options, comparisons=comparisons)
             item.release()
         return found
-    # With a screen, heavy tails raise no alarm, so that a smaller excess counts.
+    # The screening accounts for heavy tails, so a smaller excess of the classical curve is significant.
     tolerance = TOLERANCE if item.screen is None else MATERIAL
     verdict = contamination(
         (item.classical, item.robust), comparisons=comparisons, tolerance=tolerance, screen=item.screen
@@ -258,7 +258,10 @@ def measured_axis(
 
 
 class RecordingMeasurement(NamedTuple):
-    """The measurements of the axes of a recording, its inspection, and the noise that axes share if it is in memory."""
+    """The measurements of the axes of a recording, its inspection, and the noise that its axes share.
+
+    Shared noise is only estimated for recordings in memory.
+    """
 
     axes: Mapping[str, AxisMeasurement | Pair]
     inspection: Inspection
@@ -276,23 +279,23 @@ def measured_recording(
     progress: Callable[[str], None] | None = None,
     conditions: Conditions = NOTHING,
 ) -> RecordingMeasurement:
-    """Measure some axes of a recording and inspect all axes, in the same passes.
+    """Measure some axes of a recording and inspect all of its axes, in the same passes over the samples.
 
     Parameters
     ----------
     recording : Imu or Stream
     axes : sequence of str
-        Axes that are calibrated.
+        Axes to measure for a calibration.
     options : CalibrationOptions
     threads : int, optional
         Number of axes that are measured at the same time.
     scheduler, workers : optional
-        Processes that read a stream, as in `calibrate`. One of them inspects while the others measure.
+        Processes that read a stream, as in `calibrate`. One of them runs the inspection while the others measure.
     progress : callable, optional
-        Called with a description after each chunk.
+        Function that is called with a description after each chunk.
     conditions : Conditions
-        What is removed from the samples before they are measured. The inspection sees them as they are, except for the
-        test for trends.
+        Effects that are removed from the samples before they are measured. The inspection uses the samples without this
+        removal, except in its test for trends.
     """
     if isinstance(recording, Stream) and (scheduler is not None or workers is not None):
         return _spread(
@@ -316,7 +319,7 @@ def curves_and_inspection(
     progress: Callable[[str], None] | None = None,
     conditions: Conditions = NOTHING,
 ) -> tuple[dict[str, WaveletVariance], Inspection]:
-    """Measure the wavelet variance of some axes of a recording, and inspect all axes, in the same passes.
+    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes over the samples.
 
     Parameters
     ----------
@@ -354,7 +357,10 @@ def _measure(
     inspector: FirstPass | None = None,
     conditions: Conditions = NOTHING,
 ) -> dict[str, AxisMeasurement]:
-    """Run the first pass over a recording, and the second pass if nothing else needs it."""
+    """Run the first pass over a recording, and without an `inspector` also the second pass.
+
+    If there is an inspector, the caller runs the second pass together with the inspection.
+    """
     recording = batches.recording
     curves = curves_of(recording, axes, efficiency=options.efficiency, change=clean)
     turn = nullcontext() if isinstance(recording, Imu) else Lock()
@@ -370,8 +376,10 @@ def _measure(
 
 
 def _shared(recording: Imu | Streamed, measured: Mapping[str, AxisMeasurement]) -> tuple[SharedNoise, ...]:
-    """Return the noise that the axes of a recording in memory share, without the effect of the conditions, isolated
-    wrong samples and knocks."""
+    """Return the noise that the axes of a recording in memory share; nothing for a stream or a single axis.
+
+    The effect of the conditions is removed, and isolated wrong samples and knocks are replaced, before it is estimated.
+    """
     if not isinstance(recording, Imu) or len(measured) < 2:
         return ()
     return shared_noise({axis: replace(recording[axis], values=one.taken()) for axis, one in measured.items()})
@@ -401,7 +409,7 @@ def _second_pass(
     *,
     conditions: Conditions = NOTHING,
 ) -> None:
-    """Complete the wavelet variances that need a second pass, together with the inspection."""
+    """Run the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
     again = {axis: one for axis, one in curves.items() if one.begin_again()}
     if again or also:
         measure(map(conditions.batch, shown(batches, also)), again, threads)
@@ -417,7 +425,7 @@ def _inspected(
 
 
 def _reported(recording: Imu | Streamed, progress: Callable[[str], None] | None) -> Batches:
-    """Return the batches of a recording; progress is reported after each chunk of a file."""
+    """Return the batches of a recording. For a stream, the progress is reported after each chunk."""
     if progress is None or isinstance(recording, Imu):
         return Batches(recording)
 
@@ -433,7 +441,7 @@ def _reported(recording: Imu | Streamed, progress: Callable[[str], None] | None)
 
 
 def _both(stream: Stream, progress: Callable[[str], None] | None) -> Callable[[int], None] | None:
-    """Return a function that reports the number of samples that workers have read in both passes."""
+    """Return a function that reports how many samples the workers have read in both passes; None without progress."""
     return None if progress is None else lambda n: progress(f"both passes: {duration_text(n / stream.rate)}")
 
 
@@ -441,7 +449,7 @@ def _spread(
     stream: Stream, axes: Sequence[str], options: CalibrationOptions, *, scheduler: str | Client | None,
     workers: int | None, progress: Callable[[str], None] | None, conditions: Conditions,
 ) -> RecordingMeasurement:  # fmt: skip
-    """Measure and inspect with the workers of a cluster, or with local processes."""
+    """Measure and inspect a stream like `measured_recording`, with the workers of a cluster or with local processes."""
     curves = curves_of(stream, axes, exact=part_levels(len(axes)), efficiency=options.efficiency, change=clean)
     with connected(scheduler, workers) as client:
         future = client.submit(_inspection, stream, tuple(axes), conditions, pure=False, retries=2)
@@ -455,7 +463,10 @@ Inspected = tuple[Inspection, dict[str, Screen], dict[str, PowerSpectrum | None]
 
 
 def _inspection(stream: Stream, axes: tuple[str, ...], conditions: Conditions) -> Inspected | GmwmError:
-    """Inspect in a worker, and screen axes. An error is returned, because Dask would repeat work that raises."""
+    """Inspect a stream in a worker process, and return the outlier screening and spectrum of the given axes too.
+
+    A GmwmError is returned instead of raised, because Dask would repeat a task that raises.
+    """
     try:
         batches = Batches(stream)
         inspector = FirstPass(batches)
@@ -468,7 +479,7 @@ def _inspection(stream: Stream, axes: tuple[str, ...], conditions: Conditions) -
 
 
 def _result(future: object) -> Inspected:
-    """Return the result of `_inspection`, or raise its error."""
+    """Wait for the result of `_inspection` and return it, or raise the error that it returned."""
     found: Inspected | GmwmError = future.result()  # type: ignore[attr-defined]
     if isinstance(found, GmwmError):
         raise found

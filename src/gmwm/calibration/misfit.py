@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 def line_in(model: Model) -> str | None:
-    """Return the name of a sinusoidal process in a model; None if there is none."""
+    """Return the name of the first sinusoidal process in a model; None if there is none."""
     return next((process.name for process in model.processes if is_line(type(process))), None)
 
 
 def line_process() -> str | None:
-    """Return the name of the registered sinusoidal process; None if there is none."""
+    """Return the name of the first sinusoidal process in the registry; None if there is none."""
     return next((name for name, kind in registry.items() if is_line(kind)), None)
 
 
@@ -42,9 +42,9 @@ class Misfit:
     tau : float
         Scale (s).
     ratio : float
-        Wavelet variance of the model over the measured one at this scale.
+        Wavelet variance of the model divided by the measured wavelet variance at this scale.
     numbers : tuple of str
-        Symbols of the datasheet that are read at such scales, short or long.
+        Symbols of the datasheet numbers that depend on the data at short scales, or at long scales if `tau` is long.
     """
 
     tau: float
@@ -53,21 +53,21 @@ class Misfit:
 
     @property
     def times(self) -> float:
-        """The ratio of model and data, or its inverse: the value above 1."""
+        """`ratio` or its inverse, whichever is larger."""
         return max(self.ratio, 1 / self.ratio)
 
 
 def misfit_of(found: AxisCalibration) -> Misfit | None:
-    """Find the largest misfit among the levels where the model is outside the confidence limits of the data.
+    """Return the largest misfit among the levels at which the model is outside the confidence limits of the data.
 
-    Levels that the goodness-of-fit test excludes are not considered, because their few coefficients scatter widely. The
-    result is None if the model is inside the limits at all levels.
+    Levels that the goodness-of-fit test excludes are ignored, because they have few coefficients and thus a large
+    variance. The result is None if the model is inside the limits at all other levels.
     """
     wv = found.fit.wavelet_variance
     outside = (found.fit.implied < wv.lower) | (found.fit.implied > wv.upper)
     if found.test is not None:
         outside &= np.isin(wv.levels, found.test.levels)
-    # A measured variance of zero has no ratio.
+    # The ratio is undefined if a variance is zero.
     outside &= (wv.variance > 0) & (found.fit.implied > 0)
     if not np.any(outside):
         return None
@@ -79,14 +79,16 @@ def misfit_of(found: AxisCalibration) -> Misfit | None:
 
 
 def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:
-    """Return the symbols of a datasheet whose numbers depend on long scales, or on short scales."""
+    """Return the symbols of the datasheet numbers that depend on long scales, or on short scales if not `long`."""
     slopes = {str(symbol): law.slope for symbol, law in LAWS.items()}
     return tuple(symbol for symbol in sheet if symbol in slopes and (slopes[symbol] >= 0) == long)
 
 
 def _middle(found: AxisCalibration) -> float:
-    """Return the scale (s) that separates short from long scales: the minimum of the curve, or the middle of a
-    logarithmic axis."""
+    """Return the scale (s) that separates short from long scales.
+
+    It is the scale at the minimum of the Allan deviation, or the geometric mean of the shortest and longest scales.
+    """
     bottom = found.datasheet.get(SYMBOL)
     wv = found.fit.wavelet_variance
     if bottom is not None and bottom.tau is not None and not bottom.upper_only:

@@ -1,4 +1,4 @@
-"""Options of a calibration, validated on construction."""
+"""Options of a calibration, which are validated when they are created."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from gmwm.selection.search import SLOW
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
 AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
-"""Advice if a document is not a calibration or is incomplete."""
+"""Advice of the error if a document is not a calibration or is incomplete."""
 SEARCHED = "auto"
-"""Default of `within`: a search that the data control, see `gmwm.selection.search`."""
+"""Default of `within`: gmwm searches for the model, as `gmwm.selection.search` describes."""
 _SINCE = ("gravity", "tilt")
-"""Options that older documents do not have."""
+"""Options that files of older versions do not have."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationOptions:
-    """Options of a calibration; `gmwm.calibrate` describes each. Every value is validated on construction.
+    """Options of a calibration. `gmwm.calibrate` describes them in detail. All values are validated on construction.
 
     Attributes
     ----------
     within : "auto", or Model, Process or str
-        The largest model, a Model after validation; "auto" for a search that the data drive.
+        The largest model, which is converted to a Model, or "auto" for a search.
     robust : "auto", True or False
         Whether the robust wavelet variance is fitted.
     weighting : "diagonal" or "optimal"
@@ -42,17 +42,17 @@ class CalibrationOptions:
     efficiency : float
         Efficiency of the robust wavelet variance under Gaussian noise.
     draws, seed : int
-        Number of the simulated records, and seed of their draws.
+        Number of simulated records, and seed of their random numbers.
     against : "auto", "none", str, or mapping of name to array
-        Conditions whose effect is removed; saved as text, without arrays.
+        Conditions whose effect is removed. They are saved as text, without the arrays.
     gravity : float or None
         Local gravity (m/s²); None if it is not known.
     tilt : float or None
-        Largest angle (°) of an accelerometer axis from the vertical; None if it is not known.
+        Largest possible angle (°) between the vertical and the accelerometer axis closest to it; None if unknown.
     axes : tuple of str or None
-        The axes or sensors to calibrate; None for all. It is not saved, because a calibration lists its axes.
+        The axes or sensors to calibrate; None for all. The option is not saved, because a calibration lists its axes.
     models : mapping of axis or sensor to Model
-        Models that are fitted as they are; gmwm chooses a model for the other axes.
+        Models that are fitted without comparing them with others. gmwm chooses the models of the other axes.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class CalibrationOptions:
 
     @property
     def general(self) -> Model:
-        """The largest model; for a search, the family that is tried first."""
+        """The largest model. For a search, the largest model of the first step."""
         return as_model(SLOW if self.searched else self.within)
 
     @property
@@ -106,7 +106,11 @@ class CalibrationOptions:
         return isinstance(self.within, str) and self.within == SEARCHED
 
     def of_axis(self, axis: str) -> CalibrationOptions:
-        """Return the options of one axis: `within` and `models` hold its model if it has one, and no other model."""
+        """Return the options of one axis.
+
+        If `models` has a model for the axis or its sensor, `within` is this model and `models` contains it for the
+        axis; otherwise `models` is empty.
+        """
         model = self.models.get(axis, self.models.get(sensor_of(axis)))
         if model is None:
             return replace(self, models={})
@@ -122,16 +126,16 @@ class CalibrationOptions:
 
     @property
     def conditions(self) -> Asked:
-        """The conditions whose effect is removed."""
+        """The parsed option `against`: the conditions whose effect is removed."""
         return Asked.of(self.against)
 
     @property
     def wanted(self) -> tuple[str, ...] | None:
-        """The axes or sensors to calibrate; None for all."""
+        """The axes or sensors to calibrate as a tuple; None for all."""
         return _checked_axes(self.axes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the options as numbers and strings, as they are saved in calibration.json."""
+        """Return the options as the numbers and strings that are saved in calibration.json."""
         return {name: getattr(self, name) for name in (*_SAVED, *_SINCE)} | {
             "within": str(self.within),
             "against": str(self.conditions),
@@ -140,12 +144,12 @@ class CalibrationOptions:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> CalibrationOptions:
-        """Make the options from the result of `to_dict`.
+        """Restore the options from the result of `to_dict`.
 
         Parameters
         ----------
         content : mapping of name to value
-            Every option that `to_dict` returns.
+            The result of `to_dict`.
 
         Returns
         -------
@@ -154,7 +158,7 @@ class CalibrationOptions:
         Raises
         ------
         ReadError
-            If an option is missing, unknown or not allowed.
+            If an option is missing, or its value is not allowed.
         """
         for name in _SAVED:
             if name not in content:
@@ -167,7 +171,7 @@ class CalibrationOptions:
 
 
 def _checked_models(models: Mapping[str, ModelLike]) -> dict[str, Model]:
-    """Return the models by axis or sensor. Whether the axes exist is checked against the recording."""
+    """Return the parsed models by axis or sensor. `require_axes` checks later that the recording has these axes."""
     if not isinstance(models, Mapping) or not all(isinstance(axis, str) for axis in models):
         expected = "a mapping of axis or sensor to model, for example {'gyro_x': '2*GM + WN'}"
         raise OptionError(argument="models", expected=expected, got=models)
@@ -175,7 +179,7 @@ def _checked_models(models: Mapping[str, ModelLike]) -> dict[str, Model]:
 
 
 def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:
-    """Return the axes as a tuple of names. Whether they exist is checked against the recording."""
+    """Return the axes as a tuple of names. `chosen_axes` checks later that the recording has them."""
     if axes is None or isinstance(axes, str):
         return None if axes is None else (axes,)
     if not isinstance(axes, Sequence) or not axes or not all(isinstance(name, str) for name in axes):

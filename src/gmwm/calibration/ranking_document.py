@@ -1,4 +1,4 @@
-"""Convert a ranking to a part of the calibration document and back. Data that its fits share are stored once."""
+"""Convert a ranking to a part of calibration.json and back. Data that several fits have in common are stored once."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ _KEPT = (
     "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "start",
     "remarks",
 )  # fmt: skip
-"""The stored fields of a fit in a ranking. The other fields follow from these, the data and the weighting matrix."""
+"""Fields of a fit that are stored. The others can be computed from these, the wavelet variance and the weighting
+matrix."""
 
 
 def ranking_document(ranking: Ranking) -> dict[str, Any]:
-    """Return a ranking as dicts, lists, numbers and strings: `Ranking.to_dict`, with the fits of its candidates."""
+    """Return a ranking as plain values: the result of `Ranking.to_dict`, and the fits of its candidates."""
     fits = {id(fit): fit for fit in (ranking.general, *(candidate.fit for candidate in ranking))}
     place = {key: k for k, key in enumerate(fits)}
     content = ranking.to_dict()
@@ -46,7 +47,19 @@ def _short(fit: Fit) -> dict[str, Any]:
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
-    """Make a ranking from its part of a document; `wv` is the wavelet variance that its models were fitted to."""
+    """Restore a ranking from the result of `ranking_document`.
+
+    Parameters
+    ----------
+    content : mapping
+    wv : WaveletVariance
+        The wavelet variance to which the models of the ranking were fitted.
+
+    Raises
+    ------
+    ReadError
+        If not exactly one candidate is recommended, or a matrix has a wrong shape.
+    """
     size = len(wv)
     matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
     weighting = str(content["weighting"])

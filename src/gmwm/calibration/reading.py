@@ -1,4 +1,4 @@
-"""Read one recording for a calibration: the measurements of its axes, its inspection, and its conditions."""
+"""Read one recording for a calibration: measure its axes, inspect it, and regress its axes on conditions."""
 
 from __future__ import annotations
 
@@ -33,8 +33,36 @@ def inspected(
     workers: int | None,
     read: Callable[[str], None],
 ) -> tuple[dict[str, Measured], Inspection | None, tuple[SharedNoise, ...], dict[str, Conditions]]:
-    """Return the measured data of each axis, the inspection of a recording, the noise that its axes share, and the
-    conditions of each axis."""
+    """Measure and inspect one recording.
+
+    Parameters
+    ----------
+    data : Imu, Signal, Stream, or mapping of axis to Measured
+        The recording, or data without a recording.
+    chosen : mapping of axis to Measured or None
+        The axes to calibrate, with their data if they are in memory.
+    options : CalibrationOptions
+    threads, scheduler, workers
+        As in `calibrate`.
+    read : callable
+        Function that is called with a description while the recording is read.
+
+    Returns
+    -------
+    items : dict of axis to Measured
+        The measured data of each axis.
+    inspection : Inspection or None
+        The inspection; None without a recording.
+    shared : tuple of SharedNoise
+        The noise that the axes share.
+    conditions : dict of axis to Conditions
+        The conditions whose effect is removed, with the regression of each axis.
+
+    Raises
+    ------
+    OptionError
+        If worker processes are asked for and `data` is not a Stream, or if `against` needs samples that are not there.
+    """
     asked = options.conditions
     if not isinstance(data, Stream) and (scheduler is not None or workers is not None):
         name = "workers" if scheduler is None else "scheduler"
@@ -59,7 +87,7 @@ def inspected(
 
 
 def _conditions_of(axis: str, item: Measured, asked: Asked) -> Conditions:
-    """Return the conditions of one axis for data without a recording."""
+    """Return the conditions, with the regression, of one axis of data without a recording."""
     if isinstance(item, Signal):
         return Conditions.of({axis: item}, asked, None)
     if asked.terms:
@@ -79,7 +107,7 @@ class AxisData:
     ----------
     axis : str
     part : Part
-        The classical and the robust curve, the spectrum, and the conditions.
+        The classical and the robust wavelet variance, the spectrum, and the conditions.
     comparisons : int
         Number of axes that are tested together for outliers.
     """
@@ -90,11 +118,16 @@ class AxisData:
 
     @property
     def regression(self) -> Regression | None:
-        """The regression on the conditions whose effect is removed; None if none is removed."""
+        """The regression whose effect is removed from the axis; None if no effect is removed."""
         return self.part.conditions.applied(self.axis)
 
     def measured(self, options: CalibrationOptions) -> Together:
-        """Return the curve that `calibrate` fits with the options of this axis, its spectrum and the test for outliers.
+        """Return the wavelet variance that `calibrate` would fit, its spectrum and the outlier test.
+
+        Parameters
+        ----------
+        options : CalibrationOptions
+            Options of this axis.
 
         Raises
         ------
@@ -107,7 +140,7 @@ class AxisData:
 def axes_data(
     recording: Imu | Stream, options: CalibrationOptions, *, progress: Callable[[str], None] = lambda _: None
 ) -> dict[str, AxisData]:
-    """Measure all axes of a recording as `calibrate` does, without choosing a model."""
+    """Measure all axes of a recording in the same way as `calibrate`, without choosing models."""
     items, _, _, conditions = inspected(
         recording, chosen_axes(recording, None), options, threads=None, scheduler=None, workers=None, read=progress
     )  # fmt: skip

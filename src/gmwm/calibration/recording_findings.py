@@ -25,10 +25,11 @@ _RAMP = "R"
 def recording_remarks(
     inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
 ) -> Iterator[Remark]:
-    """Add the affected datasheet numbers to remarks on trends and coarse outputs.
+    """Yield the remarks of an inspection that matter for the calibration.
 
-    A remark on a linear trend is left out for an axis whose model has a drift, which describes it. Remarks on knocks
-    are left out, and the one on motion if it was replaced like a knock.
+    Remarks on trends and coarse quantization also name the datasheet numbers that are affected. A remark on a linear
+    trend is left out if the model of the axis has a drift, which describes the trend. Remarks on knocks are left out,
+    and so is a remark on motion if the motion was replaced like a knock.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ def recording_remarks(
     axes : mapping of axis to AxisCalibration
         The calibrated axes.
     verdicts : sequence of Verdict
-        The tests for outliers of the axes in this recording.
+        The outlier tests of the axes in this recording.
     """
     for remark in inspection.remarks:
         if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, verdicts)):
@@ -59,16 +60,17 @@ def recording_remarks(
 
 
 def shared_remarks(shared: Sequence[SharedNoise], axes: Collection[str], size: float) -> Iterator[Remark]:
-    """Yield one remark if axes share noise.
+    """Yield one remark if any of the given axes share noise.
 
     Parameters
     ----------
     shared : sequence of SharedNoise
-        The significant scales of all pairs of axes.
+        The significant correlations of all pairs of axes and scales.
     axes : collection of str
-        The axes to report. Motion and knocks that were not replaced move several axes at once and are no shared noise.
+        The axes to consider. Axes with motion or knocks that were not replaced must be left out, because these affect
+        several axes at once without being shared noise.
     size : float
-        Largest p-value, adjusted for all pairs and scales.
+        Largest p-value, adjusted for all pairs and scales, for which noise counts as shared.
     """
     found = [one for one in shared if one.pvalue <= size and set(one.axes) <= set(axes)]
     if found:
@@ -81,7 +83,7 @@ def shared_remarks(shared: Sequence[SharedNoise], axes: Collection[str], size: f
 
 
 def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
-    """Return whether the samples of a motion were replaced, and no axis has large wavelet coefficients any more."""
+    """Return whether the samples of the motion in a remark were replaced and no axis has outliers that remain."""
     start, window = remark.facts["time"], remark.facts["window"]
     assert isinstance(start, Quantity)
     assert isinstance(window, Quantity)
@@ -91,7 +93,7 @@ def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
 
 
 def _left_in(found: AxisCalibration) -> str:
-    """Return K without the removal of the conditions, as text; "" if it would not be larger."""
+    """Return a text with K that would result if the effect of the conditions were not removed; "" if not larger."""
     entry, value = found.datasheet.get(WALK), found.left_in
     if not value:
         return ""

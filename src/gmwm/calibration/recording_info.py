@@ -1,4 +1,4 @@
-"""The recording of a calibration: length, time base and file."""
+"""Description of the recording of a calibration: length, time base and file."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ class Recording:
     Attributes
     ----------
     samples, rate, duration : int, float (Hz), float (s)
-        Number of samples of each axis, sampling rate, and length without gaps.
+        Number of samples of each axis, sampling rate, and duration without gaps.
     segments : int
-        Number of segments without a gap.
+        Number of segments between gaps.
     missing : float
-        Total length of the gaps (s).
+        Total duration of the gaps (s).
     jitter : float or None
-        Root mean square jitter of the time stamps (s); None without time stamps.
+        Root mean square jitter of the time stamps (s); None if the recording has no time stamps.
     static : bool
-        Whether no motion was found.
+        Whether the unit was at rest, because no motion was found.
     knocks : int
         Number of knocks (bursts of outliers).
     gravity : float or None
@@ -58,7 +58,7 @@ class Recording:
 
     @classmethod
     def of(cls, found: Inspection) -> Recording:
-        """Make the description of a recording from its inspection."""
+        """Return the description of a recording, from its inspection."""
         base = found.time_base
         missing = sum(duration - 1 / found.rate for _, duration in base.gaps)
         return cls(
@@ -75,7 +75,7 @@ class Recording:
         )
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:
-        """Return the description with name, size and SHA-256 of a file, or with the name of a folder."""
+        """Return the description with the name, size and SHA-256 of a file. For a folder, only the name is set."""
         file = Path(path)
         if not file.is_file():
             return replace(self, file=file.name)
@@ -84,12 +84,12 @@ class Recording:
         return replace(self, file=file.name, size=file.stat().st_size, sha256=digest)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as numbers, lists and strings, ready for JSON."""
+        """Return all fields as plain values for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Recording:
-        """Make a description from the result of `to_dict`."""
+        """Restore a description from the result of `to_dict`."""
         given = dict(values)
         temperature = given["temperature"]
         given["temperature"] = None if temperature is None else (float(temperature[0]), float(temperature[1]))

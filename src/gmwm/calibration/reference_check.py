@@ -26,32 +26,35 @@ Verdict = Literal["agrees", "close", "larger", "smaller", "unknown"]
 ReferenceLike = Mapping[str, tuple[float, str]] | Given | str | os.PathLike[str]
 
 CLOSE = 0.1
-"""Relative difference up to which a number outside the interval is close: datasheets round to two digits."""
+"""Largest relative difference for which a reference outside the confidence interval counts as close. Datasheets round
+their numbers to two digits."""
 NEAR = 0.15
-"""Relative distance from a conversion factor within which a remark names it. A choice, wider than most intervals."""
+"""Largest relative difference between a ratio and a conversion factor for which a remark names the factor. The value is
+a choice that is larger than most confidence intervals."""
 LEAST = 3.0
-"""Smallest factor for which a wrong unit is suspected."""
+"""Smallest ratio (or inverse ratio) of reference and measured value for which a wrong unit is suspected."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceNumber:
-    """A number of one axis beside its reference.
+    """A datasheet number of one axis, as calibrated and as in the reference.
 
     Attributes
     ----------
     axis, symbol : str
-        "gyro_x" and "N".
+        Axis and symbol, such as "gyro_x" and "N".
     reference : float
-        The reference in the SI unit of `measured`.
+        Reference value, in the SI unit of `measured`.
     measured : Entry or None
-        The number of the calibration; None if it has none. For files, N and K at the horizon, as in exported files.
+        The number of the calibration; None if the model does not have it. If the reference is a file, N and K are the
+        values for the horizon, as in exported files.
     key : str
-        Key of the number in a file; "" for a datasheet.
+        Key of the number in the file; "" for a datasheet.
     written : float or None
-        Value in the file, in its own convention.
+        Value as written in the file; None for a datasheet.
     verdict : "agrees", "close", "larger", "smaller" or "unknown"
-        "agrees": the reference is inside the interval. Otherwise "close" within 10 %, and "larger" or "smaller" than
-        measured beyond this.
+        "agrees" if the reference is inside the confidence interval, "close" if it differs by at most 10 %, otherwise
+        "larger" or "smaller" than measured; "unknown" if the number was not measured.
     """
 
     axis: str
@@ -64,7 +67,7 @@ class ReferenceNumber:
 
     @property
     def factor(self) -> float | None:
-        """Reference divided by the measured value or its upper limit; None if one is missing."""
+        """Reference divided by the measured value, or by its upper limit; None if the number was not measured."""
         measured = self.measured
         if measured is None:
             return None
@@ -73,10 +76,11 @@ class ReferenceNumber:
 
     @property
     def as_written(self) -> float | None:
-        """The measured value, or its upper limit, in the convention of the file; None without a file."""
+        """The measured value, or its upper limit, in the convention of the file; None if the reference is no file."""
         if not self.written or not self.factor:
             return None
-        # Variances grow with the square of a density: the file tells by the value for the reference itself.
+        # The value in the file and the reference are the same number in two conventions, so their ratio converts the
+        # measured value too. If the file contains variances, the ratio is squared.
         return float(self.written / self.factor**self.power)
 
     @property
@@ -86,17 +90,17 @@ class ReferenceNumber:
 
     @property
     def shown(self) -> tuple[float, str]:
-        """The reference in the usual unit of a datasheet, and the unit."""
+        """The reference value in the usual unit of datasheets, and this unit."""
         name, size = next(iter(datasheet_units(self.unit).items()), (self.unit, 1.0))
         return size * self.reference, name
 
     @property
     def power(self) -> float:
-        """Exponent of the standard deviation or density in the file: 2 if the file contains variances, otherwise 1."""
+        """Exponent of the standard deviation in the file: 2 if the file contains variances, otherwise 1."""
         return 2.0 if self.key.endswith("_cov") else 1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the numbers as plain values, ready for JSON."""
+        """Return all fields and the ratio as plain values for JSON."""
         return {
             "axis": self.axis, "symbol": self.symbol, "reference": self.reference, "key": self.key,
             "measured": None if self.measured is None else self.measured.to_dict(), "written": self.written,
@@ -106,18 +110,18 @@ class ReferenceNumber:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ReferenceCheck(Summarised):
-    """A calibration beside a reference: the numbers, and whether the reference agrees with each.
+    """Comparison of the datasheet numbers of a calibration with a reference.
 
     Attributes
     ----------
     rows : tuple of ReferenceNumber
-        The numbers, axis by axis.
+        The numbers, sorted by axis.
     name : str
-        The file, or "reference".
+        Name of the file; "datasheet" or "reference" for numbers without a file.
     format : str
-        The program of the file; "datasheet" for numbers.
+        Program to which the file belongs; "datasheet" for numbers without a file.
     horizon : float
-        Horizon (s) of N and K for a file.
+        Time horizon (s) of N and K if the reference is a file.
     rate : float
         Sampling rate (Hz) of the calibration.
     level : float
@@ -150,7 +154,7 @@ class ReferenceCheck(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """The verdict, and a remark for factors that look like a wrong unit."""
+        """The verdict, and remarks on ratios that look like a conversion factor of units."""
         counts = {name: len(self.of(name)) for name in ("smaller", "larger", "unknown")}
         state = "file" if self.format != "datasheet" else "datasheet"
         agreeing = len(self.of("agrees", "close"))
@@ -163,7 +167,7 @@ class ReferenceCheck(Summarised):
         return (verdict, *self._factors())
 
     def _factors(self) -> Iterator[Remark]:
-        # A wrong unit shows in all axes of a sensor.
+        # If a unit is wrong, all axes of the sensor are affected.
         sensors: dict[tuple[str, str], list[ReferenceNumber]] = {}
         for row in self.rows:
             sensors.setdefault((sensor_of(row.axis), row.symbol), []).append(row)
@@ -174,11 +178,11 @@ class ReferenceCheck(Summarised):
                 yield Remark.of("reference-factor", numbers=names, factor=factor, cause=cause, rate=self.rate)
 
     def summary(self) -> str:
-        """Write the numbers side by side, with the factor and the verdict of each."""
+        """Return the comparison as text, with the ratio and the verdict of each number."""
         return summary(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as plain values, ready for JSON."""
+        """Return the comparison as plain values for JSON."""
         return {
             "reference": self.name, "format": self.format, "horizon": self.horizon, "level": self.level,
             "rows": [row.to_dict() for row in self.rows], "unmatched": list(self.unmatched),
@@ -187,7 +191,7 @@ class ReferenceCheck(Summarised):
 
 
 def check_reference(calibration: Calibration, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:
-    """Compare a calibration with a reference: see `Calibration.agree`."""
+    """Compare a calibration with a reference. `Calibration.agree` describes the arguments."""
     level = calibration.settings.confidence
     rate = max(fit.wavelet_variance.rate for fit in calibration.values())
     if isinstance(reference, Mapping):
@@ -213,7 +217,7 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
 
 
 def _given(source: str | os.PathLike[str], rate: float) -> Given:
-    """Return the noise of a source; the rate of the calibration is used if the file has none."""
+    """Return the noise in a file or datasheet. If it states no sampling rate, `rate` (Hz) is used."""
     text = os.fspath(source)
     try:
         return given_noise(text)
@@ -227,7 +231,10 @@ def _given(source: str | os.PathLike[str], rate: float) -> Given:
 def _of_numbers(
     calibration: Calibration, reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[ReferenceNumber], tuple[str, ...]]:
-    """Return the rows for numbers such as gyro.N; a number of an axis replaces the number of its sensor."""
+    """Return the compared numbers for references such as "gyro.N", and the keys that match no axis.
+
+    A reference for an axis replaces the reference for its sensor.
+    """
     found: dict[tuple[str, str], ReferenceNumber] = {}
     unmatched: list[str] = []
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in calibration):
@@ -249,7 +256,10 @@ def _of_numbers(
 def _of_axis(
     calibration: Calibration, axis: str, values: Values, given: Given, *, horizon: float
 ) -> Iterator[ReferenceNumber]:
-    """Yield the rows of one axis. A filter has N and K for a horizon; a datasheet has its own numbers."""
+    """Yield the compared numbers of one axis of a file or datasheet.
+
+    If the reference is a file, its N and K are compared with those of the calibration for the time horizon.
+    """
     measured: Mapping[str, Entry] = calibration.datasheets[axis]
     written = given.written.get(axis, {})
     if written:
@@ -258,7 +268,8 @@ def _of_axis(
     numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
     keys = dict(written)
     if values.sigma and values.time:
-        # Over times below T, a Gauss-Markov process is a random walk with K = σ √(2/T).
+        # Over times much shorter than its correlation time T, a Gauss-Markov process with the standard deviation σ is a
+        # random walk with K = σ √(2/T).
         numbers["K"] = values.sigma * math.sqrt(2 / values.time)
         keys["K"] = written.get("sigma", ("sigma", None))
     for symbol, value in numbers.items():
@@ -291,7 +302,10 @@ def _verdict(reference: float, measured: Entry | None) -> Verdict:
 
 
 def _cause(row: ReferenceNumber, rate: float) -> str | None:
-    """Return the conversion that a factor looks like: √f, √3600 or 180/π; None for none."""
+    """Return the name of the unit conversion that the ratio of a row looks like; None for no conversion.
+
+    The conversions are "rate" (√rate), "hour" (√3600) and "degree" (180/π), or their inverses.
+    """
     if row.factor is None or max(row.factor, 1 / row.factor) < LEAST:
         return None
     distance = abs(math.log(row.factor))

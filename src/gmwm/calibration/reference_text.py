@@ -1,4 +1,4 @@
-"""A calibration beside a reference as text."""
+"""Format the comparison of a calibration with a reference as text."""
 
 from __future__ import annotations
 

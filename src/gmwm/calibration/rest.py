@@ -1,4 +1,4 @@
-"""The bias of each axis at rest: its mean with a standard error from the model, gravity, turn-on spread and rms."""
+"""Compute the bias of each axis at rest: mean with standard error, gravity, turn-on spread, and rms of its changes."""
 
 from __future__ import annotations
 
@@ -27,20 +27,22 @@ if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
 
 GRAVITY, GRAVITY_ERROR = 9.806, 0.016
-"""Middle of the normal gravity at sea level, 9.780 m/s² at the equator to 9.832 m/s² at the poles (WGS 84), and the
-standard deviation of a uniform distribution between these."""
+"""Gravity (m/s²) that is assumed if the local gravity is not given, and its standard deviation. Normal gravity at sea
+level is between 9.780 m/s² at the equator and 9.832 m/s² at the poles (WGS 84); the numbers are the middle and the
+standard deviation of a uniform distribution over this range."""
 LEVEL_BIAS = 0.2
-"""Standard deviation (m/s²) that is assumed for the unknown biases of the level axes: 20 mg, a typical limit in
+"""Assumed standard deviation (m/s²) of the unknown biases of the level accelerometers: 20 mg, a typical limit in
 datasheets of MEMS accelerometers. Pinned by tests/calibration/test_rest.py."""
 STEEPEST = 20.0
-"""Largest angle (°) from the vertical at which the bias of an axis is computed without a known attitude: the biases of
-the level axes then change the gravity along it by less than 0.07 m/s² (tests/calibration/test_rest.py)."""
+"""Largest angle (°) between an axis and the vertical at which the bias of the axis is computed although the attitude is
+not known. At smaller angles, the biases of the level axes change the gravity along the axis by less than 0.07 m/s²
+(tests/calibration/test_rest.py)."""
 LONGEST = 3600.0
-"""Longest duration (s) of the rms of the bias; a shorter recording uses its own length."""
+"""Longest duration (s) over which the rms of the bias is computed. For a shorter recording, it is its own duration."""
 
 
 class AxisMean(NamedTuple):
-    """Mean of the samples of one axis of one recording, number of samples, and number with those lost in gaps."""
+    """Mean of the samples of one axis in one recording, their number, and their number including those lost in gaps."""
 
     mean: float
     samples: int
@@ -54,28 +56,28 @@ class BiasAtRest:
     Attributes
     ----------
     mean : float
-        Mean of the samples, without knocks and outliers; of several recordings, the weighted mean.
+        Mean of the samples, without knocks and outliers. For several recordings, it is a weighted mean.
     error : float
-        Its standard error, from the fitted model. The mean is an estimate of the constant part of the signal. If the
-        model has a random walk, it is an estimate of the level at the end of the recording.
+        Standard error of the mean, from the fitted model. The mean is regarded as an estimate of the constant part of
+        the signal, or of the level at the end of the recording if the model has a random walk.
     low, high : float
         Confidence interval of the mean.
     gravity : float or None
-        Part of the mean that is gravity: 0 for a gyroscope; None if the attitude is not known well enough.
+        Part of the mean that is due to gravity: 0 for a gyroscope; None if the attitude is not known well enough.
     gravity_error : float
-        Its standard error, from the local gravity and from the attitude.
+        Standard error of `gravity`, from the uncertainty of the local gravity and of the attitude.
     recordings : int
         Number of recordings.
     turn_on, turn_on_low, turn_on_high : float or None
-        Standard deviation of the bias between recordings, beyond what the noise of each recording explains, and its
-        confidence interval; None for a single recording.
+        Standard deviation of the bias between recordings, without the part that the noise of each recording explains,
+        and its confidence interval; None for a single recording.
     rms, rms_low, rms_high : float
-        Root mean square of the bias around its mean over `duration`, from the slow terms of the model, and its
+        Root mean square of the bias about its mean over `duration`, computed from the slow terms of the model, and its
         confidence interval; 0 if the model has no slow term.
     duration : float
-        Duration (s) of `rms`.
+        Duration (s) over which `rms` is computed.
     level : float
-        Level of the intervals.
+        Confidence level of the intervals.
     unit : str
         SI unit of the axis.
 
@@ -113,12 +115,12 @@ class BiasAtRest:
 
     @property
     def bias_error(self) -> float:
-        """Standard error of the bias: of the mean and of the gravity."""
+        """Standard error of the bias, which includes the standard errors of the mean and of the gravity."""
         return math.hypot(self.error, self.gravity_error)
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Confidence interval of the bias; of the mean if the gravity is not known."""
+        """Confidence interval of the bias, or of the mean if the gravity along the axis is not known."""
         if self.gravity is None:
             return self.low, self.high
         reach = _quantile(math.inf, self.level) * self.gravity_error
@@ -127,7 +129,7 @@ class BiasAtRest:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The bias, or the mean if the gravity is not known, the turn-on spread and the rms, as for a datasheet."""
+        """Datasheet entries of the bias (or the mean if the gravity is not known), the turn-on spread and the rms."""
         low, high = self.interval
         known = self.bias is not None
         found = [
@@ -155,7 +157,7 @@ class BiasAtRest:
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as numbers and strings, with `bias` and `bias_error`."""
+        """Return all fields, `bias` and `bias_error` as plain values for JSON."""
         return asdict(self) | {"bias": self.bias, "bias_error": self.bias_error}
 
     @classmethod
@@ -165,7 +167,7 @@ class BiasAtRest:
 
 
 def means_of(recordings: Mapping[str, Any], inspections: Mapping[str, Inspection]) -> dict[str, dict[str, AxisMean]]:
-    """Return the means of the axes of each recording. Data without samples have none."""
+    """Return the mean of each axis in each recording. Axes that are given as a wavelet variance have no mean."""
     found: dict[str, dict[str, AxisMean]] = {}
     for name, data in recordings.items():
         if name in inspections:
@@ -182,13 +184,13 @@ def means_of(recordings: Mapping[str, Any], inspections: Mapping[str, Inspection
 def with_rest(
     done: Mapping[str, AxisCalibration], means: Mapping[str, Mapping[str, AxisMean]], options: CalibrationOptions
 ) -> dict[str, AxisCalibration]:
-    """Add the bias at rest of each axis that was calibrated from samples.
+    """Return the calibrations with the bias at rest of each axis that was calibrated from samples.
 
     Parameters
     ----------
     done : mapping of axis to AxisCalibration
     means : mapping of recording to mapping of axis to AxisMean
-        The means of all axes of each recording, also of axes that are not calibrated.
+        The means of all axes of each recording, including axes that are not calibrated.
     options : CalibrationOptions
     """
     gravity = {name: gravity_of({a: one.mean for a, one in axes.items()}, options) for name, axes in means.items()}
@@ -211,9 +213,10 @@ def bias_at_rest(
     ----------
     found : AxisCalibration
     means : mapping of recording to AxisMean
-    gravity : mapping of recording to (gravity, standard error), or to None if it is not known
+    gravity : mapping of recording to (gravity, standard error) or None
+        The gravity along the axis in each recording; None if it is not known.
     level : float
-        Level of the intervals.
+        Confidence level of the intervals.
     """
     known = [gravity[name] for name in means]
     parts = [one for one in known if one is not None]
@@ -250,16 +253,18 @@ def bias_at_rest(
 
 
 def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
-    """Return half the width of the confidence interval of a mean, from its variance in each model with its weight.
+    """Return half the width of the confidence interval of a mean, averaged over several models.
 
-    The relative error r of an estimated variance corresponds to 2/r² degrees of freedom of Student's distribution, at
-    least 1. The tail areas of the models are averaged (docs/validation/rest.md).
+    In each model, the mean has Student's distribution. If the variance of the mean has the relative error r, the
+    distribution has 2/r² degrees of freedom, but at least 1. The tail areas of the models are averaged with their
+    weights (docs/validation/rest.md).
 
     Parameters
     ----------
     models : sequence of (weight, Variance)
-        At least one variance above zero.
+        Weight of each model, and variance of the mean in this model.
     level : float
+        Confidence level.
     """
     from scipy.special import stdtr
 
@@ -275,11 +280,12 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
 
 
 def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
-    """Return the part of the mean of each axis that is gravity, with its standard error; None if it is not known.
+    """Return the gravity along each axis with its standard error; None if it is not known.
 
-    The gravity along an axis near the vertical is √(g² − h²) with the reading h of the level axes. The attitude need
-    not be known for this, because the biases of the level axes change it in the second order only. The gravity along a
-    level axis is the product of g and its tilt, so it is known only if `tilt` is.
+    The gravity along a nearly vertical axis is √(g² − h²), where g is the local gravity and h the norm of the mean of
+    the level axes. The attitude need not be known for this, because the biases of the level axes have only a
+    second-order effect. The gravity along a level axis is g times its tilt, so it is known only if the option `tilt` is
+    given.
     """
     found: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
     accel = {axis: mean for axis, mean in means.items() if sensor_of(axis) == "accel"}
@@ -303,18 +309,18 @@ def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[
 
 
 def _of_models(found: AxisCalibration, of: Callable[[Fit], Variance]) -> list[tuple[float, Variance]]:
-    """Return a variance in each model that agrees with the data, with the weight of the model."""
+    """Return the variance that `of` computes from the fit of each plausible model, with the weight of the model."""
     parts = []
     for weight, candidate in weighted_candidates(found.ranking):
         try:
             parts.append((weight, of(found.fit if candidate.recommended else candidate.fit)))
-        except GmwmError:  # a model without standard errors says nothing about the bias
+        except GmwmError:  # A model without standard errors gives no information about the bias.
             continue
     return parts
 
 
 def _averaged(models: Sequence[tuple[float, Variance]]) -> Variance:
-    """Return the mean variance of the models, with the error that the choice adds."""
+    """Return the weighted mean of the variances of the models. Its error includes the spread between the models."""
     total = sum(weight for weight, _ in models)
     value = sum(weight * one.value for weight, one in models) / total if total else 0.0
     if value <= 0:
@@ -324,8 +330,11 @@ def _averaged(models: Sequence[tuple[float, Variance]]) -> Variance:
 
 
 def _limits(one: Variance, level: float) -> tuple[float, float]:
-    """Return the interval of a standard deviation, on its logarithm; from 0 if the variance is not distinguished from
-    zero."""
+    """Return the confidence interval of a standard deviation from its estimated variance.
+
+    The interval is symmetric on a logarithmic scale. If the variance does not differ significantly from zero, the
+    interval starts at 0.
+    """
     reach = _quantile(math.inf, level) * one.relative
     size = math.sqrt(one.value)
     if reach >= 1:
@@ -334,7 +343,7 @@ def _limits(one: Variance, level: float) -> tuple[float, float]:
 
 
 def _quantile(freedom: float, level: float) -> float:
-    """Return the two-sided quantile of Student's distribution."""
+    """Return the two-sided quantile of Student's distribution with `freedom` degrees of freedom at a level."""
     from scipy.special import ndtri, stdtrit
 
     share = (1 + level) / 2

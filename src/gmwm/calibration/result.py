@@ -1,4 +1,4 @@
-"""The calibration of an inertial sensor: the model and the numbers of each axis, remarks and a verdict."""
+"""Result of `calibrate`: the model and the numbers of each axis, with remarks and a verdict."""
 
 from __future__ import annotations
 
@@ -50,36 +50,38 @@ class AxisCalibration:
     fit : Fit
         The fit of the recommended model, with a certified optimum.
     intervals : mapping of name to (low, high)
-        Confidence intervals of its parameters.
+        Confidence intervals of the parameters, which include the uncertainty of the model choice.
     test : GoodnessOfFit or None
         Goodness-of-fit test of the recommended model; None if there are too few levels for a test.
     datasheet : Datasheet
-        The numbers of a datasheet: N, Q, B, K, R and Gauss-Markov terms.
+        The datasheet numbers: N, Q, B, K, R and those of Gauss-Markov terms.
     ranking : Ranking
         All models that were compared.
     verdict : Verdict or None
         Test whether outliers raise the classical wavelet variance; None if the data were a wavelet variance.
-    needed : mapping of name to length (s)
-        For parameters with a relative standard error above 50 %, the recording length for 20 %. It is infinite if 1024
-        times the length does not suffice, and None if it is not known.
+    needed : mapping of name to float or None
+        For each parameter with a relative standard error above 50 %, the recording length (s) that would reduce it to
+        20 %. It is infinite if 1024 times the length is not enough, and None if it is not known.
     misfit : RelativeMisfit or None
-        Relative distance of the model from the measured curve at each scale.
+        Relative difference between the model and the measured wavelet variance at each scale.
     model_error : float
-        Relative error τ of the model at each scale beyond the scatter of the data. Intervals include it.
+        Relative standard deviation of the difference between the model and the true wavelet variance at each scale, in
+        addition to the scatter of the data. The intervals include it.
     tried : tuple of str
         The families of models that the search tried, in order.
     spectrum : PowerSpectrum or None
-        Power spectral density, averaged over 1/24 octave away from lines, with the lines and bumps; None if the data
+        Power spectral density with its lines and bumps, averaged over 1/24 octave except at lines; None if the data
         were a wavelet variance, or if the recording has fewer than 64 samples without a gap.
     regression : Regression or None
-        Regression on the temperature or on other conditions, also if the axis does not follow them.
+        Regression on the temperature or on other conditions, even if the axis does not follow them.
     left_in : float or None
-        K (SI) if the effect of the conditions were not removed; None if nothing is removed, or without an estimate.
+        K (SI) that would result if the effect of the conditions were not removed; None if nothing is removed, or if
+        this K could not be estimated.
     rest : BiasAtRest or None
         Bias at rest; None if the data were a wavelet variance.
     baseline : Baseline or None
-        Statistics of the innovations of the model in the recording, for `gmwm.Monitor`; None if the data were a wavelet
-        variance, or if the recording is too short.
+        Statistics of the innovations of the model in the recording, with which `gmwm.Monitor` compares later samples;
+        None if the data were a wavelet variance, or if the recording is too short.
     """
 
     fit: Fit
@@ -100,12 +102,12 @@ class AxisCalibration:
 
     @property
     def replicates(self) -> Replicates | None:
-        """Comparison of several recordings; None for a single one."""
+        """Comparison of several recordings; None for a single recording."""
         return self.fit.replicates
 
     @property
     def regressions(self) -> dict[str, Regression]:
-        """The regressions whose effect was removed, by recording. A single recording has the name ""."""
+        """The regressions whose effect was removed, by name of the recording; a single recording has the name ""."""
         if self.regression is not None:
             return {"": self.regression} if self.regression.applied else {}
         curves = self.fit.wavelet_variance.recordings
@@ -113,8 +115,8 @@ class AxisCalibration:
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Remarks on the wavelet variance, the fit and its numbers."""
-        # Remarks of the datasheet say which terms a number includes, so that no user counts a term twice.
+        """Remarks on the wavelet variance, the fit and the datasheet numbers."""
+        # The remarks of the datasheet state which terms a number includes, so that users do not count a term twice.
         return tuple(dict.fromkeys((*self.fit.remarks, *self.datasheet.remarks)))
 
 
@@ -135,9 +137,9 @@ class Calibration(Summarised, Mapping[str, Fit]):
     recording_remarks : tuple of Remark
         Remarks of the inspection of the recording: motion, knocks, gaps, units.
     recording : Recording or None
-        Length, time base and file of the recording; None if the data were not a recording, or several.
+        Length, time base and file of the recording; None if the data were several recordings or not a recording.
     recordings : mapping of name to Recording
-        The same for each of several recordings of the unit; empty for one.
+        Length, time base and file of each of several recordings of the unit; empty for a single recording.
 
     Examples
     --------
@@ -190,50 +192,50 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
     @property
     def datasheets(self) -> dict[str, Datasheet]:
-        """N, Q, B, K, R and Gauss-Markov numbers, by axis."""
+        """Datasheet numbers (N, Q, B, K, R and those of Gauss-Markov terms), by axis."""
         return self._each(lambda found: found.datasheet)
 
     @property
     def baselines(self) -> dict[str, Baseline]:
-        """Statistics of the innovations of the healthy sensor, by axis, for the axes that have a baseline."""
+        """Baselines for a monitor (statistics of the innovations in the recording), for the axes that have one."""
         return {axis: found.baseline for axis, found in self.axes.items() if found.baseline is not None}
 
     @property
     def rest(self) -> dict[str, BiasAtRest]:
-        """Bias at rest by axis, for the axes that were calibrated from samples."""
+        """Bias at rest, for the axes that were calibrated from samples."""
         return {axis: found.rest for axis, found in self.axes.items() if found.rest is not None}
 
     @property
     def verdicts(self) -> dict[str, Verdict]:
-        """Tests for outliers by axis, for the axes that were calibrated from a signal."""
+        """Outlier tests, for the axes that were calibrated from samples."""
         return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
 
     @cached_property
     def remarks(self) -> list[Remark]:
-        """All remarks on the recording, the fits and the numbers, the most severe ones first."""
+        """All remarks on the recording, the fits and the numbers, the most severe first."""
         from gmwm.calibration.findings import remarks_of
 
         return remarks_of(self)
 
     @cached_property
     def verdict(self) -> Remark:
-        """Verdict on whether the calibration can be used: the headline of the summary and of the report."""
+        """Verdict whether the calibration can be used. It is the headline of the summary and of the report."""
         from gmwm.calibration.findings import verdict_of
 
         return verdict_of(self)
 
     def of_file(self, *paths: str | os.PathLike[str]) -> Calibration:
-        """Return the calibration with name, size and SHA-256 of the files that the recordings were read from.
+        """Return the calibration with the name, size and SHA-256 of the files from which the recordings were read.
 
         Parameters
         ----------
         *paths : path
-            The recordings in their order: files, or folders. A folder has a name, but no size and no SHA-256.
+            Files or folders of the recordings, in the order of the recordings. For a folder, only the name is stored.
 
         Returns
         -------
         Calibration
-            A copy; the same calibration if it has no description of a recording.
+            A copy, or this calibration if it has no description of a recording.
 
         Raises
         ------
@@ -247,7 +249,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
     def combined(self, *others: Calibration) -> Calibration:
-        """Return one calibration of sensors that were calibrated apart, because their clocks or files differ.
+        """Combine this calibration with others whose sensors had different clocks or files.
 
         Parameters
         ----------
@@ -257,8 +259,8 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Returns
         -------
         Calibration
-            All axes. `recordings` describes each recording, by topic or by source; `settings` are the settings of
-            `self`.
+            The calibration of all axes. Its `recordings` describes each recording, by topic or source, and its
+            `settings` are those of this calibration.
 
         Raises
         ------
@@ -279,22 +281,22 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return combined((self, *others))
 
     def summary(self, *, every: bool = False) -> str:
-        """Describe the calibration as text: verdict, a table for each sensor, and the most severe remarks.
+        """Return the calibration as text: verdict, a table for each sensor, and the most severe remarks.
 
         Parameters
         ----------
         every : bool
-            Show all remarks instead of the five most severe ones.
+            Whether to show all remarks instead of the five most severe.
         """
         return summary(self, every=every)
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
-        """Return the numbers of all axes as a Polars data frame: one row for each axis and number.
+        """Return the datasheet numbers of all axes as a Polars data frame, with one row for each axis and number.
 
         Parameters
         ----------
         units : "si" or "datasheet"
-            See `Datasheet.table`.
+            Units of the numbers, as in `Datasheet.table`.
         """
         from polars import DataFrame
 
@@ -302,14 +304,14 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return DataFrame(rows, infer_schema_length=None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the calibration as dicts, lists, numbers and strings, as docs/calibration-format.md describes."""
+        """Return the calibration as dicts, lists, numbers and strings. docs/calibration-format.md describes them."""
         from gmwm.calibration.document import document
 
         return document(self)
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Calibration:
-        """Make a calibration from the result of `to_dict`.
+        """Restore a calibration from the result of `to_dict`.
 
         Raises
         ------
@@ -321,7 +323,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return calibration(content)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the calibration to the JSON file `path`, atomically; `load` restores every number exactly."""
+        """Write the calibration to the JSON file `path`, atomically. `load` restores every number exactly."""
         from gmwm.calibration.document import as_text
 
         write_text(path, as_text(self.to_dict()))
@@ -369,8 +371,8 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Parameters
         ----------
         split : bool
-            One panel for each axis, with a row for each sensor; otherwise one panel for each sensor, with x, y and z in
-            vermilion, green and blue.
+            If True, draw one panel for each axis and one row of panels for each sensor. If False, draw one panel for
+            each sensor, with x, y and z in vermilion, green and blue.
         view : "wavelet" or "allan"
             Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
         units : "si" or "datasheet"
@@ -404,30 +406,33 @@ class Calibration(Summarised, Mapping[str, Fit]):
     ) -> str:
         """Write the noise of the unit in the format of another program.
 
-        Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They follow from
-        the model as in `effective_noise`: N_eff² = N² + Σ 2σ²_GM/β over the terms correlated for less than the horizon,
-        K_eff² = K² + Σ 2βσ²_GM over the others. If the model has no such noise, or the data cannot distinguish it from
-        zero, the file has the upper limit that the data give, and says that it is a limit. The header of each file
-        states units, continuous or discrete, axes, inflation, horizon, models and source.
+        Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They are
+        computed from the model as in `effective_noise`: N_eff² = N² + Σ 2σ²/β and K_eff² = K² + Σ 2βσ², where σ² is the
+        variance and 1/β the correlation time of a Gauss-Markov term. The first sum is over the terms with a correlation
+        time below the horizon, the second over the others. If the model has no such noise, or the data cannot
+        distinguish it from zero, the file has the upper limit from the data, and a comment says that it is a limit. The
+        header of each file states the units, whether the values are for continuous or discrete time, how axes are
+        combined, and the inflation, horizon, models and source.
 
         Parameters
         ----------
         path : path, optional
-            File to write, whole or not at all; by default no file is written.
+            File to write, atomically. Default: no file is written.
         format : str
             One of `gmwm.exporters.export_formats()`.
         axes : "worst", "mean" or "each", optional
-            From the axes of a sensor, take the largest number, the root mean square, or one number for each axis if the
-            format allows it. By default the largest for filters, and each for simulators and messages.
+            How to combine the axes of a sensor: use the largest number ("worst"), the root mean square ("mean"), or one
+            number for each axis ("each") if the format allows it. Default: "worst" for filters, and "each" for
+            simulators and messages.
         inflation : float
-            Factor on standard deviations and densities; variances grow by its square.
+            Factor on standard deviations and densities. Variances are multiplied by its square.
         horizon : float
-            How long (s) the consumer relies on the sensor alone.
+            Time (s) between corrections from other sensors in the other program.
         rate : float, optional
-            Sampling rate (Hz) of the data that the consumer will receive; by default the rate of the recording.
+            Sampling rate (Hz) in the other program. Default: the rate of the recording.
         duration : float, optional
-            Longest averaging time (s) for which a Gauss-Markov bias is fitted, for programs with such a bias; by
-            default an hour, or the length of a shorter recording.
+            For programs that model the bias as a Gauss-Markov process: longest averaging time (s) to which this process
+            is fitted. Default: one hour, or the duration of the recording if it is shorter.
 
         Returns
         -------
@@ -437,11 +442,11 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Raises
         ------
         OptionError
-            If an option is unknown or out of range, or has no meaning for the format.
+            If an option is unknown or out of range, or does not apply to the format.
         DataError
-            If a sensor that the consumer needs was not calibrated, or the data do not even bound a number.
+            If a sensor that the format needs was not calibrated, or the data give no upper limit for a number.
         MissingTheoryError
-            If the theory of a process in a model does not suffice.
+            If a process in a model lacks the theory that the format needs.
 
         Examples
         --------
@@ -462,30 +467,30 @@ class Calibration(Summarised, Mapping[str, Fit]):
     def agree(self, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:
         """Compare the numbers with a reference: a file of another program, or the numbers of a datasheet.
 
-        A datasheet is compared with N, K, B, Q and R of the calibration. The file of a filter is compared with N and K
-        for a horizon, as `export` writes them, and each number is also shown in the convention of the file. To compare
-        calibrations with each other, use `gmwm.agree`.
+        The numbers of a datasheet are compared with N, K, B, Q and R of the calibration. The numbers in a file are
+        compared with N and K for a time horizon, as `export` writes them, and each measured number is also given in the
+        convention of the file. To compare calibrations with each other, use `gmwm.agree`.
 
         Parameters
         ----------
         reference : path, str, Given, or mapping of "gyro.N" or "gyro_x.N" to (value, unit)
             A file that `gmwm.importers.given_noise` reads, text with the numbers of a datasheet, or single numbers.
         horizon : float
-            Horizon (s) of N and K for a file.
+            Time horizon (s) of N and K if the reference is a file.
 
         Returns
         -------
         ReferenceCheck
-            Each number beside its reference, with the factor and a verdict.
+            Each number with its reference value, their ratio and a verdict.
 
         Raises
         ------
         OptionError
-            If the reference has no number of a calibrated axis, or is neither a file nor numbers.
+            If the reference has no number for a calibrated axis, or is neither a file nor numbers.
         ReadError
             If the file has no known keys.
         UnitError
-            If a unit does not belong to a number.
+            If the unit of a reference value does not fit the number.
 
         Examples
         --------
@@ -502,16 +507,16 @@ class Calibration(Summarised, Mapping[str, Fit]):
     def budget(
         self, duration: float | str, *, rest: float | str = 0.0, latitude: float = 45.0, level: float = 0.95
     ) -> Budget:
-        """Compute the growth of attitude, velocity and position errors of unaided inertial navigation.
+        """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
-        See `gmwm.budgets.budget` for the equations and their approximations.
+        `gmwm.budgets.budget` describes the equations and their approximations.
 
         Parameters
         ----------
         duration : float or str
             Time of navigation (s), or text such as "60s" or "10min".
         rest : float or str
-            Time at rest before the start (s).
+            Time at rest before navigation starts (s), or text such as "60s".
         latitude : float
             Latitude (deg).
         level : float
@@ -520,7 +525,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Returns
         -------
         Budget
-            The errors over time, each with its interval and the contribution of each term.
+            The errors over time, each with its confidence interval and the contribution of each term.
 
         Raises
         ------
@@ -542,21 +547,21 @@ class Calibration(Summarised, Mapping[str, Fit]):
     def report(self, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
         """Write the calibration as one self-contained HTML page: verdict, plots, numbers, models, configuration files.
 
-        The page makes no network request, and the same calibration gives the same bytes.
+        The page makes no network request, and the same calibration always gives the same bytes.
 
         Parameters
         ----------
         path : path
-            A file name that ends in .html, or in .pdf for a document to print; the file is written whole or not at all.
-            A PDF needs an installed Chromium, except with `one_page`.
+            File name that ends in .html, or in .pdf for a printable document. The file is written atomically. A PDF
+            needs an installed Chromium, except with `one_page`.
         one_page : bool
-            Only what fits a page: the verdict, N, B, K and the bias of each axis, one plot, the most severe remarks,
-            and the recording with its SHA-256.
+            Whether to write only what fits on one page: the verdict, N, B, K and the bias of each axis, one plot, the
+            most severe remarks, and the recording with its SHA-256.
 
         Returns
         -------
         Path
-            The file.
+            Path of the written file.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Measure one axis in one or several recordings of a unit: its curve, its spectrum and the test for outliers."""
+"""Measure one axis in one or several recordings of a unit: wavelet variance, spectrum and outlier test."""
 
 from __future__ import annotations
 
@@ -25,7 +25,17 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """One axis of one recording: its measurements, the data as they were given, and the conditions."""
+    """One axis of one recording.
+
+    Attributes
+    ----------
+    item : Measured
+        The measurements of the axis.
+    raw : Measured or None
+        The data as the user gave them; None for a stream.
+    conditions : Conditions
+        The conditions whose effect may be removed, with the regression of each axis.
+    """
 
     item: Measured
     raw: Measured | None
@@ -33,17 +43,19 @@ class Part:
 
 
 class Together(NamedTuple):
-    """One axis of all recordings.
+    """The measurements of one axis in all recordings together.
 
     Attributes
     ----------
     wv : WaveletVariance
-        The curve to fit.
+        The wavelet variance to fit.
     verdicts : mapping of name to Verdict
-        The test for outliers in each recording.
+        The outlier test of each recording.
     spectrum : PowerSpectrum or None
+        The power spectrum of all recordings together.
     raw : WaveletVariance or None
-        The curve with the effect of the conditions; None if nothing was removed, or if it is not known.
+        The wavelet variance from which the effect of the conditions is not removed; None if there is nothing to remove,
+        or if it is not known.
     """
 
     wv: WaveletVariance
@@ -55,14 +67,24 @@ class Together(NamedTuple):
 def measured_together(
     axis: str, parts: Mapping[str, Part], options: CalibrationOptions, *, comparisons: int
 ) -> Together:
-    """Measure one axis in all recordings, and pool the curves and the spectra.
+    """Measure one axis in all recordings, and pool the wavelet variances and the spectra.
 
-    If one recording needs the robust curve, all have it, because classical and robust curves cannot be pooled.
+    If one recording needs the robust wavelet variance, it is used for all recordings, because classical and robust
+    wavelet variances cannot be pooled.
+
+    Parameters
+    ----------
+    axis : str
+    parts : mapping of recording to Part
+    options : CalibrationOptions
+        Options of this axis.
+    comparisons : int
+        Number of axes that are tested for outliers together.
 
     Raises
     ------
     DataError
-        If an axis is constant, or the recordings cannot be pooled.
+        If the axis is constant in a recording, or the recordings cannot be pooled.
     """
     several = len(parts) > 1
     spectrum = _spectrum([part.item for part in parts.values()]) if several else None
@@ -97,15 +119,20 @@ def measured_together(
 
 
 def regression_of(axis: str, parts: Mapping[str, Part]) -> Regression | None:
-    """Return the regression of an axis on the conditions if there is one recording. With several recordings return
-    None, because the curve of each recording holds its own regression."""
+    """Return the regression of an axis on the conditions; None if there is none, or if there are several recordings.
+
+    For several recordings, the wavelet variance of each recording contains its own regression.
+    """
     if len(parts) > 1:
         return None
     return next(iter(parts.values())).conditions.found.get(axis)
 
 
 def pair_of_axis(item: Measured, options: CalibrationOptions) -> Measured:
-    """Return the curves of an axis, after which its samples are no longer needed."""
+    """Return the wavelet variances of an axis as a `Pair`, and free the memory of its samples.
+
+    Data that are not an AxisMeasurement are returned unchanged.
+    """
     if not isinstance(item, AxisMeasurement):
         return item
     with item.turn:
@@ -115,7 +142,7 @@ def pair_of_axis(item: Measured, options: CalibrationOptions) -> Measured:
 
 
 def _raw(axis: str, part: Part) -> WaveletVariance | None:
-    """Return the wavelet variance with the effect of the conditions."""
+    """Return the wavelet variance from which the effect of the conditions is not removed; None if it is not known."""
     raw = part.conditions.raw.get(axis)
     if raw is None and isinstance(part.raw, Signal):
         return signal_wavelet_variance(part.raw)
@@ -123,7 +150,7 @@ def _raw(axis: str, part: Part) -> WaveletVariance | None:
 
 
 def _spectrum(items: Sequence[Measured]) -> PowerSpectrum | None:
-    """Return the spectrum of all recordings together, smoothed except at lines."""
+    """Return the power spectrum of all recordings together, smoothed except at lines; None if there is none."""
     samples = [item.samples for item in items if isinstance(item, AxisMeasurement)]
     try:
         return samples[0].spectrum_with(samples[1:])
@@ -132,7 +159,7 @@ def _spectrum(items: Sequence[Measured]) -> PowerSpectrum | None:
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
-    """Return the most severe verdict, with the wrong samples and knocks of all recordings."""
+    """Return the most severe of several outlier tests, with the wrong samples and knocks of all recordings."""
     known = list(verdicts)
     if len(known) < 2:
         return next(iter(known), None)

@@ -1,4 +1,4 @@
-"""Remarks on the lines and the resonances in the spectrum of an axis."""
+"""Remarks on the lines and resonances in the spectrum of an axis."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from gmwm.variance import WaveletVariance
 
 SHARE = 0.05
-"""Share of the wavelet variance of some level from which lines affect the numbers: it changes a density such as N, the
-square root of a variance, by 2.5 %."""
+"""Smallest share of the wavelet variance of any level for which a remark says that lines affect the numbers. It changes
+a density such as N, which is the square root of a variance, by 2.5 %."""
 
 
 def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
-    """Yield remarks on the spectrum of an axis; none if there is no spectrum."""
+    """Yield remarks on the lines and bumps in the spectrum of an axis, if it has a spectrum."""
     spectrum = found.spectrum
     if spectrum is None:
         return
@@ -57,9 +57,10 @@ def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark
 
 
 def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:
-    """Return the largest share of lines in the wavelet variance of a level, and the scale (s) of this level.
+    """Return the largest share that lines have in the wavelet variance of a level, and the scale (s) of this level.
 
-    A sinusoid of amplitude A and frequency f adds A² |H_j(f)|² / 2 to ν_j².
+    A sinusoid of amplitude A and frequency f adds A² |H_j(f)|² / 2 to the wavelet variance of level j, where |H_j|² is
+    the squared gain of the wavelet filter.
     """
     wavelet = find_filter(wv.filter)
     cycles = np.array([line.frequency for line in lines]) / wv.rate

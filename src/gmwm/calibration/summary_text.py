@@ -1,4 +1,4 @@
-"""The summary of a calibration as text: verdict, a table for each sensor, and the most severe remarks."""
+"""Format a calibration as text: verdict, a table for each sensor, and the most severe remarks."""
 
 from __future__ import annotations
 
@@ -27,28 +27,27 @@ REST: Mapping[Dialect, str] = {
     Dialect.SHELL: "report.html (or --all-remarks)",
     Dialect.HTML: "",
 }
-"""Where to find the remarks that the summary does not show."""
+"""Where users find the remarks that the summary does not show."""
 
 HELD = "held lines"
-"""Label of the table row with the number of lines whose frequency and power are held."""
+"""Label of the table row with the number of lines whose frequency and power are held fixed in the fit."""
 SPREAD_OF = ("N", "B", "K")
-"""Symbols of the numbers whose spread between recordings is in the table."""
+"""Symbols of the numbers whose spread between recordings the table shows."""
 _FIRST = "[1]"
 _BIAS, _MEAN = "b", "mean"
 _REST = {_BIAS: "bias", "b_on": "turn-on", "b_rms": "bias rms"}
 
 
 def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """Describe a calibration as text of at most 80 columns.
+    """Return a calibration as text of at most 80 columns.
 
     Parameters
     ----------
     calibration : Calibration
-        The calibration.
     dialect : Dialect
         Whether options are written as in Python or as in the shell.
     every : bool
-        Show all remarks instead of the five most severe ones.
+        Whether to show all remarks instead of the five most severe.
     """
     equality = equality_remarks(calibration)
     parts = [wrapped(calibration.verdict.text(dialect)), _head(calibration)]
@@ -82,7 +81,7 @@ def _head(calibration: Calibration) -> list[str]:
 
 
 def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[str]]:
-    """Group the axes by length (samples) and rate (Hz); all axes of a recording have the same."""
+    """Group the axes by number of samples and sampling rate (Hz). Both are equal for all axes of a recording."""
     shapes: dict[tuple[int, float], list[str]] = {}
     for axis, found in axes.items():
         wv = found.fit.wavelet_variance
@@ -91,14 +90,16 @@ def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[
 
 
 def _range(ascending: Sequence[str]) -> str:
-    """Format the first and the last of several texts; a single text if they are equal."""
+    """Format sorted texts as a range from the first to the last; a single text if both are equal."""
     first, last = ascending[0], ascending[-1]
     return first if first == last else f"{first} to {last}"
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """Make a table with a column for each axis and a row for each number; as many axes side by side as fit the
-    width."""
+    """Return the lines of a table with a column for each axis and a row for each number.
+
+    Up to three axes are side by side, as many as fit the width; the others follow in tables below.
+    """
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -108,7 +109,7 @@ def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
 
 
 def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
-    """Make tables of `count` axes each, one below the other."""
+    """Return the lines of tables with `count` axes each, one below the other."""
     names = list(axes)
     lines: list[str] = []
     for start in range(0, len(names), count):
@@ -118,7 +119,10 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """Make the rows of some axes: model, fit and outliers, then a row for each number in the units of datasheets."""
+    """Return the rows of the table of some axes.
+
+    The first rows have model, goodness of fit and outliers; the others have one number each in datasheet units.
+    """
     found = list(axes.values())
     rows = [
         ["", *axes],
@@ -127,7 +131,7 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
         ["p of the fit", *("no test" if one.test is None else one.test.pvalue_in_words for one in found)],
         ["outliers", *(_outliers(one) for one in found)],
     ]
-    # The only Gauss-Markov term of one axis is in the row of the first of several terms of another axis.
+    # If one axis has several Gauss-Markov terms, the only such term of another axis is in the row of the first term.
     several = {symbol for one in found for symbol in one.datasheet if symbol.endswith(_FIRST)}
     columns = [
         {f"{symbol}{_FIRST}" if f"{symbol}{_FIRST}" in several else symbol: entry for symbol, entry in shown.items()}
@@ -145,7 +149,7 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
 
 
 def _at_rest(found: Sequence[AxisCalibration]) -> list[list[str]]:
-    """Make the rows with the bias at rest, its spread between recordings, and its rms over a duration."""
+    """Return the rows with the bias at rest, its spread between recordings, and its rms over a duration."""
     columns = [{} if one.rest is None else {entry.symbol: entry for entry in one.rest.entries} for one in found]
     rows = []
     for symbol, title in _REST.items():
@@ -161,8 +165,10 @@ def _at_rest(found: Sequence[AxisCalibration]) -> list[list[str]]:
 
 
 def _spreads(found: Sequence[AxisCalibration]) -> list[list[str]]:
-    """Make the rows with the spread of the main numbers between recordings, and the p-value of the test that they are
-    equal."""
+    """Return the rows with the spread of N, B and K between recordings, and the p-value of the test of equality.
+
+    There are no rows for a single recording.
+    """
     if all(one.replicates is None for one in found):
         return []
     rows = []
@@ -184,7 +190,7 @@ def _number_of(found: AxisCalibration, symbol: str) -> RecordingNumber | None:
 
 
 def held_lines(model: Model) -> list[str]:
-    """Return the terms of a model that are lines without a free parameter."""
+    """Return the sinusoidal terms of a model whose parameters are all held fixed in the fit."""
     return [
         term for term, process in zip(model.terms, model.processes, strict=True)
         if is_line(type(process)) and all(process.is_fixed(p.name) for p in process.parameters)
@@ -192,7 +198,10 @@ def held_lines(model: Model) -> list[str]:
 
 
 def _shown(found: AxisCalibration) -> dict[str, Entry]:
-    """Return the datasheet entries, except entries of held lines. A single other line has no number in its symbols."""
+    """Return the datasheet entries to show by symbol, without the entries of held lines.
+
+    If there is only one other line, its symbols have no index.
+    """
     model = found.fit.model
     lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}
     free = lines.difference(held_lines(model))
@@ -245,7 +254,7 @@ def _legend(calibration: Calibration) -> list[str]:
 
 
 def _filtered(calibration: Calibration) -> str:
-    """Explain the terms that the search adds because of the spectrum; "" if there are none."""
+    """Return an explanation of AR, MA and ARMA terms that the search has added; "" if there are none."""
     names = {
         process.name.partition("(")[0]
         for found in calibration.axes.values() for process in found.fit.model.processes

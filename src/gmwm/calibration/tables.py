@@ -15,13 +15,16 @@ if TYPE_CHECKING:
     from gmwm.datasheets import Entry
 
 WIDTH = 80
-"""Columns of a terminal."""
+"""Largest number of columns of a text."""
 SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
-"""Headings of the tables."""
+"""Headings of the tables, by sensor."""
 
 
 def merged(lists: Sequence[Sequence[str]]) -> list[str]:
-    """Merge lists of names so that each name comes after its predecessors; longer lists decide first."""
+    """Merge lists of names into one list without duplicates that keeps the order of each list where possible.
+
+    If two lists contradict each other, the longer list determines the order.
+    """
     order: list[str] = []
     for names in sorted(lists, key=len, reverse=True):
         at = 0
@@ -33,13 +36,13 @@ def merged(lists: Sequence[Sequence[str]]) -> list[str]:
 
 
 def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
-    """Return the symbols of some datasheets: first the symbols of IEEE Std 952, in its order, then the others."""
+    """Merge the symbols of several datasheets. The symbols of IEEE Std 952 come first, in its order."""
     order = [str(symbol) for symbol in LAWS]
     return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
 
 
 def key(entries: Iterable[Entry]) -> str:
-    """Write a legend of the symbols; a symbol with two meanings gets both titles."""
+    """Return a legend of the symbols of some entries. A symbol with two meanings has both titles."""
     titles: dict[str, dict[str, None]] = {}
     for entry in entries:
         titles.setdefault(entry.symbol.partition("[")[0].partition(" ")[0], {})[entry.title] = None
@@ -47,8 +50,10 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def number(entry: Entry) -> str:
-    """Format a value with half the width of its confidence interval, with the interval if it is wide, or as an upper
-    limit."""
+    """Format a number with half the width of its confidence interval in per cent.
+
+    A wide interval is given by its ends instead, and a number that may be zero by its upper limit.
+    """
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
         return f"{value:.3g} fixed"
@@ -63,7 +68,7 @@ def number(entry: Entry) -> str:
 
 
 def with_error(entry: Entry) -> str:
-    """Format a number that may have either sign, with half the width of its confidence interval."""
+    """Format a signed number with half the width of its confidence interval."""
     value, low, high, _ = entry.in_units("datasheet")
     if low is None or high is None or not math.isfinite(high - low):
         return "not determined"
