@@ -1,4 +1,4 @@
-"""The command lines and the Python lines that repeat what a session shows."""
+"""Shell commands and Python code that compute what a session shows."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from gmwm.app.session import EMPTY, Session
 from gmwm.readers.streams import is_large
 
 FOLDER = "results"
-"""The folder of the commands."""
+"""Folder for results in the commands."""
 
 
 def shell_lines(session: Session) -> list[str]:
-    """Return the commands that write the files of the page "Download".
+    """Return the shell commands that write the files of the tab "Download".
 
     >>> print("\\n".join(shell_lines(Session(file="static.csv", reading={"skip": [[10, 20]]}))))
     gmwm calibrate static.csv --skip 10-20 --output results
@@ -41,7 +41,7 @@ def shell_lines(session: Session) -> list[str]:
 
 
 def python_lines(session: Session) -> list[str]:
-    """Return the Python lines that write the same files.
+    """Return the lines of Python code that write the files of the tab "Download".
 
     >>> print("\\n".join(python_lines(Session(file="static.csv", models={"gyro": "GM + WN"}))))
     import gmwm
@@ -70,7 +70,7 @@ def python_lines(session: Session) -> list[str]:
 
 
 def file_name(session: Session) -> str:
-    """Return the name of the exported file.
+    """Return the name of the exported file in the format of a session.
 
     >>> file_name(Session()), file_name(Session(export="openvins"))
     ('imu.yaml', 'openvins.yaml')
@@ -81,7 +81,7 @@ def file_name(session: Session) -> str:
 
 
 def number(value: float) -> str:
-    """Write a number exactly, and a whole number without a point.
+    """Format a number with all digits, but a whole number without a decimal point.
 
     >>> number(20.0), number(0.1)
     ('20', '0.1')
@@ -90,12 +90,12 @@ def number(value: float) -> str:
 
 
 def _call(*values: Any, first: str = "", **named: Any) -> str:
-    """Write the arguments of a call."""
+    """Format the arguments of a Python call. `first` is an argument that is already code."""
     return ", ".join([*([first] if first else []), *map(repr, values), *(f"{k}={v!r}" for k, v in named.items())])
 
 
 def _reading(reading: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the options for reading a recording, as the shell takes them."""
+    """Yield the words of the shell options for reading a recording."""
     for name, value in reading.items():
         option = f"--{name.replace('_', '-')}"
         if name == "skip":

@@ -1,4 +1,4 @@
-"""The open pages of a server, each with its own results."""
+"""The pages that are open in browsers, each with its own results."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gmwm.app.session import Session
 from gmwm.app.workspace import Workspace
 
 PAGES = 8
-"""Number of pages whose results are kept. The results of an older page are made again when it is used."""
+"""Number of pages whose results are kept. The results of an older page are computed again when it is used again."""
 
 
 class Desk:
@@ -20,11 +20,11 @@ class Desk:
     Attributes
     ----------
     folders : Folders
-        The files that may be opened.
+        The files that the pages may open.
     first : Session
-        The session of a new page.
+        The session with which a new page starts.
     places : list of str
-        The elements of the page whose content the server draws again when the state changes.
+        Names of the page elements whose content the server draws again when the state changes.
     """
 
     def __init__(self, folders: Folders, first: Session) -> None:
@@ -34,7 +34,7 @@ class Desk:
         self._lock = threading.Lock()
 
     def workspace(self, page: str) -> Workspace:
-        """Return the workspace of a page."""
+        """Return the workspace of a page by its identifier. A new page gets a new workspace."""
         with self._lock:
             found = self._pages.setdefault(page, Workspace(self.folders))
             self._pages.move_to_end(page)
@@ -44,10 +44,10 @@ class Desk:
             return found
 
     def session(self, data: dict[str, Any] | None) -> Session:
-        """Return the session that a page holds. Raises an error if a value is not allowed."""
+        """Return the session for the data that a page has stored. Raises an error if a value is not allowed."""
         return self.first if data is None else Session.from_dict(data)
 
     def close(self) -> None:
-        """Cancel all jobs."""
+        """Cancel the jobs of all pages."""
         for workspace in self._pages.values():
             workspace.jobs.cancel()

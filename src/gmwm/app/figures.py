@@ -1,4 +1,4 @@
-"""The figures of the page: the panels of `gmwm.plots` as figures of Plotly, with their size and legend."""
+"""Figures of the page: panels of `gmwm.plots` as Plotly figures with a size and a legend."""
 
 from __future__ import annotations
 
@@ -35,39 +35,39 @@ from gmwm.variance.result import WaveletVariance
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif'
 SIDE = 90
-"""Width (CSS pixels) of the margins of a figure."""
+"""Total width (CSS pixels) of the left and right margins of a figure."""
 NARROW, WIDEST = 760, 1360
-"""Width (CSS pixels) below which figures are in one column, and largest width of the page, as in app.css."""
+"""Page width (CSS pixels) below which figures are in one column, and largest width of the page, as in app.css."""
 LEFT_OUT = "#d55e00"
-"""Colour of the spans that are left out."""
+"""Colour of time ranges that are left out."""
 HANDLE = 8
-"""Half the width of a handle (CSS pixels)."""
+"""Half of the width (CSS pixels) of a handle, with which users drag the curve of a term."""
 RATE = "beta"
-"""Name of the parameter that is an inverse correlation time."""
+"""Name of the parameter that is the inverse correlation time of a process."""
 EVEN = 50.0
-"""Misfit (%) up to which its axis is linear."""
+"""Largest misfit (%) for which the axis of the misfit is linear."""
 IMPLIED_DOTS = replace(IMPLIED, symbol="circle")
 Drawn = dict[str, Any]
-"""A figure as `dcc.Graph` takes it."""
+"""A Plotly figure as a dictionary, which `dcc.Graph` can draw."""
 
 
 def half_of(width: float) -> float:
-    """Return the width of a figure in a grid of two columns, or of one column on a narrow page (CSS pixels)."""
+    """Return the width (CSS pixels) of a figure in a grid, which has two columns, or one on a narrow page."""
     return width - 40 if width < NARROW else min(width, WIDEST) / 2 - 30
 
 
 def drawn(panel: Panel, width: float, height: float = 330, *, title: bool = False) -> Drawn:
-    """Return a panel as a figure of Plotly.
+    """Return a panel as a Plotly figure.
 
     Parameters
     ----------
     panel : Panel
     width : float
-        Width of the place (CSS pixels), for the rows of the legend.
+        Width of the figure (CSS pixels), which determines the number of rows of the legend.
     height : float
-        Height of the figure without the legend.
+        Height of the figure without the legend (CSS pixels).
     title : bool
-        Whether the panel keeps its title.
+        Whether to show the title of the panel.
     """
     found = plotly_panel(panel if title else replace(panel, title=""))
     names = [trace["name"] for trace in found["data"] if trace["showlegend"]]
@@ -97,7 +97,7 @@ def drawn(panel: Panel, width: float, height: float = 330, *, title: bool = Fals
 
 
 def traces(imu: Imu, width: float, units: UnitSystem) -> tuple[dict[str, Drawn], float]:
-    """Return a figure over time of each axis, in which a span can be marked, and the unit of time (s)."""
+    """Return a figure of each axis over time, in which users can mark a time range, and the unit of time (s)."""
     figure = recording_figure(imu, units=units)
     places = {sensor_and_letter(axis): axis for axis in imu}
     if all(sensor for sensor, _ in places):
@@ -126,14 +126,14 @@ def _trace(panel: Panel, width: float) -> Drawn:
 
 
 def _duration(imu: Imu) -> float:
-    """Return the time (s) from the first to the last sample."""
+    """Return the time (s) from the first to the last sample of a recording, including gaps."""
     signal = imu[imu.axes[0]]
     begins = begins_of(signal.rate, signal.segments, signal.starts)
     return max(begin + (b - a - 1) / signal.rate for begin, (a, b) in zip(begins, signal.segments, strict=True))
 
 
 def with_spans(found: Drawn, spans: Sequence[tuple[float, float]], unit: float) -> Drawn:
-    """Shade the spans (s) that are left out."""
+    """Return the figure with the time ranges (s) shaded that are left out. `unit` is the unit of its time axis (s)."""
     found["layout"]["shapes"] = [
         {"type": "rect", "xref": "x", "yref": "y domain", "x0": begin / unit, "x1": end / unit, "y0": 0, "y1": 1,
          "fillcolor": LEFT_OUT, "opacity": 0.3, "line": {"width": 0}, "layer": "above"}
@@ -146,7 +146,11 @@ def with_spans(found: Drawn, spans: Sequence[tuple[float, float]], unit: float) 
 
 
 def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, units: UnitSystem) -> Panel:
-    """Return the curves of the axes of one sensor in one plot, by the name of the estimate and by axis."""
+    """Return a panel with the wavelet variances of the axes of one sensor.
+
+    `of` has the wavelet variances by axis for each estimate. The key of an estimate is added to the axis in the legend:
+    "" for the first estimate, which is drawn with filled symbols, and for example ", robust" for another.
+    """
     items: dict[str, WaveletVariance] = {}
     strokes: list[Stroke] = []
     for name, axes in of.items():
@@ -159,7 +163,7 @@ def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, unit
 
 
 def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
-    """Return the spectra of the axes of one sensor in one plot, with symbols at their lines and broad peaks."""
+    """Return a panel with the spectra of the axes of one sensor, with symbols at their lines and broad peaks."""
     marks: list[Mark] = []
     panels = [spectrum_panel(spectrum, units=units, alone=False) for spectrum in axes.values()]
     for k, (axis, panel) in enumerate(zip(axes, panels, strict=True)):
@@ -177,7 +181,7 @@ def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
 
 
 def fitted(fit: Fit, session: Session, width: float) -> Drawn:
-    """Return the figure of a fit, with a handle on each term that can be dragged."""
+    """Return the figure of a fit. The curve of each term has a handle with which users can drag it."""
     found = drawn(fit_panel(fit, view=session.view, units=session.units), width, 380)
     shown = view_for(fit.wavelet_variance, session.view, session.units)
     found["layout"]["shapes"] = [
@@ -190,18 +194,18 @@ def fitted(fit: Fit, session: Session, width: float) -> Drawn:
 
 
 def _handles(fit: Fit, shown: View) -> list[tuple[tuple[float, float], Stroke]]:
-    """Return the place of the handle of each term that is not zero, and its colour."""
+    """Return the position of the handle of each term that is not zero, and the stroke of the term."""
     strokes = term_strokes(fit.model.terms, fit.model.processes)
     return [(_place(fit, term, shown), strokes[term]) for term in movable(fit)]
 
 
 def movable(fit: Fit) -> list[str]:
-    """Return the terms with a handle: those that are not zero."""
+    """Return the terms that have a handle, which are all terms that are not zero."""
     return [term for term, curve in fit.decomposition.items() if np.any(np.asarray(curve) > 0)]
 
 
 def _place(fit: Fit, term: str, shown: View) -> tuple[float, float]:
-    """Return the point of a term's curve at the scale where its share of the model is largest."""
+    """Return the position of the handle of a term: the point of its curve where its share of the model is largest."""
     curve = np.asarray(fit.decomposition[term])
     level = int(np.argmax(curve / np.where(fit.implied > 0, fit.implied, np.inf)))
     time = shown.time(fit.wavelet_variance.tau)[level]
@@ -209,10 +213,10 @@ def _place(fit: Fit, term: str, shown: View) -> tuple[float, float]:
 
 
 def moved(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Process:
-    """Return the process of a term, held where its handle was dragged to.
+    """Return the process of a term after its handle was dragged to a new position, with the new values held fixed.
 
-    The curve of the term goes through the new place. A term with a correlation time moves along the axis as well: its
-    rate parameter is divided by the ratio of the times.
+    The curve of the new process goes through the position `to` (time, value). If the process has a correlation time,
+    this time changes in proportion to the horizontal position.
     """
     wv = fit.wavelet_variance
     process = dict(zip(fit.model.terms, fit.model.processes, strict=True))[term]
@@ -230,7 +234,8 @@ def moved(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Pro
 
 
 def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
-    """Return the relative distance of the model from the data at each scale, with two standard errors of the data."""
+    """Return a panel with the relative difference of model and data at each scale, and ± 2 standard errors of the
+    data."""
     found, wv = relative_misfit(fit), fit.wavelet_variance
     shown = view_for(wv, view, units)
     times, percent = shown.time(wv.tau), 100 * found.distance
@@ -244,7 +249,7 @@ def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
 
 
 def compared(ranking: Ranking, view: ViewName, units: UnitSystem) -> Panel:
-    """Return the distances of the best models of a ranking from the data, by scale."""
+    """Return a panel with the distances of the best models of a ranking from the data at each scale."""
     panel = ranking_figure(ranking, view=view, units=units).rows[0][1]
     assert panel is not None
     return replace(panel, title="")

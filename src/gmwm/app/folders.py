@@ -1,4 +1,4 @@
-"""The files that the page may open: those in the folder of the command, and files dropped on the page."""
+"""Access to the files that the page may open: files in the opened folder, and files dropped on the page."""
 
 from __future__ import annotations
 
@@ -10,45 +10,47 @@ from typing import IO
 from gmwm.errors import OptionError, ReadError
 
 CHUNK = 1 << 20
-"""Number of bytes that are copied at once."""
+"""Number of bytes of a dropped file that are copied at once."""
 
 
 @dataclass(frozen=True)
 class Folders:
-    """The folder that the user opened, and a temporary one for dropped files.
+    """The folder that the user opened, and a temporary folder for dropped files.
 
     Attributes
     ----------
     root : Path
-        The folder that the user opened, without symbolic links.
+        The folder that the user opened, with symbolic links resolved.
     dropped : Path
-        The temporary folder, without symbolic links.
+        The temporary folder, with symbolic links resolved.
     """
 
     root: Path
     dropped: Path
 
     def file(self, text: str) -> Path:
-        """Return the file that a path names; a relative path starts in the folder.
+        """Return the path that a text names. A relative path starts in `root`.
 
         Raises
         ------
         OptionError
-            If it is outside the folder, also through a symbolic link.
+            If the path is outside both folders, for example through a symbolic link.
         ReadError
-            If it does not exist.
+            If the path does not exist.
         """
         return self._inside(text)
 
     def entries(self, text: str) -> tuple[str, list[str], list[str]]:
-        """Return a folder relative to the root, the names of its folders, and the names of its files.
+        """Return the path of a folder relative to `root`, the names of its folders, and the names of its files.
+
+        Hidden files and links to files outside `root` are left out.
 
         Raises
         ------
         OptionError
-            If it is outside the folder that the user opened.
+            If the folder is outside both folders.
         ReadError
-            If it is not a folder.
+            If the path is not a folder.
         """
         folder = self._inside(text)
         if not folder.is_dir():

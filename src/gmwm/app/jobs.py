@@ -1,4 +1,4 @@
-"""Long work in threads, with progress and cancellation. Every result has a key and is kept for some time."""
+"""Long computations in threads, with progress and cancellation. The last results are kept and found by a key."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from gmwm._threads import stoppable
 
 State = Literal["running", "done", "failed", "cancelled"]
 QUICK = 0.3
-"""Time (s) that `Jobs.ask` waits for a result, so that short work needs no progress."""
+"""Time (s) to wait for a result before the progress of a job is shown, so that short jobs show none."""
 CHECK = 0.05
-"""Time (s) between two checks for a cancellation while a job waits for another one."""
+"""Time (s) between two checks for a cancellation while a job waits for another job."""
 
 
 class Cancelled(BaseException):
-    """Ends a job that the user cancelled. It passes every handler of errors."""
+    """Exception that stops a cancelled job. It is not an `Exception`, so that no handler of errors catches it."""
 
 
 class Job:
-    """One piece of work.
+    """A computation that runs in its own thread.
 
     Attributes
     ----------
     title : str
-        What it does, for the user.
+        Title of the job that the user sees.
     state : "running", "done", "failed" or "cancelled"
     text : str
-        The last step.
+        Description of the last step.
     share : float or None
-        The finished part, from 0 to 1; None if unknown.
+        Finished fraction of the work, from 0 to 1; None if unknown.
     value : object
-        The result, if it is done.
+        The result, if the state is "done".
     error : Exception or None
-        The error, if it failed.
+        The error, if the state is "failed".
     """
 
     def __init__(self, title: str, work: Callable[[Job], Any], finished: Callable[[], None]) -> None:
@@ -53,7 +53,7 @@ class Job:
         self._thread.start()
 
     def step(self, text: str, done: float = 0, total: float = 0) -> None:
-        """Report progress.
+        """Report progress: a description of the step, and the finished and total amounts of work if known.
 
         Raises
         ------
@@ -69,21 +69,23 @@ class Job:
             raise Cancelled
 
     def cancel(self) -> None:
-        """End the job at its next step or check. Its result is not used, even if it is found before."""
+        """Stop the job at its next call of `step` or `check`. Its result is not used, even if it ends before."""
         self._stop.set()
         self._end("cancelled")
 
     def join(self, seconds: float) -> bool:
-        """Wait for the end, and return whether the job has ended."""
+        """Wait at most this time (s) for the end of the job, and return whether it has ended."""
         return self._ended.wait(seconds)
 
     def result_for(self, other: Job) -> Any:
-        """Return the result to another job that needs it.
+        """Wait for the result of this job in another job, and return it. The other job shows the progress of this one.
 
         Raises
         ------
         Cancelled
             If either job is cancelled.
+        Exception
+            The error of this job, if it failed.
         """
         while not self.join(CHECK):
             other.step(f"{self.title}: {self.text}" if self.text else self.title)
@@ -114,12 +116,12 @@ class Job:
 
 
 class Jobs:
-    """The jobs of one page. The last jobs of each kind are kept, and older ones are cancelled.
+    """The jobs of one page. The last jobs of each kind are kept, and older jobs are cancelled.
 
     Attributes
     ----------
     revision : int
-        Increases whenever a job ends.
+        Number that increases whenever a job ends.
     """
 
     def __init__(self) -> None:
@@ -130,22 +132,22 @@ class Jobs:
     def ask(
         self, kind: str, key: Hashable, title: str, work: Callable[[Job], Any], *, kept: int = 2, alone: bool = True
     ) -> Job:
-        """Return the job of a key; start it if there is none.
+        """Return the job with a key, and start it if there is none.
 
         Parameters
         ----------
         kind : str
-            Jobs of one kind replace each other.
+            Kind of the job. A new job replaces older jobs of the same kind.
         key : hashable
-            What decides the result.
+            All values on which the result depends.
         title : str
-            What the job does, for the user.
+            Title of the job that the user sees.
         work : function of the job
-            Returns the result.
+            Function that computes and returns the result.
         kept : int
             Number of jobs of this kind that are kept.
         alone : bool
-            Whether a new job cancels the running ones of its kind.
+            Whether a new job cancels the running jobs of its kind.
         """
         with self._lock:
             of_kind = self._jobs.setdefault(kind, OrderedDict())
@@ -161,7 +163,7 @@ class Jobs:
             return job
 
     def running(self) -> list[Job]:
-        """Return the jobs that have not ended."""
+        """Return the jobs that are still running."""
         with self._lock:
             return [job for of_kind in self._jobs.values() for job in of_kind.values() if job.state == "running"]
 
@@ -171,7 +173,7 @@ class Jobs:
             job.cancel()
 
     def again(self) -> None:
-        """Forget the jobs that failed or were cancelled, so that the next `ask` starts them again."""
+        """Remove the jobs that failed or were cancelled, so that the next call of `ask` starts them again."""
         with self._lock:
             for of_kind in self._jobs.values():
                 for key in [key for key, job in of_kind.items() if job.state in ("failed", "cancelled")]:
@@ -184,5 +186,5 @@ class Jobs:
 
 
 def report_bug(error: Exception) -> None:
-    """Print the traceback of an error that is not one of gmwm's messages."""
+    """Print the traceback of an error that is a bug, not an error message of gmwm."""
     traceback.print_exception(error, file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Reduction of a recording of any length to what a plot over time needs, in bounded memory."""
+"""Reduce a recording of any length to the samples that a plot over time needs, in bounded memory."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
 COLUMNS = 2048
-"""Largest number of columns of a plot, more than a screen shows."""
+"""Largest number of columns to which a recording is reduced, which is more than a screen shows."""
 
 
 class Overview:
-    """Smallest and largest sample of each axis in each of at most `COLUMNS` equal parts of the time.
+    """The smallest and the largest sample of each axis in each of at most `COLUMNS` equal parts of a recording.
 
-    The parts, of `width` samples, double in length whenever the recording exceeds them, so that its length need not
-    be known.
+    A part has `width` samples. Whenever the recording is longer than all parts together, the width is doubled, so the
+    length of the recording need not be known in advance.
     """
 
     def __init__(self, axes: Iterable[str], rate: float) -> None:
@@ -35,10 +35,10 @@ class Overview:
         self._end = 0
 
     def update(self, chunk: Chunk) -> None:
-        """Add the next samples."""
+        """Add the samples of the next chunk."""
         if self._origin is None:
             self._origin = chunk.start
-        # If the clock was set back, the samples follow those before.
+        # If the clock was set back, these samples are placed directly after the previous ones.
         begin = max(round((chunk.start - self._origin) * self.rate), self._end)
         self._end = begin + len(chunk)
         while self._end > COLUMNS * self.width:
@@ -52,7 +52,7 @@ class Overview:
             self.greatest[k, columns] = np.maximum(self.greatest[k, columns], np.maximum.reduceat(values, starts))
 
     def result(self, source: str) -> Imu:
-        """Return a recording of two samples for each part, the smallest and the largest one, with gaps kept."""
+        """Return a recording with two samples for each part, its smallest and its largest sample. Gaps are kept."""
         there = np.isfinite(self.least[0])
         runs = runs_of(there).tolist()
         lengths = np.cumsum([0, *(2 * (b - a) for a, b in runs)]).tolist()
@@ -74,13 +74,13 @@ class Overview:
 
 
 def overview(recording: Imu | Stream, done: Callable[[int], None]) -> Imu:
-    """Return a recording to draw over time: the same one from memory, its overview if it is read in chunks.
+    """Return a recording that can be drawn over time. A stream is reduced to its overview; an Imu is unchanged.
 
     Parameters
     ----------
     recording : Imu or Stream
-    done : function of samples
-        Called after each chunk of a stream.
+    done : function of int
+        Function that is called with the number of samples read after each chunk of a stream.
     """
     if isinstance(recording, Imu):
         return recording
@@ -93,7 +93,7 @@ def overview(recording: Imu | Stream, done: Callable[[int], None]) -> Imu:
 
 
 def shown_times(relayout: dict[str, Any] | None) -> tuple[float, float] | None:
-    """Return the span that the user marked in a figure, in the unit of its horizontal axis; None if there is none.
+    """Return the time range that the user marked in a figure, in the unit of its time axis; None if there is none.
 
     >>> shown_times({"selections": [{"x0": 20.0, "x1": 10.0}]})
     (10.0, 20.0)

@@ -1,4 +1,4 @@
-"""The server of `gmwm app`: on 127.0.0.1 only, for one user, and without a trace when it ends."""
+"""The server of `gmwm app`. It listens on 127.0.0.1 only, serves one user, and leaves no files when it ends."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ HOST = "127.0.0.1"
 LOADED = (
     "scipy.fft", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats",
 )  # fmt: skip
-"""What gmwm loads when it is first used. SciPy cannot be loaded by several threads at once, so it is loaded before
-(tests/app/test_server.py)."""
+"""Modules that gmwm imports when it needs them. They are imported before the server starts, because SciPy cannot be
+imported by several threads at once (tests/app/test_server.py)."""
 CHECK = 0.2
-"""Time (s) between two looks for signals."""
+"""Time (s) between two checks for signals such as Ctrl-C."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Served:
     Attributes
     ----------
     url : str
-        The address of the page, with the secret token.
+        Address of the page, which contains the secret token.
     folders : Folders
-        The files that it may open.
+        The files that the page may open.
     """
 
     url: str
@@ -49,36 +49,36 @@ class Served:
 
 
 def serve(path: Path, *, port: int = 0, browser: bool = True, tell: Callable[[str], None] = print) -> NoReturn:
-    """Serve the page until Ctrl-C or another signal raises an exception, and open it in the browser.
+    """Serve the page, and open it in the browser, until Ctrl-C or another signal raises an exception.
 
     Parameters
     ----------
     path : Path
         A recording, a session.json, or the folder whose files can be opened.
     port : int
-        0 for a free port.
+        Port of the server; 0 for any free port.
     browser : bool
-        Whether the page is opened in the default browser.
+        Whether to open the page in the default browser.
     tell : function of str
-        Called with the address of the page.
+        Function that is called with the address of the page.
     """
     with running(path, port=port) as server:
         tell(server.url)
         if browser:
             webbrowser.open(server.url)
         while True:
-            # Polars has a handler of Ctrl-C, after which a wait without a limit would ignore it.
+            # Polars installs its own handler for Ctrl-C. With it, Ctrl-C would not interrupt an unlimited wait.
             time.sleep(CHECK)
 
 
 @contextmanager
 def running(path: Path, *, port: int = 0) -> Iterator[Served]:
-    """Run the server in a thread. At the end, all jobs are cancelled and the temporary folder is removed.
+    """Run the server in a thread while the block runs. Then cancel all jobs and remove the temporary folder.
 
     Raises
     ------
     OptionError
-        If the extra `app` is not installed, or `path` does not exist.
+        If Dash is not installed, or `path` does not exist.
     """
     try:
         import dash  # noqa: F401
@@ -89,7 +89,7 @@ def running(path: Path, *, port: int = 0) -> Iterator[Served]:
         import_module(name)
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     with tempfile.TemporaryDirectory(prefix="gmwm-app-") as temporary, warnings.catch_warnings():
-        # Remarks of the recording have the same texts, and the page shows them.
+        # The page shows the same texts as remarks on the recording.
         warnings.simplefilter("ignore", GmwmWarning)
         folders, first = opened(path, Path(temporary).resolve())
         desk, token = Desk(folders, first), secrets.token_urlsafe(24)
@@ -108,7 +108,7 @@ def running(path: Path, *, port: int = 0) -> Iterator[Served]:
 
 
 def opened(path: Path, dropped: Path) -> tuple[Folders, Session]:
-    """Return the folder that a path opens, and the first session."""
+    """Return the folder that the page may access, and the first session, for a recording, session.json or folder."""
     if not path.exists():
         raise OptionError(argument="path", expected="a recording, a session.json or a folder", got=str(path))
     root = path.resolve()
@@ -122,7 +122,7 @@ def opened(path: Path, dropped: Path) -> tuple[Folders, Session]:
 
 
 def application(desk: Desk, *, host: str, token: str) -> Any:
-    """Return the application: Dash behind a guard that refuses requests of other pages and programs."""
+    """Return the web application. It serves the Dash page, and refuses requests from other pages and programs."""
     from dash import Dash
     from flask import Flask, request
 
@@ -170,8 +170,8 @@ def application(desk: Desk, *, host: str, token: str) -> Any:
 def _allowed(request: Any, host: str, token: str) -> bool:
     """Return whether a request comes from the page itself.
 
-    The host is compared because another name for 127.0.0.1 could belong to a foreign page, the origin because a
-    foreign page can send requests to any address.
+    The token, the host and the origin must be correct. The host is checked because a foreign page could have a host
+    name that resolves to 127.0.0.1. The origin is checked because a foreign page can send requests to any address.
     """
     given = request.path.split("/", 2)[1] if request.path.startswith("/") else ""
     origin = request.headers.get("Origin")
@@ -182,7 +182,7 @@ def _allowed(request: Any, host: str, token: str) -> bool:
 
 
 def _unready(environ: Any, start: Any) -> list[bytes]:
-    """Answer requests until the application is made."""
+    """Answer requests with an error until the application is ready."""
     start("503 Service Unavailable", [])
     return []
 

@@ -1,4 +1,4 @@
-"""The choices of a user as a small JSON document, from which every result can be made again."""
+"""The choices of a user as a small JSON document, from which all results can be computed again."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from gmwm.plots.view import UnitSystem, ViewName
 
 FORMAT = "gmwm-session"
 VERSION = 1
-"""Version of the document. gmwm reads this version only."""
+"""Version of the format. gmwm reads only this version."""
 Curve = Literal["classical", "robust", "both"]
-"""The estimates of the wavelet variance that are drawn."""
+"""Which estimates of the wavelet variance the tab "Curves" shows."""
 
 _ALLOWED: Mapping[str, Sequence[str]] = {
     "curve": get_args(Curve),
@@ -32,7 +32,7 @@ _ALLOWED: Mapping[str, Sequence[str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Session:
-    """The choices of a user. Every value is checked on construction.
+    """The choices of a user of the page. All values are checked on construction.
 
     Attributes
     ----------
@@ -43,25 +43,29 @@ class Session:
     axis : str
         The axis whose model is shown.
     robust : "auto", True or False
-        As for `gmwm.calibrate`.
+        Use of the robust wavelet variance, as in `gmwm.calibrate`.
     models : mapping of axis to str
-        The models that the user chose, with held values; gmwm chooses the others.
+        The models that the user chose, with held values. gmwm chooses the models of the other axes.
     confidence : float
         Confidence level of the intervals.
-    curve, view, units
-        What the figures show.
+    curve : "classical", "robust" or "both"
+        Which estimates of the wavelet variance are drawn.
+    view : "wavelet" or "allan"
+        Quantity of the figures: wavelet variance or Allan deviation.
+    units : "si" or "datasheet"
+        Units of figures and numbers.
     rule : "worst", "mean", "each" or None
-        How a file combines the axes of a sensor; None for the default of its format.
+        How the exported file combines the axes of a sensor; None for the default of the format.
     inflation : float
-        Factor on all standard deviations of a file.
+        Factor on all standard deviations in the exported file.
     horizon : float
         Time between corrections from other sensors (s).
     export : str
-        The export format.
-    reference : mapping of number to text
+        Format of the exported file.
+    reference : mapping of str to str
         Values of the manufacturer, such as {"gyro.N": "2.0 deg/√h"}.
     duration : float
-        Time of unaided navigation of the error budget (s).
+        Time of unaided navigation in the error budget (s).
 
     Raises
     ------
@@ -100,30 +104,30 @@ class Session:
 
     @property
     def options(self) -> ReadOptions:
-        """The options for reading the file."""
+        """Options for reading the file, from `reading`."""
         return ReadOptions(**self.reading)
 
     @property
     def calibration(self) -> CalibrationOptions:
-        """The options of the calibration."""
+        """Options of the calibration, from `robust`, `confidence` and `models`."""
         return CalibrationOptions(robust=self.robust, confidence=self.confidence, models=self.models)
 
     def with_(self, **values: Any) -> Session:
-        """Return the session with other values."""
+        """Return a copy of the session with some values replaced."""
         return replace(self, **values)
 
     def read_as(self, **values: Any) -> Session:
-        """Return the session with other options for reading; None removes an option."""
+        """Return a copy of the session with some options for reading replaced. The value None removes an option."""
         reading = {**self.reading, **values}
         return replace(self, reading={name: value for name, value in reading.items() if value not in (None, "", {})})
 
     def with_model(self, axis: str, model: str | None) -> Session:
-        """Return the session with another model of an axis; None if gmwm shall choose it."""
+        """Return a copy of the session with another model of an axis. If the model is None, gmwm chooses it."""
         models = {name: text for name, text in self.models.items() if name != axis}
         return replace(self, models=models if model is None else {**models, axis: model})
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the values that differ from the defaults, as plain numbers, texts, lists and mappings."""
+        """Return the values that differ from their defaults, as plain values for JSON."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         return {name: _plain(value) for name, value in values.items() if value != getattr(EMPTY, name)}
 
@@ -134,7 +138,7 @@ class Session:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Make a session from the values of `to_dict`.
+        """Restore a session from the result of `to_dict`.
 
         Raises
         ------
@@ -151,7 +155,7 @@ class Session:
 
     @classmethod
     def from_text(cls, text: str) -> Self:
-        """Make a session from the text of session.json.
+        """Restore a session from the text of a session.json.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Changes of a model: add and remove a term, and hold a parameter. Each returns the text of the new model."""
+"""Change a model: add or remove a term, or hold a parameter fixed. All functions return the new model as text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gmwm.processes.parameter import Fixed
 
 
 def adding(model: str, term: str) -> str:
-    """Return a model with another term.
+    """Return a model with a term added.
 
     >>> adding("GM + WN", "GM")
     '2*GM + WN'
@@ -25,7 +25,7 @@ def removing(fit: Fit, term: str) -> str:
     Raises
     ------
     OptionError
-        If it is the only term.
+        If the model has only this term.
     """
     kept = tuple(process for name, process in _terms(fit).items() if name != term)
     if not kept:
@@ -36,7 +36,7 @@ def removing(fit: Fit, term: str) -> str:
 
 
 def holding(fit: Fit, parameter: str) -> str:
-    """Return the model of a fit with a parameter held at its estimate, or free if it was held."""
+    """Return the model of a fit with a parameter held fixed at its estimate. If it was held before, it becomes free."""
     term, _, name = parameter.rpartition(".")
     terms = _terms(fit)
     value = None if terms[term].is_fixed(name) else Fixed(fit.parameters[parameter])
@@ -45,12 +45,12 @@ def holding(fit: Fit, parameter: str) -> str:
 
 
 def held_at(fit: Fit, parameter: str, text: str) -> str:
-    """Return the model of a fit with a parameter held at a value.
+    """Return the model of a fit with a parameter held fixed at a given value.
 
     Raises
     ------
     OptionError
-        If the value is not a number.
+        If `text` is not a number.
     """
     term, _, name = parameter.rpartition(".")
     try:
@@ -63,14 +63,14 @@ def held_at(fit: Fit, parameter: str, text: str) -> str:
 
 
 def replacing(fit: Fit, term: str, process: Process) -> str:
-    """Return the model of a fit with another process in the place of a term."""
+    """Return the model of a fit with the process of a term replaced."""
     terms = _terms(fit)
     terms[term] = process
     return str(Model(tuple(terms.values())))
 
 
 def _terms(fit: Fit) -> dict[str, Process]:
-    """Return the terms of a fit with their held values only."""
+    """Return the processes of a fit by term, with values for the held parameters only."""
     return {
         term: process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True)

@@ -1,4 +1,4 @@
-"""The results of a session: public functions of gmwm, called in jobs, whose results are kept for later use."""
+"""Compute the results of a session in jobs that call public functions of gmwm, and keep the results for later use."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from gmwm.signals import Imu
 from gmwm.variance.axes_result import WaveletVariances
 
 FITS = 64
-"""Number of fits that are kept, so that a term can be removed and added again at once."""
+"""Number of fits that are kept, so that removing a term and adding it again takes no time."""
 CUTS = ("start", "stop", "skip", "gaps")
 """Options for reading that leave samples out."""
 
@@ -33,16 +33,16 @@ CUTS = ("start", "stop", "skip", "gaps")
 class Workspace:
     """The session and the results of one page in a browser.
 
-    Every method returns a job; the jobs of another page are not affected.
+    The methods that compute a result return a job. Jobs of other pages are not affected.
 
     Attributes
     ----------
     folders : Folders
-        The files that may be opened.
+        The files that the page may open.
     session : Session or None
-        The session as the page changed it last; None for a page that the server does not know any more.
+        The last session of the page; None if the page has not changed its session since this workspace was created.
     lock : lock
-        Held while the session changes, so that no change is lost if two come at the same time.
+        Lock that is held while the session changes, so that no change is lost if two changes come at the same time.
     """
 
     def __init__(self, folders: Folders) -> None:
@@ -51,11 +51,11 @@ class Workspace:
         self.lock = threading.Lock()
 
     def path(self, session: Session) -> Path:
-        """Return the file of a session. Raises an error if it may not be opened."""
+        """Return the path of the recording of a session. Raises an error if the page may not open it."""
         return self.folders.file(session.file)
 
     def recording(self, session: Session, *, cut: bool = True) -> Job:
-        """Read the recording, or open it as a stream if it is large."""
+        """Read the recording, or open it as a stream if it is large. If `cut` is False, no samples are left out."""
         path = self.path(session)
         reading = _uncut(session.reading) if not cut else dict(session.reading)
 
@@ -66,14 +66,15 @@ class Workspace:
         return self.jobs.ask("recording", (*_stamp(path), _key(reading)), "Reading", work, alone=False)
 
     def overview(self, session: Session) -> Job:
-        """Return the whole recording for a plot over time, also what the session leaves out."""
+        """Reduce the recording for a plot over time, including the samples that the session leaves out."""
         whole = self.recording(session, cut=False)
 
         def work(job: Job) -> Imu:
             try:
                 recording = whole.result_for(job)
             except GmwmError:
-                # A part may have one rate although the whole recording does not.
+                # The selected part may be readable although the whole recording is not, for example because its
+                # sampling rate changes.
                 recording = self.recording(session).result_for(job)
             return overview(recording, lambda n: job.step(_length(n, recording)))
 
@@ -84,7 +85,7 @@ class Workspace:
         return self._of_recording("inspection", session, "Inspecting", lambda recording, job: inspect(recording))
 
     def curves(self, session: Session, *, robust: bool = False) -> Job:
-        """Measure the wavelet variance of all axes, classical or robust."""
+        """Compute the classical or robust wavelet variance of all axes."""
 
         def work(recording: Imu | Stream, job: Job) -> WaveletVariances:
             if isinstance(recording, Stream):
@@ -105,7 +106,7 @@ class Workspace:
         return self._of_recording("spectrum", session, "Spectrum", work)
 
     def data(self, session: Session) -> Job:
-        """Measure all axes as `gmwm calibrate` does: without wrong samples and the effect of the temperature."""
+        """Measure all axes like `gmwm calibrate`, with wrong samples replaced and temperature effects removed."""
 
         def work(recording: Imu | Stream, job: Job) -> dict[str, AxisData]:
             return axes_data(recording, session.calibration, progress=job.step)
@@ -113,7 +114,7 @@ class Workspace:
         return self._of_recording("data", session, "Measuring", work)
 
     def fit(self, session: Session, axis: str) -> Job:
-        """Fit the model of an axis, as `gmwm calibrate` does: the model of the user, or the recommended one."""
+        """Fit the model of an axis like `gmwm calibrate`: the model of the user, or the recommended model."""
         options = session.calibration.of_axis(axis)
 
         def work(job: Job) -> Fit:
@@ -126,7 +127,7 @@ class Workspace:
         return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
 
     def search(self, session: Session, axis: str) -> Job:
-        """Search for the model of an axis, as `gmwm calibrate` does."""
+        """Search for the model of an axis like `gmwm calibrate`."""
         options = replace(session.calibration, models={})
 
         def work(job: Job) -> Searched:
@@ -136,7 +137,7 @@ class Workspace:
         return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
 
     def calibration(self, session: Session) -> Job:
-        """Calibrate all axes, as `gmwm calibrate` does."""
+        """Calibrate all axes like `gmwm calibrate`."""
         path = self.path(session)
 
         def work(recording: Imu | Stream, job: Job) -> Any:
@@ -176,7 +177,7 @@ def _length(samples: int, recording: Imu | Stream) -> str:
 
 
 def _stamp(path: Path) -> tuple[str, int, int]:
-    """Identify the content of a file."""
+    """Return path, time of change and size of a file, which identify its content."""
     state = path.stat()
     return str(path), state.st_mtime_ns, state.st_size
 

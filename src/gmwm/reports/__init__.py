@@ -1,4 +1,4 @@
-"""HTML reports of calibrations: plain data, a template, and one self-contained page."""
+"""Reports of calibrations: collect the content as plain data, and render it as one self-contained HTML page."""
 
 from gmwm.reports.content import report_data
 from gmwm.reports.write import report

@@ -1,4 +1,4 @@
-"""The error budget of a calibration for the report: the errors after a minute, and what causes them."""
+"""Table of the error budget in a report: the navigation errors after one minute, and the terms that cause them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
 
 DURATION = 60.0
-"""Time of navigation without corrections (s) of the report: an outage of satellite positions in a tunnel."""
+"""Time of navigation without corrections (s) for the report, such as an outage of satellite positions in a tunnel."""
 
 
 def budget_table(calibration: Calibration) -> dict[str, Any]:
-    """Return headline, rows and remarks of the error budget; {} if an axis has none, such as an axis in counts."""
+    """Return the headline, table rows and remarks of the error budget.
+
+    The result is empty if the budget cannot be computed, for example because an axis is in raw counts.
+    """
     try:
         found = calibration.budget(DURATION)
     except GmwmError:

@@ -1,4 +1,4 @@
-"""How to cite gmwm, as in CITATION.cff; reports include it."""
+"""Citations of gmwm for reports, with the same content as CITATION.cff."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BIBTEX = """@software{{gmwm,
 
 
 def citation() -> dict[str, str]:
-    """Return the citations of the software and of the method, and both as BibTeX."""
+    """Return the citations of the software and of the method as text, and both as BibTeX."""
     version = metadata.version("gmwm")
     software = (
         f"The gmwm developers, gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet "

@@ -1,4 +1,4 @@
-"""The configuration files for other programs that a report shows, with the default options of `export`."""
+"""Configuration files for other programs that a report shows. They use the default options of `export`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LONGEST = 40_000
 
 
 def configurations(calibration: Calibration) -> tuple[list[dict[str, str]], list[str]]:
-    """Return `name`, `title` and `text` of each file, and the reasons for formats that cannot be written."""
+    """Return `name`, `title` and `text` of each file, and for each format that cannot be written the reason."""
     found, left = [], []
     for name, title in sorted(export_formats().items(), key=lambda item: item[0] != FIRST):
         try:

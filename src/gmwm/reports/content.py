@@ -1,4 +1,4 @@
-"""The data of a report: a dictionary of strings, numbers and lists that a template renders."""
+"""Content of a report: a dictionary of strings, numbers and lists that a template renders."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ if TYPE_CHECKING:
 
 
 def report_data(calibration: Calibration) -> dict[str, Any]:
-    """Return the data of a report, ready for JSON: verdict, tables, figures, configuration files and citation.
+    """Return the content of a report as plain data: verdict, tables, figures, configuration files and citation.
 
-    Remarks are HTML in which names from files are escaped. All other texts are plain and must be escaped.
+    Remarks are HTML in which names from files are escaped. All other strings are plain text, which a template must
+    escape.
 
     Parameters
     ----------
@@ -51,8 +52,8 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     Returns
     -------
     dict
-        `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`, `sensors`, `axes`, `outliers`,
-        `budget`, `configurations`, `left_out`, `citation`, `pictures`, `gmwm`.
+        The content, with the keys `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`,
+        `sensors`, `axes`, `outliers`, `budget`, `configurations`, `left_out`, `citation`, `pictures` and `gmwm`.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def _settings(calibration: Calibration) -> Facts:
 
 def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
     fit, ranking = found.fit, found.ranking
-    # The table marks the recommended model and the equivalent ones.
+    # The table already marks the recommended model and the equivalent models.
     shown = [remark.about("") for remark in ranking.remarks if remark.code not in ("recommended", "as-good")]
     return {
         "axis": axis,
@@ -170,7 +171,10 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
 
 
 def regression_table(found: Regression | None) -> dict[str, Any]:
-    """Return the coefficients of a regression on conditions, below a row of headings; {} if there is none."""
+    """Return a text on a regression on conditions, and a table of its coefficients; {} without a regression.
+
+    The first row of the table has the headings.
+    """
     if found is None:
         return {}
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
@@ -186,7 +190,10 @@ def regression_table(found: Regression | None) -> dict[str, Any]:
 
 
 def _test(found: AxisCalibration, rejected: bool) -> str:
-    """Describe the goodness-of-fit test of one axis. With several axes, one p-value below 5 % is expected by chance."""
+    """Describe the goodness-of-fit test of one axis in words.
+
+    If several axes are tested, single p-values below 5 % are expected by chance. The text says so if it applies.
+    """
     if found.test is None:
         return "No test: there are too few levels"
     alone = found.test.pvalue <= SIZE and not rejected
@@ -196,7 +203,7 @@ def _test(found: AxisCalibration, rejected: bool) -> str:
 
 
 def _ranked(ranking: Ranking) -> list[list[str]]:
-    """Return the first candidates and all that are equivalent to the best, below a row of headings."""
+    """Return table rows of the best candidates and of all candidates equivalent to the best. The first has headings."""
     rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
     listed = [c for k, c in enumerate(ranking.distinct) if k < LISTED or c.equivalent or c.recommended]
     for candidate in listed:
@@ -209,14 +216,14 @@ def _ranked(ranking: Ranking) -> list[list[str]]:
 
 
 def _certificate(gap: float | None) -> str:
-    """Describe the certificate of the optimum; "" if there is none."""
+    """Describe the certificate of the global optimum in words; "" if there is none."""
     if gap is None:
         return ""
     return Remark.of("optimal", gap=100 * gap, exact="no" if gap > 0 else "yes").text(Dialect.PYTHON)
 
 
 def _number(entry: Entry) -> dict[str, Any]:
-    """Return a number of the datasheet in its usual unit, in SI, and in other units."""
+    """Return a datasheet number as text in its usual unit, in the SI unit, and in other units."""
     usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
     at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
     return {
@@ -229,14 +236,14 @@ def _number(entry: Entry) -> dict[str, Any]:
 
 
 def _short(entry: Entry, unit: str) -> str:
-    """Format a number without its interval, or its upper limit."""
+    """Format a number without its interval. A number that may be zero is given by its upper limit."""
     value, low, high, _ = entry.in_units(unit)
     estimated = low is not None and high is not None and math.isfinite(high) and not entry.upper_only
     return f"{significant(value, 4)} {unit}" if estimated else entry.text(unit)
 
 
 def _parameters(found: AxisCalibration) -> list[dict[str, str]]:
-    """Return the parameters of the discrete-time model, per sample."""
+    """Return the parameters of the discrete-time model as texts, with values per sample and intervals."""
     fit = found.fit
     units = fit.units()
     rows = []
@@ -262,7 +269,7 @@ def _interval(low: float, high: float) -> str:
 
 
 def _outliers(axis: str, found: AxisCalibration) -> dict[str, Any]:
-    """Return the test for outliers: the classical and the robust wavelet variance compared."""
+    """Return the result of the outlier test of an axis, which compares the classical and robust wavelet variances."""
     verdict, robust = found.verdict, found.fit.wavelet_variance.robust
     row = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
     if verdict is None:

@@ -1,4 +1,4 @@
-"""The figures of a report as data, in every view and unit system that is available."""
+"""Figures of a report as plain data, in every combination of view and units that is available."""
 
 from __future__ import annotations
 
@@ -26,16 +26,18 @@ if TYPE_CHECKING:
     from gmwm.replicates import Replicates
 
 VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
-"""Views of a curve; the first one, which users of inertial sensors know best, is shown initially."""
+"""Views of a curve. The page starts with the first, which users of inertial sensors know best."""
 SYSTEMS: tuple[UnitSystem, ...] = ("datasheet", "si")
 
 Variants = dict[str, dict[str, Any]]
-"""The same figure by view and units, for example "allan-si"."""
+"""A figure in several views and units, with keys such as "allan-si"."""
 
 
 def sensor_pictures(calibration: Calibration) -> dict[str, Variants]:
-    """Make one figure for each sensor, with data and models of its axes. Axes with another unit have a separate
-    figure."""
+    """Return one figure for each sensor, with the data and models of its axes.
+
+    If the axes of a sensor have different units, there is one figure for each unit.
+    """
     pictures = {}
     for sensor, axes in by_sensor(calibration.axes).items():
         units = dict.fromkeys(found.fit.wavelet_variance.unit for found in axes.values())
@@ -59,7 +61,7 @@ def _overlay(sensor: str, axes: Mapping[str, AxisCalibration]) -> Callable[[View
 
 
 def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
-    """Make two figures of one axis: data, model and terms; and the distances of the best models from the data."""
+    """Return two figures of one axis: data, model and terms; and the distances of the best models from the data."""
 
     def distances(view: ViewName, units: UnitSystem) -> Panel:
         panel = ranking_figure(found.ranking, view=view, units=units).rows[0][1]
@@ -68,15 +70,16 @@ def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
 
     return (
         _variants(lambda view, units: fit_panel(found.fit, view=view, units=units)),
-        # Distances have no unit, so one figure for each view suffices.
+        # Distances have no unit, so one figure for each view is enough.
         {key: picture for key, picture in _variants(distances).items() if key.endswith("-si")},
     )
 
 
 def spectrum_pictures(found: AxisCalibration) -> Variants:
-    """Make the figure of the spectrum of one axis with the density of the model; empty without a spectrum.
+    """Return the figure of the spectrum of one axis with the density of the model; empty without a spectrum.
 
-    A spectrum has no view. The page takes a figure of another view if there is none of the chosen one.
+    A spectrum does not depend on the view, so there is only one figure for each unit system. If the page has no figure
+    in the chosen view, it uses a figure of another view.
     """
     spectrum, model = found.spectrum, found.fit.model
     if spectrum is None:
@@ -89,7 +92,7 @@ def spectrum_pictures(found: AxisCalibration) -> Variants:
 
 
 def regression_pictures(found: Regression) -> Variants:
-    """Make the figure of the axis over a covariate, before and after, in each unit system; it has no view."""
+    """Return the figure of an axis against a covariate, before and after the removal of its effect, by unit system."""
 
     def panel(view: ViewName, units: UnitSystem) -> Panel:
         return regression_panel(found, units=units)
@@ -98,13 +101,13 @@ def regression_pictures(found: Regression) -> Variants:
 
 
 def recordings_pictures(found: Replicates) -> Variants:
-    """Make the figure of each recording relative to the mean of all, by scale; it has no view and no unit."""
+    """Return the figure that shows each recording relative to the mean. It does not depend on view or units."""
     (panel,) = recordings_figure(found).panels
     return {"wavelet-si": plotly_panel(replace(panel, title=""))}
 
 
 def _variants(panel: Callable[[ViewName, UnitSystem], Panel]) -> Variants:
-    """Make the figure in every view and unit system that these data have."""
+    """Return a figure in every view and unit system for which `panel` raises no error."""
     return {f"{view}-{units}": picture for view, units, picture in _drawn(panel)}
 
 
@@ -113,7 +116,7 @@ def _drawn(panel: Callable[[ViewName, UnitSystem], Panel]) -> Iterator[tuple[str
         for units in SYSTEMS:
             try:
                 drawn = panel(view, units)
-            except OptionError:  # no Allan deviation of this filter, or no datasheet unit of this signal
+            except OptionError:  # This filter has no Allan deviation, or this signal has no datasheet unit.
                 continue
-            # The page has a heading for the figure.
+            # The figure has no title, because the page has a heading for it.
             yield view, units, plotly_panel(replace(drawn, title=""))

@@ -1,4 +1,4 @@
-"""The summary of a monitor as one self-contained HTML page."""
+"""Summary of a monitor as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gmwm.reports.write import environment, part
 
 
 def monitor_data(trace: Trace) -> dict[str, Any]:
-    """Return the content of the page, without the picture, as numbers and texts."""
+    """Return the content of the page, without the plot, as plain data."""
     one = trace.monitor
     rows = [["Time (s)", "Began (s)", "Axis", "Kind", "Event"]]
     rows += [
@@ -46,7 +46,7 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
 
 
 def monitor_report(trace: Trace, path: str | os.PathLike[str]) -> Path:
-    """Write the summary: see `Trace.report`."""
+    """Write the summary of a monitor as HTML. `Trace.report` describes the arguments."""
     file = Path(path)
     if file.suffix.lower() not in (".html", ".htm"):
         raise OptionError(argument="path", expected="a file name that ends in .html", got=str(path))
@@ -55,7 +55,7 @@ def monitor_report(trace: Trace, path: str | os.PathLike[str]) -> Path:
 
 
 def page(trace: Trace) -> str:
-    """Render the summary as HTML, with the picture in it."""
+    """Return the summary as HTML, which includes the plot."""
     buffer = io.BytesIO()
     trace.plot().savefig(buffer, format="png", dpi=120)
     template = environment().from_string(part("page/monitor.html"))

@@ -1,4 +1,4 @@
-"""A calibration on one page to hand over: verdict, four numbers of each axis, one plot, cautions and the data."""
+"""One-page report of a calibration: verdict, four numbers of each axis, one plot, cautions, and facts on the data."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 SYMBOLS = ("N", "B", "K")
 MOST, SENTENCES = 3, 2
-"""Largest number of cautions, and of sentences of each, so that the page is one page (tests/reports/test_one_page.py).
-"""
+"""Largest number of cautions, and of sentences of each, so that the report fits on one page
+(tests/reports/test_one_page.py)."""
 RECORDINGS = 3
 """Largest number of recordings whose facts are listed."""
 FACTS = ("File", "Source", "SHA-256", "Sampling rate", "Length", "Gaps", "At rest", "Temperature")
@@ -36,13 +36,13 @@ _BETWEEN_SENTENCES = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")
 
 
 def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> dict[str, Any]:
-    """Return the content of the page, without the picture, as texts.
+    """Return the content of the page, without the plot, as strings.
 
     Parameters
     ----------
     calibration : Calibration
     dialect : Dialect
-        Texts with a place for options are written for it.
+        How options are written in remarks: as in Python, in the shell, or as HTML.
     """
     lost = set(unusable(calibration))
     heads = [*SYMBOLS, "Bias at rest"]
@@ -71,7 +71,7 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
 
 
 def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
-    """Return the most severe cautions, each with its first sentences, and a sentence on what is left out."""
+    """Return the first sentences of each of the most severe cautions, and a sentence with the number of others."""
     grave = [one for one in calibration.remarks if one.severity < Severity.INFO]
     found = [text for _, text in with_groups([*equality_remarks(calibration), *grave], dialect)]
     texts = list(dict.fromkeys(found))
@@ -82,7 +82,7 @@ def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
 
 
 def _facts(calibration: Calibration) -> dict[str, str]:
-    """Return the facts on the recording, or on the first of several recordings."""
+    """Return the facts on the recording by name. For several recordings, a value lists those of the first ones."""
     recording = recording_facts(calibration)
     facts = {name: value for name, value in recording["facts"] if name in FACTS}
     for title, *values in recording["rows"][1:]:
@@ -104,7 +104,7 @@ def _numbers(found: AxisCalibration) -> list[str]:
 
 
 def one_page(calibration: Calibration) -> str:
-    """Return the page as HTML, with the picture in it."""
+    """Return the page as HTML, which includes the plot."""
     buffer = io.BytesIO()
     _curves(calibration).savefig(buffer, format="png", dpi=130)
     template = environment().from_string(part("page/one_page.html"))
@@ -121,7 +121,7 @@ def _curves(calibration: Calibration) -> Figure:
 
 
 def draw_one_page(calibration: Calibration, path: Path) -> None:
-    """Write the page as a PDF with Matplotlib, for a computer without Chromium."""
+    """Write the page as a PDF with Matplotlib, which does not need Chromium."""
     import textwrap
 
     from gmwm.plots.matplotlib import Picture

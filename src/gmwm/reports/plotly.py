@@ -1,6 +1,6 @@
-"""Render plot data as the traces and the layout of a Plotly figure, as plain JSON.
+"""The renderer for Plotly, which converts panels of `gmwm.plots.figure` to traces and layouts as plain data for JSON.
 
-Plotly interprets some HTML and its own templates in texts, so every text is escaped with `safe`.
+Plotly interprets some HTML and its own templates in strings, so every string is escaped with `safe`.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from gmwm.plots.style import GRID
 PIXELS = 4 / 3
 """Number of CSS pixels in a point."""
 DIGITS = 6
-"""Number of significant digits of a position: more than a screen can show."""
+"""Number of significant digits of a position, which is more than a screen can show."""
 MARKER = 6.0
 """Size of a marker (CSS pixels)."""
 FOOT = 0.03
-"""Height of marks at the lower edge, relative to the panel."""
+"""Vertical position of symbols at the lower border, as a fraction of the panel."""
 FAR = 100.0
-"""Multiple of the limits of the axis at which a band without a limit ends."""
+"""Factor beyond the limits of a logarithmic axis at which a band with an infinite edge is cut off."""
 BAR = 1.04
-"""Half width, as a factor, of the bar that shows a band of a single point."""
+"""Factor between the middle and each end of the bar that shows a band with a single point, on a logarithmic axis."""
 
 _SYMBOLS: dict[Symbol, str] = {
     "circle": "circle", "square": "square", "diamond": "diamond", "triangle": "triangle-up", "down": "triangle-down",
@@ -46,9 +46,9 @@ def safe(text: str) -> str:
 
 
 def plotly_panel(panel: Panel) -> dict[str, Any]:
-    """Convert a panel to `{"data": traces, "layout": …, "entries": number of entries in the legend}`.
+    """Convert a panel to a dictionary with "data" (the traces), "layout", and "entries" (number of legend entries).
 
-    A click on an entry of the legend hides all marks of that name, and the marks without a name in its colour.
+    A click on a legend entry hides all marks with this name, and the marks without a name that have its colour.
     """
     across, up = Scale(panel.x), Scale(panel.y)
     seen: set[str] = set()
@@ -62,7 +62,7 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
             drawn.append((mark.layer, trace | _swatch(mark)))
             trace["showlegend"] = False
         drawn.append((0 if isinstance(mark, Foot) else mark.layer, trace))
-    # Plotly draws later traces over earlier ones; the sort is stable.
+    # Plotly draws later traces in front of earlier traces. The sort is stable.
     return {
         "data": [trace for _, trace in sorted(drawn, key=lambda item: item[0])],
         "layout": _layout(panel, across, up),
@@ -71,11 +71,11 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
 
 
 class Scale:
-    """Conversion of the positions on an axis for Plotly.
+    """Conversion of values to positions on a Plotly axis.
 
-    On logarithmic and linear axes, a position is the value. Plotly has no axis that is linear around zero and
-    logarithmic beyond. Such an axis is drawn as a linear one: the linear part has the length 1 on each side, and each
-    decade beyond has the length 1.
+    On a logarithmic or linear axis, the position is the value. Plotly has no axis that is linear about zero and
+    logarithmic beyond. Such an axis is drawn as a linear axis with converted values: on each side, the linear part and
+    each decade beyond it have the length 1.
     """
 
     def __init__(self, axis: Axis) -> None:
@@ -86,7 +86,7 @@ class Scale:
         self.far = (low / FAR, high * FAR) if self.type == "log" else (2 * low - high, 2 * high - low)
 
     def place(self, values: Vector) -> Vector:
-        """Return the positions of values."""
+        """Return the positions of values on the axis."""
         if not self.mixed:
             return values
         size = np.abs(values) / self.axis.linear
@@ -94,12 +94,12 @@ class Scale:
         return np.asarray(np.sign(values) * np.where(size <= 1, size, beyond))
 
     def range(self) -> list[float]:
-        """Return the limits for Plotly: exponents on a logarithmic axis."""
+        """Return the limits of the axis for Plotly, which are exponents on a logarithmic axis."""
         ends = self.place(np.array(self.axis.limits))
         return [_short(end) for end in (np.log10(ends) if self.type == "log" else ends)]
 
     def at(self, value: float) -> float:
-        """Return the position of an annotation."""
+        """Return the position of an annotation, which is an exponent on a logarithmic axis."""
         return self.of(np.array([math.log10(value) if self.type == "log" else value]))[0] or 0.0
 
     def of(self, values: Vector) -> list[float | None]:
@@ -116,7 +116,7 @@ def _short(value: float) -> float:
 
 
 def _grouped(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
-    """Yield each mark with its entry of the legend."""
+    """Yield each mark with its legend entry. A mark without a name gets the entry of a line with its colour."""
     by_colour: dict[str, str] = {}
     for mark in marks:
         if isinstance(mark, Line) and mark.label:
@@ -143,7 +143,7 @@ def _trace(mark: Mark, panel: Panel, across: Scale, up: Scale) -> dict[str, Any]
 
 
 def _look(stroke: Stroke) -> dict[str, Any]:
-    """Return the style of a line for Plotly."""
+    """Return a stroke as properties of a Plotly trace."""
     modes = [*(["lines"] if stroke.width else []), *(["markers"] if stroke.symbol else [])]
     look: dict[str, Any] = {"type": "scatter", "mode": "+".join(modes) or "none", "connectgaps": False}
     if stroke.width:
@@ -159,9 +159,9 @@ def _look(stroke: Stroke) -> dict[str, Any]:
 
 
 def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
-    """Return the text at the pointer: name, position, and the limits of the band of the line."""
+    """Return the template of the text at the pointer: name, position, and limits of the band of the line."""
     (_, time), (_, unit) = _quantity(panel.x.label), _quantity(panel.y.label)
-    # On a mixed axis, a position is not the value.
+    # On an axis that is partly linear and partly logarithmic, the position is not the value.
     value = "%{customdata[0]:+.3~g}" if up.mixed else "%{y:.4~g}"
     rows = [f"<b>{safe(line.label)}</b>", f"τ = %{{x:.4~g}} {safe(time)}", f"{value} {safe(unit)}".rstrip()]
     more = [line.y] if up.mixed else []
@@ -176,7 +176,7 @@ def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
 
 
 def _quantity(label: str) -> tuple[str, str]:
-    """Split a label such as "Allan deviation (deg/h)" into name and unit.
+    """Split the label of an axis, such as "Allan deviation (deg/h)", into name and unit.
 
     >>> _quantity("Allan deviation (deg/h)"), _quantity("Distance")
     (('Allan deviation', 'deg/h'), ('Distance', ''))
@@ -189,7 +189,7 @@ def _quantity(label: str) -> tuple[str, str]:
 
 
 def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
-    """Return a shaded region as a closed line around each run of finite limits."""
+    """Return a band as a trace with a filled closed line around each run of finite limits."""
     lower, upper = (np.clip(edge, *up.far) for edge in (band.lower, band.upper))
     finite = np.isfinite(lower) & np.isfinite(upper)
     xs: list[float | None] = []
@@ -207,7 +207,7 @@ def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
 
 
 def _swatch(band: Band) -> dict[str, Any]:
-    """Return a trace that appears in the legend only, for bands of several colours."""
+    """Return the properties of a trace that appears only in the legend and stands for bands of several colours."""
     return {"x": [None], "y": [None], "fillcolor": _shade(band.swatch, band.opacity)}
 
 
@@ -233,7 +233,7 @@ def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
 
 
 def _axis(axis: Axis, scale: Scale, *, minor_grid: bool) -> dict[str, Any]:
-    """Return an axis with the ticks and grid lines of the plot data."""
+    """Return an axis for Plotly with the ticks and grid lines of the given axis."""
     ticks = np.array([tick.value for tick in axis.ticks])
     minor = np.array(axis.grid if minor_grid else axis.minor, dtype=np.float64)
     return {
@@ -251,7 +251,7 @@ def _text(text: str, xref: str, x: float, yref: str, y: float) -> dict[str, Any]
 
 
 def _opposite(tick: Tick, across: Scale) -> dict[str, Any]:
-    """Return a label above the panel, on a second horizontal scale."""
+    """Return the label of a tick on the opposite side of the horizontal axis, above the panel."""
     return _text(tick.label, "x", x=across.at(tick.value), yref="y domain", y=1.0) | {
         "yanchor": "bottom", "font": {"size": 11, "color": "#555555"},
     }  # fmt: skip

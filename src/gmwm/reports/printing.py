@@ -1,4 +1,4 @@
-"""Print a page of HTML to a PDF with an installed Chromium."""
+"""Print an HTML page to a PDF file with an installed Chromium."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pathlib import Path
 from gmwm.errors import OptionError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
-"""Names of the programs that can print, the first of which is used."""
+"""Names of browsers that can print a page. The first that is installed is used."""
 LONGEST = 120.0
-"""Time (s) after which a program that does not end is stopped."""
+"""Time (s) after which a browser that has not ended is stopped."""
 
 
 def browser() -> str | None:
-    """Return the path of an installed Chromium, or of a browser that is made from it; None if there is none."""
+    """Return the path of an installed Chromium or a browser based on it; None if there is none."""
     return next((found for name in NAMES if (found := shutil.which(name))), None)
 
 
 def print_html(html: str, path: Path) -> None:
-    """Print a page to a PDF file.
+    """Print an HTML page to a PDF file.
 
     Raises
     ------
     OptionError
-        If no browser is installed, or it fails.
+        If no browser is installed, or the browser does not write the PDF.
     """
     program = browser()
     if program is None:
@@ -40,7 +40,7 @@ def print_html(html: str, path: Path) -> None:
         page, printed = Path(place, "page.html"), Path(place, "page.pdf")
         page.write_text(html, encoding="utf-8")
         options = ["--headless", "--disable-gpu", "--no-pdf-header-footer", f"--user-data-dir={place}/profile"]
-        # Chromium refuses to run as the superuser with its sandbox; the page allows no network request.
+        # Chromium does not run as the superuser with its sandbox. The page allows no network requests.
         options += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         command = [program, *options, "--virtual-time-budget=20000", f"--print-to-pdf={printed}", page.as_uri()]
         with contextlib.suppress(subprocess.TimeoutExpired):

@@ -16,8 +16,11 @@ Facts = list[tuple[str, str]]
 
 
 def recording_facts(calibration: Calibration) -> dict[str, Any]:
-    """Return the facts on the recording. For several recordings, return the common facts, and a table with a column for
-    each."""
+    """Return the facts on the recording, as "facts" and "rows".
+
+    For a single recording, "facts" has all facts. For several recordings, it has the common facts, and "rows" is a
+    table with a column for each recording.
+    """
     if calibration.recordings:
         common = {"Axes": ", ".join([*calibration.axes, *calibration.failed]), "Units": _units(calibration)}
         columns = [dict(_described(one)) for one in calibration.recordings.values()]
@@ -47,7 +50,7 @@ def _described(found: Recording) -> Facts:
 
 
 def _measured(found: Recording) -> Facts:
-    """Return gaps, time stamps, motion and temperature of a recording."""
+    """Return the facts on gaps, time stamps, motion and temperature of a recording."""
     gaps = found.segments - 1
     lost = f"{gaps}, {duration_text(found.missing)} missing" if found.missing > 0 else str(gaps)
     stamps = "none" if found.jitter is None else f"jitter {significant(found.jitter, 3)} s (root mean square)"

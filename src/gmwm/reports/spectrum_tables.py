@@ -16,7 +16,7 @@ Rows = list[list[str]]
 
 
 def spectrum_tables(spectrum: PowerSpectrum | None) -> dict[str, Rows]:
-    """Return the tables `lines` and `bumps`. Amplitudes are in the unit of datasheets if the signal has one."""
+    """Return the tables "lines" and "bumps" of a spectrum. Amplitudes are in datasheet units if the signal has such."""
     if spectrum is None:
         return {"lines": [], "bumps": []}
     unit, factor = _amplitude_unit(spectrum.unit)
@@ -41,7 +41,7 @@ def spectrum_tables(spectrum: PowerSpectrum | None) -> dict[str, Rows]:
 
 
 def _amplitude_unit(unit: str) -> tuple[str, float]:
-    """Return the unit in parentheses, and the factor to it."""
+    """Return the unit of amplitudes in parentheses, and the conversion factor to it from the unit of the signal."""
     known = find_unit(unit)
     if known is None:
         return f" ({unit})" if unit else "", 1.0

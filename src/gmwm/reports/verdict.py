@@ -1,4 +1,4 @@
-"""The verdict box of a report: a headline, the remarks, and the main results."""
+"""Content of the verdict box of a report: a headline, the remarks, and the main results."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from gmwm.outliers import Verdict
 
 State = Literal["good", "look", "bad"]
-"""State of a point: "good", nothing to do; "look", read the remark first; "bad", do not use the numbers before the
-cause is found."""
+"""State of a point in the verdict box. "good": nothing to do. "look": read the remark before using the numbers. "bad":
+do not use the numbers before the cause is found."""
 
 _STATES: Mapping[Severity, State] = {
     Severity.UNUSABLE: "bad",
@@ -33,14 +33,15 @@ _STATES: Mapping[Severity, State] = {
 
 
 def state_of(remark: Remark) -> State:
-    """Return the state of a remark, by its severity."""
+    """Return the state that belongs to the severity of a remark."""
     return _STATES[remark.severity]
 
 
 def verdict(calibration: Calibration) -> dict[str, Any]:
-    """Return `{"state": …, "code": …, "headline": …, "points": [{"state": …, "code": …, "text": …}, …]}`.
+    """Return the content of the verdict box: "state", "code" and "headline" of the verdict, and a list "points".
 
-    Texts are HTML. The remarks that affect a number come first, then the main results.
+    Each point has a "state", a "code" and a "text". Remarks that affect numbers come first, then the main results. The
+    headline and the texts are HTML.
     """
     head = calibration.verdict
     equality = equality_remarks(calibration)
@@ -55,7 +56,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
 
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
-    """Return the remarks that affect no number, as points."""
+    """Return the remarks that do not affect any number, in the form of the points of `verdict`."""
     equality = equality_remarks(calibration)
     return _points([one for one in calibration.remarks if one.severity is Severity.INFO and one not in equality])
 
@@ -68,12 +69,12 @@ def _points(remarks: list[Remark]) -> list[dict[str, Any]]:
 
 
 def _results(calibration: Calibration) -> Iterator[Remark]:
-    """Yield the main results: the axes, the numbers N, B and K, the tests, and the certificate of the optimum."""
+    """Yield remarks with the main results: axes, ranges of N, B and K, tests, and the certificate of the optimum."""
     wv = next(iter(calibration.axes.values())).fit.wavelet_variance
     total = len(calibration.axes) + len(calibration.failed)
     length = duration_text(wv.samples / wv.rate)
     lost = unusable(calibration)
-    if not lost:  # the headline counts the axes that cannot be used
+    if not lost:  # Otherwise the headline states the number of axes that cannot be used.
         rate = f"{wv.rate:g} Hz"
         yield Remark.of("axes-calibrated", axes=len(calibration.axes), total=total, length=length, rate=rate)
     for sensor, members in by_sensor(calibration.axes).items():
@@ -84,7 +85,7 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     ]
     for axis in passed:
         yield Remark.of("test-passed", axis)
-    # Axes that could not be tested have a remark of their own.
+    # If an axis could not be tested, another remark says so.
     if calibration.verdicts and all(_is_clean(found) for found in calibration.verdicts.values()):
         yield Remark.of("no-outliers")
     recordings = [calibration.recording, *calibration.recordings.values()]
@@ -101,7 +102,7 @@ def _is_clean(verdict: Verdict) -> bool:
 
 
 def _numbers(axes: Mapping[str, Any]) -> str:
-    """Format the ranges of N, B and K over the axes of a sensor."""
+    """Format the ranges of N, B and K over the given axes of a sensor."""
     parts = []
     for symbol in in_order([list(one.datasheet) for one in axes.values()]):
         entries = {axis: one.datasheet[symbol] for axis, one in axes.items() if symbol in one.datasheet}
@@ -114,7 +115,7 @@ _FIRST = ("N", "B", "K")
 
 
 def _range(entries: Mapping[str, Entry]) -> str:
-    """Format the smallest and the largest value, or the largest upper limit if no axis has a value."""
+    """Format the smallest and the largest value of a number, or its largest upper limit if no axis has a value."""
     known: dict[str, float] = {}
     bounds = []
     unit = ""

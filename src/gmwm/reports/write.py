@@ -1,4 +1,4 @@
-"""Render the data of a report as one self-contained HTML page."""
+"""Render the content of a report as one self-contained HTML page, and write it as HTML or PDF."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from gmwm.reports.printing import browser, print_html
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
 
-# The HTML parser interprets these characters inside <script>; JSON allows the escaped form.
+# The HTML parser interprets these characters inside <script>, so they are escaped, which JSON allows.
 _IN_SCRIPT = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 
 
 def report(calibration: Calibration, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
-    """Write a calibration as HTML or PDF: see `Calibration.report`."""
+    """Write a calibration as HTML or PDF. `Calibration.report` describes the arguments."""
     from gmwm.reports.one_page import draw_one_page
     from gmwm.reports.one_page import one_page as short
 
@@ -49,8 +49,8 @@ def report(calibration: Calibration, path: str | os.PathLike[str], *, one_page: 
 def page(data: dict[str, Any]) -> str:
     """Render the result of `report_data` as HTML.
 
-    The content security policy allows only the scripts of the report, by their SHA-256, and no network request. So a
-    name from a file cannot run a script, even if the escaping of the template fails.
+    The content security policy allows only the scripts of the report, by their SHA-256, and no network requests. So
+    text from a recording cannot run a script, even if the template fails to escape it.
     """
     scripts = [part("vendor/plotly-basic.min.js"), part("page/report.js")]
     allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
@@ -71,43 +71,43 @@ def page(data: dict[str, Any]) -> str:
 
 
 def environment() -> Any:
-    """Return the environment of the templates: everything is escaped, except what a filter marks as safe."""
+    """Return the Jinja environment of the templates. It escapes everything except what a filter marks as safe."""
     import jinja2
 
     made = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["worded"] = _worded
     made.filters["unbroken"] = _unbroken
-    made.filters["rendered"] = _ours  # remarks are rendered for HTML, with everything from a file escaped
+    made.filters["rendered"] = _ours  # Remarks are already HTML, in which text from files is escaped.
     made.filters["trusted"] = _ours
     return made
 
 
 def as_json(value: Any) -> str:
-    """Write a value as JSON that is safe inside <script>."""
+    """Return a value as JSON text that is safe inside <script>."""
     text = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     return text.translate(_IN_SCRIPT)
 
 
 def _ours(text: str) -> Any:
-    """Mark a text of gmwm as safe HTML."""
+    """Mark a text that gmwm has written as safe HTML, which the template does not escape."""
     from markupsafe import Markup
 
     return Markup(text)
 
 
 def _worded(text: str) -> Any:
-    """Escape a text, and show the parts between backticks as code."""
+    """Return a text as HTML, with parts between backticks shown as code and everything else escaped."""
     return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
 
 
 def _unbroken(text: str) -> Any:
-    """Escape a number with its interval and unit, and allow a line break only before the interval."""
+    """Return a number with interval and unit as HTML that allows a line break only before the interval."""
     return _ours(" ".join(f'<span class="whole">{escape(one)}</span>' for one in re.split(r" (?=\()", text)))
 
 
 @cache
 def part(name: str) -> str:
-    """Return the text of a file of the page."""
+    """Return the text of a file of this package, such as a template or a script."""
     return files("gmwm.reports").joinpath(name).read_text(encoding="utf-8")
 
 

@@ -8,7 +8,7 @@
     waiting = setTimeout(() => set("width", { data: document.documentElement.clientWidth }), 200);
   });
 
-  // Tabs: the arrow keys, Home and End move between them.
+  // The arrow keys, Home and End move between the tabs.
   document.addEventListener("keydown", (event) => {
     const tab = event.target.closest('[role="tab"]');
     const step = { ArrowRight: 1, ArrowLeft: -1, Home: -Infinity, End: Infinity }[event.key];
@@ -20,7 +20,7 @@
     event.preventDefault();
   });
 
-  // Files: a dropped file is copied to a temporary folder of the server, whatever its size.
+  // A dropped file of any size is copied to a temporary folder of the server.
   const hint = (text) => { document.querySelector("#drop .hint").textContent = text; };
   document.addEventListener("dragover", (event) => event.preventDefault());
   document.addEventListener("drop", async (event) => {
@@ -33,7 +33,7 @@
     if (answer.ok) set("dropped", { data: (await answer.json()).path });
   });
 
-  // Printing opens what is folded.
+  // Folded parts are opened while the page is printed.
   let closed = [];
   window.addEventListener("beforeprint", () => {
     closed = [...document.querySelectorAll("section:not([hidden]) details:not([open])")];

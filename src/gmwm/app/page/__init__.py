@@ -1,1 +1,1 @@
-"""The page of `gmwm app`: its five tabs as Dash components and callbacks. Needs the extra `app`."""
+"""The page of `gmwm app`: Dash components and callbacks of its five tabs. It needs the optional dependencies "app"."""

@@ -20,7 +20,7 @@ from gmwm.variance.axes_result import WaveletVariances
 
 
 def panel() -> list[Any]:
-    """Return the tab."""
+    """Return the components of the tab."""
     return [
         html.Div(
             [
@@ -39,7 +39,7 @@ def panel() -> list[Any]:
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Connect the tab."""
+    """Register the callbacks of the tab."""
 
     def change(session: Session, view: Any, curve: Any) -> Session:
         return session.with_(view=view, curve=curve)
@@ -84,7 +84,7 @@ def _spectra(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def _peaks(axes: Any) -> Any:
-    """Return the lines and the broad peaks in words."""
+    """Return a list that describes the lines and the broad peaks of all axes in words."""
     found = [
         html.Li(f"{axis_title(axis)}: {text}")
         for axis, spectrum in axes.items()

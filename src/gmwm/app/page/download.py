@@ -1,4 +1,4 @@
-"""The tab "Download": every file with a preview, and the commands that repeat what was done."""
+"""The tab "Download": an exported file with a preview, other files, and commands that produce the same files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RULE_NAMES = {"": "as usual for the format", **{str(rule): str(rule) for rule in
 
 
 def panel() -> list[Any]:
-    """Return the tab."""
+    """Return the components of the tab."""
     formats = {name: title[:1].upper() + title[1:] for name, title in export_formats().items()}
     return [
         html.Div(
@@ -55,7 +55,7 @@ def panel() -> list[Any]:
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Connect the tab."""
+    """Register the callbacks of the tab."""
 
     def choose(session: Session, form: str, rule: str) -> Session:
         return session.with_(export=form, rule=rule or None)
@@ -84,14 +84,17 @@ def register(app: Dash, desk: Desk) -> None:
 
 
 def exported(found: Calibration, session: Session) -> str:
-    """Return the file in the chosen format. Raises an error if the calibration does not have its numbers."""
+    """Return the text of the file in the chosen export format.
+
+    Raises an error if the calibration lacks a number that the format needs.
+    """
     return found.export(
         format=session.export, axes=session.rule, inflation=session.inflation, horizon=session.horizon
     )  # fmt: skip
 
 
 def _file(wanted: str, session: Session, workspace: Workspace) -> tuple[str, str]:
-    """Return the name and the text of a file to download."""
+    """Return the name and the text of the file that a button downloads. `wanted` is the name of the button."""
     if wanted == "get-session":
         return "session.json", session.to_text()
     job = workspace.calibration(session)
@@ -130,7 +133,7 @@ def _python(session: Session, desk: Desk) -> Any:
 
 
 def _own(session: Session, desk: Desk) -> Session:
-    """Return the session with the name of a dropped file instead of the path of its copy."""
+    """Return the session with the name of a dropped file instead of the path of its temporary copy."""
     path = Path(session.file)
     return session.with_(file=path.name) if path.is_relative_to(desk.folders.dropped) else session
 
@@ -140,7 +143,7 @@ def _lines(lines: list[str], name: str) -> Any:
 
 
 def _block(text: str, name: str) -> Any:
-    """Return a text with a button that copies it."""
+    """Return a component that shows a text with a button that copies it to the clipboard."""
     place = f"text-{name.partition('.')[0]}"
     copy = dcc.Clipboard(target_id=place, title="Copy", className="copy")
     return html.Div([copy, html.Pre(text, id=place, tabIndex=0)], className="block")

@@ -1,4 +1,4 @@
-"""The whole page: its head, the tabs, the progress of long computations, and the stores behind them."""
+"""Layout of the whole page: header, tabs, progress of long computations, and the stores that contain its state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TABS = {
 }
 UNITS = {"datasheet": "deg/h, mg", "si": "rad/s, m/s²"}
 POLL = 400
-"""Time (ms) between two questions of the page for the state of its jobs."""
+"""Time (ms) between two requests of the page for the state of its jobs."""
 
 SHOW_TAB = """
 function(...args) {
@@ -36,7 +36,7 @@ WIDTH = "function(id) { return document.documentElement.clientWidth; }"
 
 
 def layout(desk: Desk) -> Any:
-    """Return a new page."""
+    """Return the components of a new page."""
     return html.Div(
         [
             dcc.Store(id="session", data=desk.first.to_dict()),
@@ -92,7 +92,7 @@ def _tabs() -> list[Any]:
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Connect the parts of the page."""
+    """Register the callbacks of the page and of all tabs."""
     names = list(TABS)
     app.clientside_callback(
         SHOW_TAB % names,

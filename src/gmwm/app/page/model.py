@@ -1,4 +1,4 @@
-"""The tab "Model": the terms of the model of an axis, the fit, its tests, and the comparison with other models."""
+"""The tab "Model": the terms of the model of an axis, the fit, its tests, and a comparison with other models."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from gmwm.selection.search import Searched
 from gmwm.signals import Imu
 
 LISTED = 12
-"""Number of models in the table."""
+"""Largest number of models in the table of compared models."""
 SMALL = 0.001
-"""Smallest p-value that is written as a number."""
+"""Smallest p-value that is shown as a number. Smaller p-values are shown as an upper limit."""
 
 
 def panel() -> list[Any]:
-    """Return the tab."""
+    """Return the components of the tab."""
     terms = {name: f"{name}: {kind.title}" for name, kind in registry.items()}
     return [
         html.Div(id="axes", className="chips", role="group", **{"aria-label": "Axis"}),
@@ -62,7 +62,7 @@ def panel() -> list[Any]:
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Connect the tab."""
+    """Register the callbacks of the tab."""
     for place, draw in (("axes", _axes), ("terms", _chips), ("fit", _fit), ("ranking", _ranking)):
         draws(app, desk, tab="model", place=place, draw=draw)
 
@@ -74,7 +74,7 @@ def register(app: Dash, desk: Desk) -> None:
             model = model_of(session, desk.workspace(page))
         except (GmwmError, OSError):
             return no_update, no_update
-        # The end of a job must not replace what the user is typing.
+        # When a job ends, this callback runs too, but it must not replace what the user is typing.
         now = [data, model]
         return (no_update, no_update) if now == before else (model, now)
 
@@ -87,7 +87,7 @@ def register(app: Dash, desk: Desk) -> None:
         *_, typed, term, page = given
         done = [one for one in triggers() if one[2]]
         for hit, change_of, value in done:
-            # Leaving the field without a change is no decision for the recommended model.
+            # If the user leaves the field without a change, the recommended model does not become a chosen model.
             if change_of != "n_blur" or typed != model_of(session, desk.workspace(page)):
                 session = _changed(session, desk.workspace(page), hit, value, typed=str(typed or ""), term=term)
         return session if done else None
@@ -104,7 +104,20 @@ def register(app: Dash, desk: Desk) -> None:
 
 
 def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
-    """Return the session after an action."""
+    """Return the session after an action of the user on this tab.
+
+    Parameters
+    ----------
+    session, workspace
+    hit : str or dict
+        Identifier of the component with which the action was done.
+    value : object
+        New value of the component.
+    typed : str
+        Text in the field of the model.
+    term : str
+        Process that is selected in the menu.
+    """
     axis = axis_of(session, workspace)
     kind = hit["type"] if isinstance(hit, dict) else hit
     if kind == "axis":
@@ -134,13 +147,13 @@ def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, ty
     if kind == "held":
         held = fit.parameters.get(hit["parameter"])
         if held is None or str(value) == estimate_text(held):
-            return session  # the field was only made, perhaps for a model that is not shown any more
+            return session  # The field was only created, possibly for a model that is no longer shown.
         return session.with_model(axis, held_at(fit, hit["parameter"], str(value)))
     return _dragged(session, axis, fit, value)
 
 
 def _dragged(session: Session, axis: str, fit: Fit, relayout: dict[str, Any]) -> Session:
-    """Return the session with a term held where its handle was dragged to."""
+    """Return the session after the handle of a term was dragged, with the term held at the new position."""
     for k, term in enumerate(movable(fit)):
         x, y = (relayout.get(f"shapes[{k}].{name}") for name in ("xanchor", "yanchor"))
         if x is not None and y is not None:
@@ -161,7 +174,7 @@ def _recorded(session: Session, workspace: Workspace) -> tuple[str, ...]:
 
 
 def model_of(session: Session, workspace: Workspace) -> str:
-    """Return the model that is shown: the model of the user, or the recommended one; "" if it is not known yet."""
+    """Return the model that is shown: the model of the user, or the recommended model; "" if it is not known yet."""
     axis = axis_of(session, workspace)
     if axis in session.models:
         return session.models[axis]
@@ -171,7 +184,7 @@ def model_of(session: Session, workspace: Workspace) -> str:
 
 
 def axis_of(session: Session, workspace: Workspace) -> str:
-    """Return the axis that is shown: the chosen one, or the first of the recording."""
+    """Return the axis that is shown: the axis that the user chose, or the first axis of the recording."""
     axes = _recorded(session, workspace)
     return session.axis if session.axis in axes else next(iter(axes), "")
 
@@ -192,7 +205,7 @@ def _axes(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def _with_fit(session: Session, workspace: Workspace, show: Any) -> Any:
-    """Return what the fit of the shown axis shows."""
+    """Return the component that `show` makes from the fit of the shown axis, or the state of the fit."""
     return of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
@@ -229,7 +242,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def _measured(fit: Fit, session: Session, workspace: Workspace) -> str:
-    """Return a sentence on the curve that is fitted."""
+    """Return a sentence that states which wavelet variance is fitted, and which effects were removed from it."""
     data = workspace.data(session).value[fit.wavelet_variance.axis]
     curve = "robust" if fit.wavelet_variance.robust else "classical"
     found = data.regression
@@ -238,7 +251,7 @@ def _measured(fit: Fit, session: Session, workspace: Workspace) -> str:
 
 
 def _rounded(model: str) -> str:
-    """Return the text of a model with four digits of its held values.
+    """Return the text of a model with its held values rounded to four digits.
 
     >>> _rounded("DR + MA(1, theta1=fixed(0.16732089037064277))")
     'DR + MA(1, theta1=fixed(0.1673))'

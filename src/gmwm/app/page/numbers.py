@@ -1,4 +1,4 @@
-"""The tab "Numbers": the datasheet of all axes, N and K for a filter, and a comparison with the manufacturer."""
+"""The tab "Numbers": datasheet numbers of all axes, N and K for a filter, error budget, and reference values."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from gmwm.reports.verdict import state_of
 
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 HORIZONS = {-2: "10 ms", -1: "0.1 s", 0: "1 s", 1: "10 s", 2: "100 s", 3: "1000 s"}
-"""Marks of the slider of the horizon, by the decimal logarithm of the time (s)."""
+"""Labels of the slider for the time horizon, by the decimal logarithm of the time (s)."""
 INFLATIONS = {1: "1", 5: "5", 10: "10", 20: "20"}
 
 
 def panel() -> list[Any]:
-    """Return the tab."""
+    """Return the components of the tab."""
     robust = {"auto": "where a test finds outliers", "yes": "everywhere", "no": "nowhere"}
     return [
         html.Div(
@@ -85,7 +85,7 @@ def panel() -> list[Any]:
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Connect the tab."""
+    """Register the callbacks of the tab."""
     draws(app, desk, tab="numbers", place="numbers", draw=_numbers)
     draws(app, desk, tab="numbers", place="effective", draw=_effective)
     draws(app, desk, tab="numbers", place="budget", draw=_budget)

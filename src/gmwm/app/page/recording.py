@@ -1,4 +1,4 @@
-"""The tab "Recording": open a file, say how to read it, look at it, and leave spans out."""
+"""The tab "Recording": open a file, set how to read it, look at the samples, and leave out time ranges."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from gmwm.signals import Imu
 from gmwm.units import unit_names
 
 FIELDS = ("rate", "gyro", "accel", "time", "columns", "topic", "scale")
-"""The fields of the options for reading."""
+"""Names of the fields that set the options for reading."""
 PLACES = ("rate", "units", "columns", "topic", "scale", "file")
-"""The places for errors of reading."""
+"""Names of the fields beside which an error of reading can be shown."""
 FIELD_OF = {
     "no-time": "rate", "rate": "rate", "unit": "units", "columns": "columns", "no-inertial-data": "columns",
     "several-recordings": "topic",
 }  # fmt: skip
-"""The field that an error of reading concerns, by its code or the first word of it."""
+"""The field to which an error of reading belongs, by the code of the error or its first word."""
 FAR = 1e12
-"""Time (s) after the end of any recording."""
+"""A time (s) that is after the end of any recording."""
 
 
 def panel() -> list[Any]:
-    """Return the tab."""
+    """Return the components of the tab."""
     return [
         html.Div(
             [
@@ -92,7 +92,7 @@ def _options() -> list[Any]:
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Connect the tab."""
+    """Register the callbacks of the tab."""
     _opening(app, desk)
     _browsing(app, desk)
     _reading(app, desk)
@@ -190,7 +190,7 @@ def _entry(kind: str, path: str, name: str) -> Any:
 
 
 def _field_values(session: Session) -> list[Any]:
-    """Return the values of the fields for a session."""
+    """Return the values of the fields of `FIELDS` for a session."""
     reading = session.reading
     units = reading.get("units", {})
     columns = reading.get("columns")
@@ -230,7 +230,7 @@ def _reading(app: Dash, desk: Desk) -> None:
 
 
 def _reading_error(session: Session, workspace: Workspace) -> Exception | None:
-    """Return the error of reading the file; None if there is none, or not yet."""
+    """Return the error that occurred when the file was read; None if there is none or reading has not ended."""
     if not session.file:
         return None
     try:
@@ -240,7 +240,7 @@ def _reading_error(session: Session, workspace: Workspace) -> Exception | None:
 
 
 def _place(error: Exception | None) -> str:
-    """Return the field that an error of reading concerns; "" without an error."""
+    """Return the field beside which an error of reading is shown; "" if there is no error."""
     if error is None:
         return ""
     argument = getattr(error, "argument", None)
@@ -291,7 +291,7 @@ def _cutting(app: Dash, desk: Desk) -> None:
 
 
 def _without(session: Session, span: str) -> Session:
-    """Return the session without a cut."""
+    """Return the session with one cut removed: "keep" for the kept range, or the number of a skipped range."""
     if span == "keep":
         return session.read_as(start=None, stop=None)
     skips = list(session.reading.get("skip", ()))
@@ -316,7 +316,7 @@ def _spans(session: Session, workspace: Workspace, width: float) -> list[Any]:
 
 
 def _verdict(session: Session, workspace: Workspace, width: float) -> Any:
-    # An error of reading is shown beside its field.
+    # An error of reading is already shown beside its field.
     return [] if _reading_error(session, workspace) else of_job(workspace.inspection(session), _inspected)
 
 
@@ -352,7 +352,7 @@ def _traces(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def _left_out(session: Session) -> list[tuple[float, float]]:
-    """Return the spans (s) that are left out."""
+    """Return the time ranges (s) that the session leaves out."""
     reading = session.reading
     spans = [(float(begin), float(end)) for begin, end in reading.get("skip", ())]
     if "start" in reading:

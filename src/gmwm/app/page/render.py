@@ -1,4 +1,4 @@
-"""Register callbacks that draw a tab, or change the session, with errors beside their fields."""
+"""Functions that register callbacks, which draw parts of a tab or change the session."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from gmwm.app.workspace import Workspace
 from gmwm.errors import GmwmError
 
 Draw = Callable[[Session, Workspace, float], Any]
-"""Make the content of a place from the session, the results, and the width of the page (CSS pixels)."""
+"""Function that returns the content of a page element from session, workspace and page width (CSS pixels)."""
 
 
 def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
-    """Draw a place of a tab anew whenever the session, a result or the width changes.
+    """Register a callback that draws the element `place` of a tab whenever the session, a result or the width changes.
 
-    The page holds a digest of what the place shows. Equal content is not sent again: replacing a button at the moment
-    of a click would lose the click.
+    The page stores a digest of the content of the element. Unchanged content is not sent again, because a click would
+    be lost if the button were replaced at the same moment.
     """
     desk.places.append(place)
 
@@ -47,35 +47,36 @@ def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
 
 
 def digest_of(place: str) -> str:
-    """Return the name of the store of a place's digest."""
+    """Return the name of the store that contains the digest of a page element."""
     return f"{place}-digest"
 
 
 def restores(app: Dash, desk: Desk, fields: Sequence[str], values: Callable[[Session], Sequence[Any]]) -> None:
-    """Set the values of fields when a session is opened."""
+    """Register a callback that sets fields to the values of a session when the session is opened."""
     app.callback([Output(name, "value") for name in fields], Input("restored", "data"), State("session", "data"))(
         lambda _, data: list(values(desk.session(data)))
     )
 
 
 def triggers() -> list[tuple[Any, str, Any]]:
-    """Return the component, the property and its value of each input that changed; two may change at once."""
+    """Return component, property and new value of each input that triggered the callback. There can be several."""
     names = ctx.triggered_prop_ids
     return [(names[one["prop_id"]], one["prop_id"].rpartition(".")[2], one["value"]) for one in ctx.triggered]
 
 
 Change = Callable[..., Session | None]
-"""Return the new session from the session and the values of the inputs and states; None if nothing was done, because
-an input was only made."""
+"""Function that returns the new session from the session and the values of the inputs and states. It returns None if
+the user did nothing, because a component was only created."""
 
 
 def changes(
     app: Dash, desk: Desk, inputs: Sequence[Any], change: Change, *, states: Sequence[Any] = (),
     errors: Sequence[str] = (),
 ) -> None:  # fmt: skip
-    """Change the session when one of the inputs changes.
+    """Register a callback that changes the session when one of the inputs changes.
 
-    An error is shown beside the field of its argument, or beside the first field; the session stays as it was.
+    If the change raises an error, the session is not changed. The error is shown beside the field of its argument, or
+    beside the first of the fields `errors`.
     """
 
     def changed(*given: Any) -> list[Any]:
@@ -91,7 +92,7 @@ def changes(
             except (GmwmError, OSError) as error:
                 argument = getattr(error, "argument", None) or getattr(error, "prefix", "")
                 shown[str(argument) if argument in shown else errors[0]] = message(error)
-        # The page drops an answer if its next question comes before it: the next answer has what it missed.
+        # The page ignores a response if it has sent a newer request. So each response contains the whole session.
         known = session.to_dict()
         return [no_update if known == data else known, *shown.values()]
 

@@ -1,4 +1,4 @@
-"""Parts that several tabs share: fields with their errors, remarks, tables, figures, and the state of a job."""
+"""Components that several tabs use: fields with errors, lists of remarks, tables, figures, and states of jobs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gmwm.remarks import Dialect, Remark, with_groups
 from gmwm.reports.verdict import state_of
 
 WORDS = {"bad": "Do not use", "look": "Read first", "good": "Note"}
-"""What a symbol of a remark means, for a screen reader."""
+"""Meaning of the symbol in front of a remark, for screen readers."""
 MARKS = {"bad": "✗", "look": "!", "good": "·"}
 
 
 def field(label: str, control: Any, name: str, hint: str = "") -> Any:
-    """Return a control with its label and a place for its error."""
+    """Return a control with its label and an empty element for its error message."""
     return html.Div(
         [
             html.Label([html.Span(label), control]),
@@ -36,38 +36,38 @@ def text_input(name: Any, placeholder: str = "", value: str = "") -> Any:
 
 
 def menu(name: str, options: dict[str, str], value: str) -> Any:
-    """Return a menu of texts by value."""
+    """Return a drop-down menu. `options` has the label of each value."""
     shown = [{"label": label, "value": key} for key, label in options.items()]
     return dcc.Dropdown(id=name, options=shown, value=value, clearable=False, searchable=False)
 
 
 def choices(name: str, options: dict[str, str], value: str, label: str) -> Any:
-    """Return radio buttons."""
+    """Return radio buttons with a caption. `options` has the label of each value."""
     radio = dcc.RadioItems(id=name, options=options, value=value, inline=True, className="radio")
     return html.Div([html.Span(label, className="caption"), radio], className="choices", role="group", title=label)
 
 
 def button(text: Any, name: Any, kind: str = "", **more: Any) -> Any:
-    """Return a button."""
+    """Return a button with the CSS class `kind`."""
     return html.Button(text, id=name, n_clicks=0, className=kind, type="button", **more)
 
 
 def graph(figure: Drawn, name: Any, label: str, **config: Any) -> Any:
-    """Return a figure."""
+    """Return a Plotly figure as a component, with a label for screen readers."""
     settings = {"displayModeBar": False, "displaylogo": False, "responsive": True, **config}
     made = dcc.Graph(id=name, figure=figure, config=settings, style={"height": f"{figure['layout']['height']:.0f}px"})
     return html.Figure([made], className="picture", role="img", **{"aria-label": label})
 
 
 def table(head: Sequence[Any], rows: Iterable[Sequence[Any]], kind: str = "") -> Any:
-    """Return a table; the first cell of a row is its heading."""
+    """Return a table with column headings. The first cell of each row is the heading of the row."""
     body = [html.Tr([html.Th(first, scope="row"), *map(html.Td, rest)]) for first, *rest in rows]
     top = html.Thead(html.Tr([html.Th(cell, scope="col") for cell in head]))
     return html.Div(html.Table([top, html.Tbody(body)], className=kind), className="wide")
 
 
 def remarks(found: Iterable[Remark], most: int = 6) -> Any:
-    """Return remarks as a list, the most severe first; more than `most` are folded."""
+    """Return a list of remarks, the most severe first. If there are more than `most`, the others are folded."""
     points = [
         html.Li(
             [
@@ -87,7 +87,7 @@ def remarks(found: Iterable[Remark], most: int = 6) -> Any:
 
 
 def of_job(job: Job, show: Callable[[Any], Any]) -> Any:
-    """Return what a finished job shows, or its state."""
+    """Return the component that `show` makes from the result of a job, or a text with the state of the job."""
     job.join(QUICK)
     if job.state == "done":
         return show(job.value)
@@ -100,12 +100,12 @@ def of_job(job: Job, show: Callable[[Any], Any]) -> Any:
 
 
 def failure(error: Exception | None) -> Any:
-    """Return the message of an error."""
+    """Return a paragraph with the message of an error."""
     return html.P(message(error), className="error", role="alert")
 
 
 def message(error: Exception | None) -> str:
-    """Return an error as text."""
+    """Return the message of an error as text. If the error is a bug, print its traceback in the terminal."""
     if isinstance(error, GmwmError):
         return error.text(Dialect.SHELL)
     if isinstance(error, OSError):

@@ -3,11 +3,11 @@
   const pictures = JSON.parse(document.getElementById("pictures").textContent);
   const places = [...document.querySelectorAll("[data-picture]")];
   const chosen = { view: "allan", units: "datasheet" };
-  const printed = { whole: 680, half: 330 }; // CSS pixels between the margins of A4, and of one of two pictures
+  const printed = { whole: 680, half: 330 }; // widths (CSS pixels) of a picture on A4, alone and in a pair
   let printing = false;
   const font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif';
 
-  // The chosen view and units; the nearest available ones if these data do not have them.
+  // Return the figure in the chosen view and units, or in other view or units if it is not available in these.
   function variant(name) {
     const all = pictures[name];
     const keys = [`${chosen.view}-${chosen.units}`, `${chosen.view}-si`, `wavelet-${chosen.units}`, ...Object.keys(all)];
@@ -16,7 +16,7 @@
 
   function layoutOf(picture, width) {
     const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
-    // Plotly limits the legend to the width of the panel; entries that do not fit go to the next row.
+    // Plotly limits the legend to the width of the panel. Entries that do not fit are in the next row.
     const entry = Math.min(width - 90, printing ? 50 + 4.6 * longest : 70 + 7 * longest);
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor((width - 80) / entry)));
     const foot = printing ? 54 + 15 * rows : 66 + 20 * rows;
@@ -36,7 +36,7 @@
     };
   }
 
-  // A hidden curve stays hidden in another view. Its name may differ there, but its place in the legend does not.
+  // A hidden curve stays hidden in another view. Its name may differ there, but its position in the legend is the same.
   function hiddenIn(place) {
     return new Set((place.data || []).filter((t) => t.visible === "legendonly").map((t) => t.legendrank));
   }
@@ -72,7 +72,7 @@
     });
   }
 
-  // If the clipboard is not available to pages from a file, select the text and copy it.
+  // Browsers may not let pages from a file use the clipboard. In this case, select the text and copy it.
   function copySelected(text) {
     const field = document.createElement("textarea");
     field.value = text;
