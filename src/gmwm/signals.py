@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["Imu", "Signal"]
 
 MINIMUM_SAMPLES = 8
-"""Smallest number of samples of a segment that is read. Shorter segments have fewer than three wavelet levels. Pinned
-by tests/test_cuts.py."""
+"""Smallest number of samples of a segment that is read, for three wavelet levels. Pinned by tests/test_cuts.py."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,7 @@ class Signal:
     rate : float
         Samples per second (Hz).
     unit : str
-        Unit of the values; Recordings from `gmwm.read` are in "rad/s" and "m/s²".
+        Unit of the values; "rad/s" or "m/s²" in recordings from `gmwm.read`.
     axis : str
         Name of the axis, such as "gyro_x".
     start : float
@@ -56,8 +55,7 @@ class Signal:
     filled : int
         Number of values that replace lost samples; see `fill_gaps`.
     gaps_known : bool
-        Whether the lengths of the gaps are known. By default, they are known if `starts` is given. Gaps of unknown
-        length are not filled.
+        Whether the lengths of the gaps are known (by default, if `starts` is given). Other gaps are not filled.
 
     Raises
     ------
@@ -256,14 +254,12 @@ class Signal:
     def fill_gaps(self) -> Signal:
         """Fill gaps with draws from the conditional distribution of the lost samples given the known samples.
 
-        The distribution is estimated from the signal, and the seeds are fixed. The wavelet variance of the result is
-        unbiased at every level.
-
-        A gap of g ≤ 8192 samples is filled if 3/4 of its neighbourhood on each side is known. The neighbourhood has
-        max(32 g, 1024) samples, or fewer at an end of the recording. At least 2 g samples on each side must be known,
-        or 16 g for a gap of more than 64 samples. Other gaps are kept, and all gaps of unknown length. A gap is also
-        kept if the means before and after it differ by more than 6 standard deviations of such differences at other
-        places, because the sensor has then restarted with another offset.
+        The distribution is estimated from the signal, with fixed seeds. The wavelet variance of the result is unbiased
+        at every level. A gap of g ≤ 8192 samples is filled if 3/4 of the max(32 g, 1024) samples on each side are known
+        (fewer at an end of the recording). At least 2 g samples on each side must be known, or 16 g for a gap of more
+        than 64 samples. Other gaps are kept, and all gaps of unknown length. A gap is also kept if the means before and
+        after it differ by more than 6 standard deviations of such differences at other places, because the sensor has
+        then restarted with another offset.
 
         >>> x = np.random.default_rng(1).normal(size=4000)
         >>> x[100:110] = x[2500] = np.nan
