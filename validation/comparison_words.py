@@ -46,18 +46,18 @@ def _introduction(result: Result) -> str:
         f"# Comparison of estimation methods\n\nFor each model, all methods use the same simulated recordings at "
         f"{result['rate']:g} Hz. Their number depends on the model: "
         f"{lengths}.\n\n- Slopes: `gmwm.avlr`, which reads white noise, random walk and quantization noise from "
-        "the Allan deviation (AVLR). Slopes (oracle): the same, but it uses only averaging times at which the true "
-        "term has nearly all of the variance. A user does not know these times.\n- Vaccaro-Zaki: the best linear "
+        "the Allan deviation (AVLR). Slopes (oracle): the same method, restricted to averaging times at which the "
+        "true term has nearly all of the variance. A user does not know these times.\n- Vaccaro-Zaki: the best linear "
         "unbiased estimate of WN + RW from "
         "Allan variances, defined for this model only.\n- GMWM: `gmwm.fit`, including the certificate of the "
         f"optimum.\n- ML log-sampled: the exact likelihood of block means, {result['blocks']} of each length 1, 2, 4 "
-        "… through the recording. This is the idea of Nikolic and others in our own scheme "
+        "… through the recording. This follows the idea of Nikolic and others, with a different choice of the blocks "
         "(`validation/log_sampled.py`).\n- ML: `gmwm.fit_ml`, the likelihood of all samples from a Kalman filter. "
         "Both likelihood methods start from a GMWM fit, and their time includes it.\n\nErrors are differences of "
         "logarithms, log(estimate / truth), which are relative errors if they are small. An error of more than a "
-        f"factor of {result['factor']:g}, or a term estimated as zero, is treated as an error of that factor. "
-        "Gauss-Markov processes are matched with the true ones in the order of β. A process that is white noise or a "
-        "random walk in this recording (βΔt > 3, βNΔt < 0.1) is treated as such. Quantization errors are uniform, as "
+        f"factor of {result['factor']:g}, or a term estimated as zero, counts as an error of this factor. "
+        "Estimated Gauss-Markov processes are matched with the true ones in the order of β. An estimated process "
+        "counts as white noise if βΔt > 3, and as a random walk if βNΔt < 0.1. Quantization errors are uniform, as "
         "in a sensor; the likelihood methods assume Gaussian errors. Times are medians of processor time from samples "
         "to estimates, divided by the time of `numpy.cumsum` of the same samples."
     )
@@ -73,8 +73,9 @@ _CAPTION = (
 )
 
 _LEGEND = (
-    "The table has bias / root mean square error in %, and the share of recordings with the term estimated as zero, if "
-    "there are any. The bias includes the recordings in which the term was found; the error includes all recordings."
+    "The table has the bias and the root mean square error in %, separated by a slash, and the share of recordings in "
+    "which the term is estimated as zero, if there are any. The bias includes the recordings in which the term was "
+    "found; the error includes all recordings."
 )
 
 
@@ -122,7 +123,8 @@ def _glance(result: Result) -> list[str]:
     heads = [f"errors, {_power(n)}" for n in _lengths(result)] + [f"time, {_power(n)}" for n in _lengths(result)]
     lines = [
         "Errors: root mean square error divided by the error of ML, as geometric mean over the parameters that a "
-        "method estimates, with its standard error; below 1 the method is better than ML. Time: in cumulative sums.",
+        "method estimates, with its standard error; below 1 the method is better than ML. Time: processor time "
+        "divided by the time of `numpy.cumsum`.",
         "",
         f"| model | method | {' | '.join(heads)} |",
         "|---|---" + "|---" * len(heads) + "|",

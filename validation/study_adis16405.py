@@ -1,4 +1,4 @@
-"""Three recordings of ADIS16405 units, calibrated together: how far they are apart, and whether intervals say so."""
+"""Differences between three recordings of ADIS16405 units that are calibrated together, and their intervals."""
 
 from __future__ import annotations
 
@@ -82,12 +82,13 @@ def table(result: dict[str, Any]) -> str:
         spread = "" if row["spread"] is None else f"{100 * row['spread']:.2g} %"
         p = f"{row['pvalue']:.2g}" if row["pvalue"] >= 0.001 else "< 0.001"
         lines.append(f"| {row['axis']} | {row['symbol']} ({row['unit']}) | {own} | {together} | {spread} | {p} |")
-    lines += ["", "![Wavelet deviation of each recording over that of all recordings](adis16405.svg)"]
+    caption = "Ratio of the wavelet deviation of each recording to the wavelet deviation of all recordings together"
+    lines += ["", f"![{caption}](adis16405.svg)"]
     return "\n".join(lines)
 
 
 def draw(result: dict[str, Any], path: Path) -> None:
-    """Draw the wavelet deviation of each recording over that of all recordings."""
+    """Draw the ratio of the wavelet deviation of each recording to the wavelet deviation of all recordings."""
     save(drawn(picture(result)), path)
 
 

@@ -105,7 +105,7 @@ def table(result: dict[str, Any]) -> str:
         + joined([f"{row['shared']} of {row['tests']}" for row in rows])
         + " tests (one for each pair of axes and scale, with a joint level of 5 %). At the "
         "finest scales the correlations of gyroscopes "
-        "are small and the same in all recordings. At scales above about 10 s, all axes have a slow common part.",
+        "are small and the same in all recordings. At scales above about 10 s, all axes share slow noise.",
         "",
         "![Correlation of the six axes by scale, first recording](axes.svg)",
         "",
@@ -122,11 +122,11 @@ def table(result: dict[str, Any]) -> str:
             for tau in rows[0]["slow"]
         ),
         "",
-        f"**What the joint fit says.** `gmwm.fit_joint(\"{MODEL}\", imu, levels=range(9, 18))` fits the scales "
+        f"**Result of the joint fit.** `gmwm.fit_joint(\"{MODEL}\", imu, levels=range(9, 18))` fits the scales "
         "of 5 s to 22 min. No model fits all scales of these recordings, whose output is rounded. At scales above 5 s, "
         "the misfit is moderate. The white noise of the gyroscopes is independent of all other noise. All six axes "
-        "share the slow noise, most of all the accelerometers. A table that moves, or "
-        "a room whose temperature changes, would cause this.",
+        "share the slow noise, most of all the accelerometers. Motion of the table or changes of the room temperature "
+        "would cause this.",
         "",
         "![Deviations and correlations of the first recording, with the joint model](axes-joint.svg)",
         "",
@@ -147,7 +147,8 @@ def table(result: dict[str, Any]) -> str:
         "comparisons of an axis. Up to 20 s, the differences are a few per cent for gyroscopes, and up to 15 % "
         "for accelerometers. At larger scales, a test finds only large differences.",
         "",
-        "| recordings | axis | scales that differ | largest difference up to 20 s | largest one that the test finds |",
+        "| recordings | axis | scales that differ | largest difference up to 20 s | largest difference that the test "
+        "finds |",
         "|---|---|---|---|---|",
         *(
             f"| {r['pair']} | {r['axis']} | {r['levels']} of {r['tested']} | {100 * np.expm1(r['fine']):.1f} % | "

@@ -79,12 +79,12 @@ def table(result: dict[str, Any]) -> str:
                 "gaps": "number of true gaps in all records",
                 "missed": "number of gaps that were not found",
                 "wrong length": "number of gaps that were found with a wrong length",
-                "moved": "number of gaps that were not found at their row, but within the uncertainty",
+                "moved": "number of gaps that were found at another row, but within the uncertainty",
                 "uncertainty": "number of rows for which the time stamps do not show where samples were lost",
                 "invented": "number of gaps that were found but do not exist",
                 "right": (
                     "number of records whose rate is correct to 1e-4, with all gaps and no others, "
-                    "and with the error or warning that is due (a changed rate, regular losses)"
+                    "and with an error or warning where one is necessary (a changed rate, regular losses)"
                 ),
             }
         ),

@@ -101,7 +101,7 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "All covariances between two levels:",
+        "The next table summarises all covariances between two levels:",
         "",
         "| model | estimator | recordings | covariances | beyond two standard errors | largest |",
         "|---|---|---|---|---|---|",

@@ -155,7 +155,7 @@ def table(result: dict[str, Any]) -> str:
             {
                 "found": "share of recordings in which the test finds the shared noise",
                 "covered": "share of 95 % intervals that contain the true correlation, mean over the levels",
-                "of one level": "smallest and largest share of a single level",
+                "of one level": "smallest and largest of these shares among the levels",
             }
         ),
         "",

@@ -164,7 +164,7 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "Haar filter with optimal weights, for the slow case with other values of β:",
+        "The next table is for the Haar filter with optimal weights, and for the slow case with other values of β:",
         "",
         "| correlation times in the recording | bound of GM.beta | GM.beta | GM.sigma2 | WN.sigma2 |",
         "|---|---|---|---|---|",
@@ -183,7 +183,8 @@ _WORDS = (
     "the spectrum varies within it. The Haar bands overlap, and the leakage into neighbouring bands contains this "
     "information. The loss occurs at the ends of the recording: level j has only N − 2^j + 1 coefficients, and there "
     "are no levels beyond the last one. The loss is larger for fewer correlation times in the recording: 1 % at a "
-    "thousand, 6 % at a hundred, and more than 10 % below about fifty, where β is known to a quarter at best. Longer "
+    "thousand, 6 % at a hundred, and more than 10 % below about fifty, where the standard error of β is at least a "
+    "quarter of its value. Longer "
     "filters have fewer coefficients and fewer levels, and lose more: for a Gauss-Markov process in white noise d4 "
     "and la8 are no better. Diagonal weights ignore the correlation of neighbouring levels. They cost most if the "
     "white noise is visible in the first one or two levels only."

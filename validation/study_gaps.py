@@ -200,7 +200,7 @@ def table(result: dict[str, Any]) -> str:
                 ),
                 "segments": "coefficients inside segments only; – if no segment is long enough",
             },
-            "The ways:",
+            "The methods:",
         ),
         "",
         (
@@ -211,7 +211,7 @@ def table(result: dict[str, Any]) -> str:
             "covariance of a recording without losses times 1 + 2.5 p."
         ),
         "",
-        f"| model | lost | way | {' | '.join(f'level {j}' for j in SHOWN)} |",
+        f"| model | lost | method | {' | '.join(f'level {j}' for j in SHOWN)} |",
         f"|---|---|---|{'---|' * len(SHOWN)}",
     ]
     for r in result["rows"]:

@@ -206,8 +206,8 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: run lengths, delays and kinds."""
     lines = [
         (
-            f"A healthy sensor at {RATE:g} Hz is monitored with one wanted false alarm in "
-            f"{WANTED:g} samples. The *run length* is the number of samples for each alarm, "
+            f"A healthy sensor at {RATE:g} Hz is monitored. The monitor is set to one false alarm in {WANTED:g} "
+            f"samples. The *run length* is the number of samples for each alarm, "
             "with its standard error. Alarms in the same second are counted as one. With a "
             "baseline, variances within 10 % of it are not reported, so alarms are rarer than "
             "stated."
@@ -227,8 +227,8 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             "A gyroscope with N = 0.15 deg/√h, Gauss-Markov noise of 29 deg/h over 50 s and K "
-            "= 5 deg/h/√h has the faults in the table. It is monitored with one wanted false "
-            f"alarm in {RARE:g} samples (28 h), in {result['repeats']} recordings of each "
+            f"= 5 deg/h/√h has the faults in the table. The monitor is set to one false alarm in {RARE:g} samples (28 "
+            f"h). The study uses {result['repeats']} recordings of each "
             "fault. The *delay* is the time from the beginning of the fault to the first "
             "alarm. The last column has the kind of the fault, and the share of the detected "
             "faults for which it is identified correctly."
@@ -246,8 +246,8 @@ def table(result: dict[str, Any]) -> str:
         f"samples in total, and {sum(row['early'] for row in result['rows'])} recordings have a false alarm there.",
         "",
         (
-            "The next table has the median and the 90 % quantile of the delays (s) with other "
-            "charts for more noise. *R* is the ratio of variances for which a chart is optimal. "
+            "The next table has the median and the 90 % quantile of the delays (s) for other choices of the charts "
+            "that detect more noise. *R* is the ratio of variances for which a chart is optimal. "
             "*Blocks* is the length of a block of level j, in units of 2^j samples. gmwm uses the "
             "last row. Two charts for each level detect small and large increases early, and "
             "short blocks detect slow noise early."

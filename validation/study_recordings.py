@@ -136,7 +136,7 @@ def table(result: dict[str, Any]) -> str:
     lines = [
         (
             "Equal recordings are simulated in plain NumPy and fitted together with their "
-            "true model. Noise with heavy tails has the covariance that `calibrate` measures."
+            "true model. For noise with heavy tails, the fit uses the covariance that `calibrate` measures."
         ),
         *legend(
             {
@@ -154,7 +154,10 @@ def table(result: dict[str, Any]) -> str:
             for r in result["rows"]
         ),
         "",
-        ("Four recordings of 10 000 samples each have parameters whose logarithms differ by normal amounts."),
+        (
+            "Four recordings of 10 000 samples each have parameters whose logarithms differ by "
+            "normally distributed amounts."
+        ),
         "",
         "| noise | difference | repeats | parameters | curves | both | fit |",
         "|---|---|---|---|---|---|---|",

@@ -403,7 +403,8 @@ def table(result: dict[str, Any]) -> str:
         *legend(
             {
                 "found": "share of joint tests with p < 5 %",
-                "left": "share of tests with p < 5 % of the hypothesis that the terms explain the levels",
+                "left": "share of tests with p < 5 %; the hypothesis is that changes of the terms explain the changes "
+                "at all levels",
             }
         ),
         "",

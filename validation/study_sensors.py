@@ -307,9 +307,9 @@ def table(result: dict[str, Any]) -> str:
                 "K false": "share of recordings with a value of K although there is no random walk",
                 "rejected": f"share of goodness-of-fit tests with p below {ACCEPTED:g}",
                 "in the set": (
-                    "share of recordings in which the model is among the equivalent models. These "
-                    "never contain one another; the data do not exclude a larger sum that contains "
-                    "one of them"
+                    "share of recordings in which the model is among the equivalent models. No equivalent model "
+                    "contains another one, although the data do not exclude larger sums that contain an equivalent "
+                    "model"
                 ),
                 "robust": "share of recordings for which the robust wavelet variance was used",
                 "warm-up, coarse, walk or Markov": "share of recordings with this remark",

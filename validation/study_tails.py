@@ -200,12 +200,15 @@ def table(result: dict[str, Any]) -> str:
         *legend(
             {
                 "wanted": (
-                    "the classical curve for tails; the classical curve after replacement for knocks, "
-                    "motion and isolated wrong samples"
+                    "the curve that the rule should choose: the classical curve for tails, and the classical curve "
+                    "after replacement for knocks, motion and isolated wrong samples"
                 ),
                 "robust": "share of recordings with the robust curve",
                 "replaced": "share of samples that were replaced",
-                "excess": "median of N E_11, which is the excess kurtosis for white noise",
+                "excess": (
+                    "median of N E_11, where N is the number of samples and E_11 is the element of "
+                    "`WaveletVariance.excess` for the first level; for white noise, N E_11 is the excess kurtosis"
+                ),
                 "N": "median of N divided by the true value",
                 "covered": "share of 95 % intervals that contain the variance of the white noise",
                 "rejected": "share of goodness-of-fit tests that reject at the 5 % level",
