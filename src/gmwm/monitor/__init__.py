@@ -1,4 +1,4 @@
-"""Monitoring of a sensor at rest: charts of the innovations of its calibrated model."""
+"""Monitor sensors at rest with control charts of the innovations of their calibrated models."""
 
 from gmwm.monitor.api import Monitor
 from gmwm.monitor.baseline import Baseline

@@ -1,4 +1,4 @@
-"""Watch a sensor at rest: has it changed since it was calibrated?"""
+"""Monitor a sensor at rest, and report changes since its calibration."""
 
 from __future__ import annotations
 
@@ -39,29 +39,30 @@ if TYPE_CHECKING:
     from gmwm.signals import Imu
 
 HOLD = 60.0
-"""Least time (s) after its last alarm for which a reported fault explains further alarms of its axis."""
+"""Further alarms of an axis are attributed to a reported fault for at least this time (s) after its last alarm."""
 REMEMBERED = 3600.0
-"""Time (s) for which a fault that comes back is not reported again, unless it is larger. A jump is always reported."""
+"""A fault that recurs within this time (s) is not reported again, unless it is larger. A jump is always reported."""
 MOVED_AXES = 3
-"""Number of axes that change within `NAMING` if the unit was moved."""
+"""If at least this number of axes change within `NAMING` seconds, the unit was moved."""
 TOGETHER = 0.7
-"""Number of events for each alarm of a chart: charts of neighbouring levels alarm together
-(docs/validation/monitor.md)."""
+"""Mean number of events per alarm of a chart. It is below 1, because charts of neighbouring levels raise alarms
+together (docs/validation/monitor.md)."""
 PIECE = 1 << 16
-"""Number of samples that are processed at once; the result does not depend on it."""
+"""Number of samples that are processed in one step. The result does not depend on it."""
 FORMAT = "gmwm-monitor"
 
 
 class Monitor(OneAtATime):
     """Monitor a sensor at rest, and report when its noise or its level changes.
 
-    The samples of each axis pass through the Kalman filter of its model. CUSUM charts watch the mean squares of the
-    Haar coefficients of its standardised innovations, and their block means, at all scales. Further charts watch single
-    innovations and equal samples. An event is reported one second after the alarm, or up to a minute
-    for a slow change of the level; in this time its kind is determined.
+    A Kalman filter with the model of each axis computes the standardised innovations of its samples. At each scale,
+    CUSUM charts monitor the mean squares of the Haar wavelet coefficients of the innovations, and their block means.
+    Other charts monitor single innovations and runs of equal samples. An event is reported one second after the first
+    alarm, or up to a minute after it for a slow change of the level. During this time, the monitor determines the kind
+    of the fault.
 
     The events do not depend on how the samples are divided into chunks. A monitor can be pickled, or written as JSON
-    with `to_dict`, and continues from the same state.
+    with `to_dict`. A restored monitor continues from the same state.
 
     Parameters
     ----------
@@ -69,12 +70,14 @@ class Monitor(OneAtATime):
         The model of each axis, with all values. Power-law noise, which has no finite state, is approximated by
         Gauss-Markov processes.
     every : str or float
-        Average time between false alarms of a healthy sensor, all axes together: "30d", or seconds.
+        Average time between false alarms of a healthy sensor, for all axes together: a number of seconds, or text such
+        as "30d".
     rate : float, optional
         Sampling rate (Hz); by default the rate of the calibration.
     baseline : mapping of axis to Baseline, or None, optional
-        Statistics of the innovations of the healthy sensor; by default those in the calibration. With None,
-        the signal is compared with the model alone, which a real sensor never follows exactly.
+        Statistics of the innovations of the healthy sensor; by default those in the calibration. With None, the signal
+        is compared with the model only. Real sensors never follow a model exactly, so false alarms are then more
+        frequent.
     axes : sequence of str, optional
         The axes to monitor; all by default.
     start : float
@@ -87,14 +90,14 @@ class Monitor(OneAtATime):
     baselines : dict of str to Baseline
         The baseline of each axis that has one.
     remarks : tuple of Remark
-        What to know about the charts, such as an axis without a baseline.
+        Remarks about the charts, for example on an axis without a baseline.
 
     Raises
     ------
     OptionError
         If an argument is invalid.
     ModelError
-        If a model has no values or no noise.
+        If a parameter of a model has no value, or a model has no noise.
 
     Examples
     --------
@@ -159,7 +162,7 @@ class Monitor(OneAtATime):
 
     @property
     def samples(self) -> int:
-        """Number of samples so far."""
+        """Number of samples that the monitor has received."""
         return self._count
 
     @property
@@ -169,16 +172,19 @@ class Monitor(OneAtATime):
 
     @property
     def resting(self) -> bool:
-        """Whether the charts are paused, because the unit was moved and is not yet still."""
+        """Whether the charts are paused because the unit was moved and is not yet at rest again."""
         return self._moved is not None
 
     @property
     def moving_for(self) -> float:
-        """Time (s) for which the charts have been paused because the unit moves."""
+        """Time (s) for which the charts have been paused because of the present motion."""
         return 0.0 if self._moved is None else self._moved.samples / self.rate
 
     def heights(self) -> dict[str, dict[str, float]]:
-        """Largest height of the charts of each family during the last update, as a share of the threshold, by axis."""
+        """Return the largest values of the chart statistics during the last update, as fractions of their thresholds.
+
+        The keys are the axes and, for each axis, the families of charts.
+        """
         return {axis: one.charts.heights() for axis, one in self._axes.items()}
 
     @one_at_a_time
@@ -188,17 +194,18 @@ class Monitor(OneAtATime):
         Parameters
         ----------
         values : mapping of axis to (n,) array, or Chunk
-            Samples without a gap. Axes without a model are ignored. A chunk of `gmwm.stream` reports its gaps itself.
+            Samples without a gap. Axes without a model are ignored. A chunk of `gmwm.stream` contains the information
+            about gaps before it.
 
         Returns
         -------
         list of Event
-            The events that these samples revealed, in order.
+            The events that were detected with these samples, in order of time.
 
         Raises
         ------
         DataError
-            If an axis is missing, the axes have different lengths, or a value is not finite.
+            If an axis is missing, if the axes have different lengths, or if a value is not finite.
         """
         events: list[Event] = []
         if isinstance(values, Chunk):
@@ -220,17 +227,17 @@ class Monitor(OneAtATime):
         return events
 
     def watch(self, recording: Imu | Stream) -> Iterator[Event]:
-        """Monitor a whole recording, with its gaps, and name the faults that are still open at its end.
+        """Monitor a whole recording with its gaps. Faults that are still undetermined at its end are reported there.
 
         Parameters
         ----------
         recording : Imu or Stream
-            From `gmwm.read` or `gmwm.stream`.
+            A recording from `gmwm.read` or `gmwm.stream`.
 
         Returns
         -------
         iterator of Event
-            Each event as soon as it is named.
+            Each event as soon as its kind is determined.
         """
         check_rate(recording.rate, self.rate)
         for chunk in chunks_of(recording):
@@ -239,7 +246,7 @@ class Monitor(OneAtATime):
 
     @one_at_a_time
     def gap(self, samples: int | None = None) -> list[Event]:
-        """Note that samples are missing before the next ones.
+        """Tell the monitor that samples are missing before the next update.
 
         Parameters
         ----------
@@ -249,7 +256,8 @@ class Monitor(OneAtATime):
         Returns
         -------
         list of Event
-            The loss, unless one was reported in the last minute.
+            The faults that were still undetermined, and the event "lost", unless lost samples were reported in the last
+            minute.
         """
         if samples is not None:
             samples = as_whole_number(samples, "samples", 1)
@@ -259,14 +267,15 @@ class Monitor(OneAtATime):
 
     @one_at_a_time
     def skip(self, samples: int) -> None:
-        """Skip samples that should not be monitored, for example while the unit is moved on purpose.
+        """Leave out samples that should not be monitored, for example while the unit is moved on purpose.
 
-        The level is unknown afterwards, and all charts begin at 0. Alarms that are not named yet are dropped.
+        Afterwards, the level is unknown and all charts start at 0. Alarms that were not yet reported as a fault are
+        discarded.
 
         Parameters
         ----------
         samples : int
-            Number of samples.
+            Number of samples to leave out.
         """
         samples = as_whole_number(samples, "samples", 0)
         self._pool, self._deadline, self._moved = (), None, None
@@ -277,14 +286,14 @@ class Monitor(OneAtATime):
 
     @one_at_a_time
     def finish(self) -> list[Event]:
-        """Name the fault that is not named yet, at the end of the samples."""
+        """Determine and return the faults of pending alarms at the end of the samples."""
         events: list[Event] = []
         if self._deadline is not None:
             self._decide(events)
         return events
 
     def _joined(self, chunk: Chunk) -> list[Event]:
-        """Events of the gap before a chunk of a stream, if there is one."""
+        """Return the events that a gap before a chunk of a stream causes."""
         segment, self._segment = self._segment, chunk.segment
         if segment is None:
             if self._count == 0:
@@ -296,7 +305,7 @@ class Monitor(OneAtATime):
         expected = self._now
         late = round((chunk.start - expected) * self.rate)
         if chunk.start < expected - 0.5 / self.rate:
-            # After the step, the time is the time of the new stamps.
+            # After the clock was set back, times follow the new time stamps.
             event = Event(kind="clock", time=expected, began=expected, size=expected - chunk.start, unit="s")
             return [*events, event, *self._after_gap(chunk.start, None, told=True)]
         return events + self._after_gap(chunk.start, late if late >= 1 else None)
@@ -317,14 +326,15 @@ class Monitor(OneAtATime):
         return [Event(kind="lost", time=before, began=before, size=size, unit="samples")]
 
     def _advance(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
-        """Process samples up to the next decision, and return their number."""
+        """Process samples up to the time at which pending alarms are evaluated, and return the number of processed
+        samples."""
         n = next(iter(parts.values())).size
         before = {axis: one.save() for axis, one in self._axes.items()}
         found = self._passed(parts)
         if self._deadline is None and found:
             deadline = found[0][1].sample + naming_time(found[0][1], self.rate)
             if deadline < self._count + n:
-                # Later samples wait for the decision: the charts may begin again there.
+                # Later samples are processed after the evaluation, which may reset the charts.
                 for axis, one in self._axes.items():
                     one.load(before[axis])
                 n = deadline - self._count
@@ -341,7 +351,7 @@ class Monitor(OneAtATime):
         return sorted(found, key=lambda item: item[1].sample)
 
     def _rest(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
-        """Pass samples of a unit that moves; the charts begin again when it is still."""
+        """Process samples of a moving unit, and return their number. The charts restart when the unit is at rest."""
         assert self._moved is not None
         used, self._moved, still = self._moved.update(parts, self._axes, self._naming)
         for axis in self._axes.values():
@@ -358,7 +368,7 @@ class Monitor(OneAtATime):
     # --- decisions ------------------------------------------------------------------------------------
 
     def _decide(self, events: list[Event]) -> None:
-        """Name the faults of the alarms since the first one."""
+        """Determine the faults of all pending alarms, and append their events."""
         pool, self._pool, self._deadline = self._pool, (), None
         by_axis: dict[str, list[Alarm]] = {}
         for axis, alarm in pool:
@@ -366,7 +376,7 @@ class Monitor(OneAtATime):
         faults = {axis: self._axes[axis].name(alarms) for axis, alarms in by_axis.items()}
         hold = round(HOLD * self.rate)
         moving = [axis for axis, fault in faults.items() if fault.is_motion or self._axes[axis].is_loud(self._naming)]
-        # An axis with a reported fault has no new alarm, but it feels the motion too.
+        # An axis with a reported fault raises no new alarm, but large innovations show that it moves too.
         others = [axis for axis, one in self._axes.items() if axis not in faults and one.is_loud(self._naming)]
         if moving and len(moving) + len(others) >= MOVED_AXES:
             first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
@@ -388,7 +398,7 @@ class Monitor(OneAtATime):
 
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
-        """The monitor with its state as dicts, lists, numbers and strings, ready for JSON."""
+        """Return the settings and the state of the monitor as dicts, lists, numbers and strings for JSON."""
         return {
             "format": FORMAT,
             "version": 1,
@@ -410,7 +420,7 @@ class Monitor(OneAtATime):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Make a monitor that continues from the result of `to_dict`.
+        """Create a monitor that continues from a state that `to_dict` returned.
 
         Parameters
         ----------
@@ -420,7 +430,7 @@ class Monitor(OneAtATime):
         Raises
         ------
         ReadError
-            If it is not a monitor, or a part is missing.
+            If `content` is not the state of a monitor, or a part is missing.
         """
         if not isinstance(content, Mapping) or content.get("format") != FORMAT:
             raise ReadError(f'not a monitor: it has no "format": "{FORMAT}"')

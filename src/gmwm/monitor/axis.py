@@ -1,4 +1,4 @@
-"""One axis of a monitor: its filter, its charts, and the fault that it has now."""
+"""One axis of a monitor: its filter, its charts, and its present fault."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from gmwm.monitor.stored import number, numbers, whole
 from gmwm.monitor.whitening import Gain, Whitener
 
 LOUD = 3.0
-"""Multiple of the limit of a spike beyond which an innovation is motion, not noise."""
+"""An innovation that exceeds the limit of a spike by this factor counts as motion, not as noise."""
 VERY_LOUD = 20.0
-"""Multiple of the limit of a spike beyond which an innovation is not explained by a fault that was reported before."""
+"""An innovation that exceeds the limit of a spike by this factor is not attributed to a fault reported before."""
 LARGER = 1.5
-"""Factor by which a fault that comes back must be larger than before, to be reported again."""
+"""A recurring fault is reported again if it is larger than before by this factor."""
 KEPT = 4096
-"""Number of innovations, and of their sums over 2^HISTORY_LEVEL samples, that are kept to name a fault."""
+"""Number of innovations, and of their sums over 2^HISTORY_LEVEL samples, that are kept to determine the kind of a
+fault."""
 
 _EVERYTHING = frozenset({"noise up", "noise down", "level", "spike", "constant"})
 _EXPLAINED: Mapping[str, frozenset[str]] = {
@@ -36,9 +37,9 @@ _EXPLAINED: Mapping[str, frozenset[str]] = {
     "saturated": _EVERYTHING,
     "moved": _EVERYTHING - {"constant"},
 }
-"""Alarms that a fault which is reported already explains, by its kind."""
+"""Families of alarms that a reported fault explains, by kind of the fault."""
 _SILENT = ("frozen", "saturated", "moved")
-"""Faults that explain innovations of any size."""
+"""Kinds of faults that explain innovations of any size."""
 _OWN: Mapping[str, frozenset[str]] = {
     "noise-up": frozenset({"noise up"}),
     "hum": frozenset({"noise up"}),
@@ -46,20 +47,21 @@ _OWN: Mapping[str, frozenset[str]] = {
     "ramp": frozenset({"level"}),
     "spike": frozenset({"spike"}),
 }
-"""Alarms that show that a fault lasts, by its kind."""
+"""Families of alarms that show that a fault is still present, by kind of the fault."""
 
 
 @dataclass(frozen=True)
 class Open:
-    """A fault that was reported and that still explains alarms.
+    """A reported fault to which further alarms are attributed.
 
     Attributes
     ----------
     kind : str
+        Kind of the fault.
     until : int
-        Last sample at which it explains alarms; later with each of them.
+        Last sample at which alarms are attributed to it. Each such alarm moves it to a later sample.
     hold : int
-        Number of samples for which it explains alarms after the last one.
+        Number of samples after the last alarm for which further alarms are attributed to it.
     """
 
     kind: Kind
@@ -68,18 +70,18 @@ class Open:
 
 
 class Axis:
-    """One axis.
+    """Filter, charts and faults of one axis of a monitor.
 
     Parameters
     ----------
     gain : Gain
-        Filter of its model.
+        Kalman filter of the model of the axis.
     settings : ChartSettings
-        The settings of its charts.
+        Settings of its charts.
     run_length : float
         Average number of samples between two false alarms of a chart.
     rest, longest_rest : int
-        As in `Charts`.
+        Pauses of a chart after an alarm; see `Charts`.
     """
 
     def __init__(self, gain: Gain, settings: ChartSettings, *, run_length: float, rest: int, longest_rest: int) -> None:
@@ -95,7 +97,7 @@ class Axis:
     # --- samples --------------------------------------------------------------------------------------
 
     def update(self, x: Vector) -> list[Alarm]:
-        """Add samples (n,), and return the alarms that no reported fault explains, in order."""
+        """Add samples (n,), and return the alarms that no reported fault explains, in order of time."""
         alarms = self._constant(x)
         e = self.whitener.update(x)
         alarms += self.charts.update(e)
@@ -104,7 +106,7 @@ class Axis:
         return [alarm for alarm in sorted(alarms) if not self._explained(alarm)]
 
     def _constant(self, x: Vector) -> list[Alarm]:
-        """An alarm where the number of equal samples reaches the limit."""
+        """Return an alarm for each run of equal samples whose length reaches the limit."""
         limit, before = self.settings.equal, self.run
         places = np.flatnonzero(x[1:] != x[:-1]) + 1
         if self.value is None or x[0] != self.value:
@@ -129,7 +131,7 @@ class Axis:
         if known is None or alarm.sample > known.until or alarm.family not in _EXPLAINED[known.kind]:
             return False
         if alarm.score > 0.5 * (VERY_LOUD * self.charts.spike) ** 2 and known.kind not in _SILENT:
-            return False  # motion, whatever was reported before
+            return False  # this is motion, regardless of the reported fault
         hold = max(known.hold, alarm.sample - alarm.onset)
         self.open = Open(known.kind, max(known.until, alarm.sample + hold), known.hold)
         if alarm.family in _OWN.get(known.kind, ()):
@@ -141,7 +143,7 @@ class Axis:
     # --- faults ---------------------------------------------------------------------------------------
 
     def name(self, alarms: Sequence[Alarm]) -> Named:
-        """Name the fault that these alarms show."""
+        """Determine the fault that caused alarms."""
         stuck = next((alarm for alarm in alarms if alarm.family == "constant"), None)
         if stuck is not None:
             return Named(kind="saturated" if self._is_outside() else "frozen", onset=stuck.onset + 1)
@@ -150,32 +152,34 @@ class Axis:
         return named(alarms, History(self.charts.count, self.fast, self.slow, stop), self.gain, self.settings)
 
     def _is_outside(self) -> bool:
-        """Whether the present value lies outside the usual range around the level, by the limit of a spike."""
+        """Return whether the present sample differs from the first one by more than the limit of a spike."""
         far = self.charts.spike * float(np.sqrt(self.gain.S))
         origin = self.whitener.origin
         return self.value is not None and origin is not None and abs(self.value - origin) > far
 
     def is_loud(self, samples: int) -> bool:
-        """Whether one of the last innovations is far beyond the limit of a spike."""
+        """Return whether one of the last `samples` innovations is far beyond the limit of a spike."""
         return bool(np.max(np.abs(self.fast[-samples:]), initial=0.0) > LOUD * self.charts.spike)
 
     def report(
         self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
     ) -> bool:
-        """Note a fault that was named. Returns whether it is new, or larger than before.
+        """Register a fault, and return whether it should be reported because it is new or larger than before.
 
-        A change of level begins a new level.
+        After a jump or a ramp, the level is estimated again.
 
         Parameters
         ----------
         kind : Kind
+            Kind of the fault.
         alarms : sequence of Alarm
+            Alarms that it caused.
         hold : int
-            Least number of samples for which it explains further alarms.
+            Smallest number of samples for which further alarms are attributed to the fault.
         remembered : int
-            Number of samples after its last alarm for which the same fault is not new.
+            Number of samples after the last alarm of a fault for which the same fault is not new.
         magnitude : float
-            How large it is.
+            Size of the fault, to compare it with an earlier one.
         """
         now = self.charts.count
         longest = max((alarm.sample - alarm.onset for alarm in alarms), default=0)
@@ -189,26 +193,26 @@ class Axis:
         return new
 
     def begin_again(self) -> None:
-        """Forget the level, and begin all charts at 0."""
+        """Restart the filter with an unknown level, and all charts at 0."""
         self.whitener.restart()
         self.charts.reset()
         self.fast = self.slow = np.zeros(0)
 
     def gap(self, samples: int | None) -> None:
-        """Skip missing samples."""
+        """Continue after missing samples; `samples` is None if their number is unknown."""
         self.whitener.gap(samples)
         self.charts.break_blocks()
         self.fast = self.slow = np.zeros(0)
         self.value, self.run = None, 0
 
     def skip(self, samples: int) -> None:
-        """Count samples that are not monitored."""
+        """Advance the sample number over samples that are not monitored."""
         self.charts.skip(samples)
 
     # --- state ----------------------------------------------------------------------------------------
 
     def save(self) -> dict[str, Any]:
-        """The state; its arrays are never changed in place."""
+        """Return the state. Its arrays are never modified in place."""
         known = self.open
         return {
             "whitener": self.whitener.save(),
@@ -222,7 +226,7 @@ class Axis:
         }
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
+        """Restore a state from `save`."""
         self.whitener.load(state["whitener"])
         self.charts.load(state["charts"])
         self.fast, self.slow = numbers(state["fast"]), numbers(state["slow"])

@@ -1,4 +1,4 @@
-"""The baseline of an axis: statistics of its innovations in a reference recording of the healthy sensor."""
+"""Baseline of an axis: statistics of its innovations in a reference recording of the healthy sensor."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ from gmwm.monitor.whitening import Gain, Whitener
 from gmwm.processes.model import Model
 
 LEAST_BLOCKS = 80
-"""Number of blocks of a level that its expected mean square needs: its standard error is then below 7 %, less than the
-dead band (k ≥ 2.6)."""
+"""Smallest number of blocks from which the expected mean square of a level is estimated. Its standard error is then
+below 7 % (for k ≥ 2.6), which is smaller than the dead band."""
 LEAST_MEANS = 30
-"""Number of block means that their scatter needs: its standard error is then 13 %."""
+"""Smallest number of block means from which their scatter is estimated. Its standard error is then 13 %."""
 LONGEST_BURST = 256
-"""Largest number of blocks that are taken together for the scatter of mean squares: charts alarm within so many."""
+"""Largest number of blocks that are averaged to estimate the variance of the mean squares. Charts raise an alarm within
+this number of blocks."""
 REACH = 5
-"""Number of further levels whose scatter a chart of block means is prepared for."""
+"""A chart of block means uses the largest scatter of its own level and this number of next coarser levels."""
 BAND = 1.1
-"""Dead band with a baseline: the recordings of `docs/validation/monitor.md` differ less between their parts."""
+"""Dead band with a baseline (a factor of the variance). The variances of different parts of a recording in
+`docs/validation/monitor.md` differ by less than this."""
 LEAST_EQUAL = 8
-"""Least number of equal samples in a row that counts as frozen."""
+"""A run of fewer equal samples than this never counts as frozen."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,19 +41,19 @@ class Baseline:
     Attributes
     ----------
     samples : int
-        Number of samples of the reference.
+        Number of samples of the reference recording.
     ratios : (J,) array
-        Mean square of the standardised Haar coefficients at levels 1 … J; 1 if the model is right.
+        Mean squares of the standardised Haar coefficients of the innovations at levels 1 … J; 1 if the model is right.
     shapes : (J,) array
-        Shape k of the Gamma distribution of the mean squares of a block.
+        Shape k of the Gamma distribution of the mean squares in blocks, for each of these levels.
     scatter : tuple of float
-        Standard deviation of the standardised block means at levels 0 … L − 1; at least 1.
+        Standard deviations of the standardised block means at levels 0 … L − 1; at least 1.
     largest : float
         Largest absolute innovation.
     equal : int
         Largest number of equal samples in a row.
     lowest, highest : float
-        Extreme samples (u).
+        Smallest and largest sample, in the unit of the signal.
     """
 
     samples: int
@@ -69,14 +71,14 @@ class Baseline:
 
     @classmethod
     def of(cls, model: Model, segments: Sequence[Vector], rate: float) -> Baseline:
-        """Measure the baseline of a model in a recording of a healthy sensor.
+        """Measure the baseline of an axis from a recording of a healthy sensor.
 
         Parameters
         ----------
         model : Model
-            Model with all values, per sample at `rate`.
+            Model of the axis with all values, per sample at `rate`.
         segments : sequence of (n,) arrays
-            Samples without a gap in each, in rad/s or m/s².
+            Parts of the recording without gaps, in rad/s or m/s².
         rate : float
             Sampling rate (Hz).
 
@@ -87,9 +89,9 @@ class Baseline:
         Raises
         ------
         DataError
-            If the recording is too short for one level.
+            If the recording is too short for the finest level.
         ModelError
-            If the model has no values.
+            If a parameter of the model has no value.
         """
         whitener = Whitener(Gain.of(Finite.of(model, rate)))
         errors = []
@@ -119,7 +121,7 @@ class Baseline:
         )
 
     def settings(self) -> ChartSettings:
-        """The charts for this baseline."""
+        """Return the settings of the charts for this baseline."""
         usual = spike_limit(self.samples)
         return ChartSettings(
             self.ratios,
@@ -131,7 +133,7 @@ class Baseline:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """The baseline as numbers and lists, ready for JSON."""
+        """Return the baseline as numbers and lists for JSON."""
         return {
             "samples": self.samples,
             "ratios": self.ratios.tolist(),
@@ -145,7 +147,7 @@ class Baseline:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Baseline:
-        """Make a baseline from the result of `to_dict`.
+        """Create a baseline from the result of `to_dict`.
 
         Parameters
         ----------
@@ -155,7 +157,7 @@ class Baseline:
         Raises
         ------
         ReadError
-            If a number is missing or wrong.
+            If a value is missing or not valid.
         """
         arrays = {}
         try:
@@ -176,7 +178,7 @@ class Baseline:
 
 
 def longest_run(values: Vector) -> int:
-    """Largest number of equal values in a row."""
+    """Return the length of the longest run of equal values."""
     if not values.size:
         return 0
     places = np.flatnonzero(np.diff(values))
@@ -184,7 +186,7 @@ def longest_run(values: Vector) -> int:
 
 
 def _mean_squares(errors: Sequence[Vector]) -> tuple[Vector, Vector]:
-    """Mean, and shape of the Gamma distribution, of the mean squares of blocks at each level."""
+    """Return the mean of the mean squares of blocks at each level, and the shapes of their Gamma distributions."""
     ratios: list[float] = []
     shapes: list[float] = []
     while True:
@@ -199,7 +201,10 @@ def _mean_squares(errors: Sequence[Vector]) -> tuple[Vector, Vector]:
 
 
 def _shapes(blocks: Vector) -> Iterator[float]:
-    """1/Var of the mean squares, in blocks of their own and of several together: bursts make the latter smaller."""
+    """Yield the Gamma shape 1/Var of relative mean squares for single blocks and for groups of 2, 4, … blocks.
+
+    The variance of a group is scaled to one block. Bursts of noise make the shape of larger groups smaller.
+    """
     together = 1
     while together <= LONGEST_BURST and blocks.size >= LEAST_BLOCKS:
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
@@ -208,14 +213,17 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
 
 def _sums(e: Vector, level: int) -> Vector:
-    """Sums over blocks of 2^level samples."""
+    """Return the sums of innovations over blocks of 2^level samples."""
     width = 1 << level
     count = e.size // width
     return np.asarray(e[: count * width].reshape(count, width).sum(axis=1))
 
 
 def _blocks(sums: Vector, m: int, level: int) -> Vector:
-    """Mean squares of the standardised coefficients in the blocks of a level."""
+    """Return the mean squares of the standardised Haar coefficients in the blocks of a level.
+
+    Each coefficient is a difference of sums of m consecutive entries of `sums`.
+    """
     if sums.size < m:
         return np.zeros(0)
     w = np.square(differences(sums, m)) / 2.0**level
@@ -229,6 +237,7 @@ def _block_means(errors: Sequence[Vector]) -> tuple[float, ...]:
         level = len(scatter)
         z = np.concatenate([_sums(e, level) for e in errors]) / 2.0 ** (level / 2.0)
         if z.size < LEAST_MEANS:
-            # A chart adds up about 2^REACH blocks before it alarms, so the scatter of longer blocks counts too.
+            # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
+            # too.
             return tuple(max(scatter[k : k + REACH + 1]) for k in range(len(scatter)))
         scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))

@@ -1,7 +1,7 @@
-"""Charts of one axis: CUSUM charts of the Haar levels of its standardised innovations.
+"""CUSUM charts of one axis, which monitor its standardised innovations at each Haar level.
 
-All sums are exact or in one fixed order, so the alarms do not depend on how the samples are divided into chunks: block
-sums add pairs, and the charts count in integers, in units of 2⁻²⁴.
+The alarms do not depend on how the samples are divided into chunks, because all sums are exact or computed in a fixed
+order. Block sums add pairs of block sums, and the chart statistics are integers in units of 2⁻²⁴.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from gmwm.monitor.stored import numbers, whole, wholes
 from gmwm.monitor.thresholds import SHIFT, level_threshold, noise_threshold, shape_factor, spike_limit
 
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]
-"""What a chart looks at: mean squares, means, single innovations, or runs of equal samples."""
+"""Quantity that a chart monitors: mean squares ("noise up", "noise down"), means ("level"), single innovations
+("spike"), or runs of equal samples ("constant")."""
 Integers = NDArray[np.int64]
 
 NOISE: tuple[tuple[Family, int, float], ...] = (
@@ -28,43 +29,45 @@ NOISE: tuple[tuple[Family, int, float], ...] = (
     ("noise up", 1, 1.25),
     ("noise down", -1, 1.0 / 1.5),
 )
-"""Family, direction and ratio R of variances of the noise charts of each level. A chart is the fastest for its R: the
-first one sees large changes and slow noise early, and the second one an increase of the noise by 10 %
-(docs/validation/monitor.md)."""
+"""Family, direction and variance ratio R of the noise charts of each level. A chart has the shortest delay for a change
+of the variance by its R. The first chart detects large changes and slow noise early. The second one also detects an
+increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
 BLOCKS = 4
-"""Length of a block of level j, in units of 2^j samples. Blocks of 16 see slow noise up to 40 s later
+"""Length of a block of level j, in units of 2^j samples. With 16 in place of 4, slow noise is detected up to 40 s later
 (docs/validation/monitor.md)."""
 WINDOW = 8
-"""Largest number of block sums in a coefficient: at level j it is computed at each 2^j/8-th sample, which keeps 93 % of
-the degrees of freedom of all coefficients (tests/monitor/test_charts.py)."""
+"""Largest number of block sums in a Haar coefficient. A coefficient of level j is then computed every 2^j/8 samples.
+This keeps 93 % of the degrees of freedom of the coefficients at all samples (tests/monitor/test_charts.py)."""
 LONGEST_SCALE = 164.0
 """Longest scale (s) of the charts without a baseline."""
 STUCK = 0.5
-"""Time (s) with equal samples that is an alarm without a baseline, at least 20 samples."""
+"""Without a baseline, equal samples for this time (s), and at least 20 of them, cause an alarm."""
 UNIT = 2.0**24
-"""The charts count in units of 1/UNIT."""
+"""The chart statistics are integers in units of 1/UNIT."""
 FARTHEST = 6.0
-"""Block means count as at most 6 standard deviations, and coefficients too, so that one wrong sample is no jump."""
+"""Innovations, block means and coefficients are limited to 6 standard deviations, so that a single wrong sample is not
+reported as a jump."""
 LONGEST_REST = 60.0
-"""Longest time (s) between two alarms of one chart while a fault lasts."""
+"""Longest pause (s) of a chart between two alarms while a fault lasts."""
 
 
 class Alarm(NamedTuple):
-    """A chart above its threshold.
+    """An alarm of a chart: its statistic exceeded the threshold.
 
     Attributes
     ----------
     sample : int
         Number of the sample at which the chart exceeded its threshold.
     family : Family
+        Quantity that the chart monitors.
     level : int
-        Haar level; 0 for single innovations.
+        Haar level of the chart; 0 for single innovations.
     sign : int
-        Direction: 1 up, −1 down.
+        Direction of the change: 1 for an increase, −1 for a decrease.
     onset : int
-        Number of the sample at which the chart was 0 for the last time.
+        Number of the last sample at which the chart statistic was 0, before the alarm.
     score : float
-        Logarithm of the likelihood ratio.
+        Value of the chart statistic, the logarithm of the likelihood ratio.
     """
 
     sample: int
@@ -76,15 +79,17 @@ class Alarm(NamedTuple):
 
 
 def window(level: int) -> tuple[int, int]:
-    """The level of the block sums of which a coefficient consists, and their number."""
+    """Return the level and the number of the block sums that make up a Haar coefficient of the given level."""
     base = max(level - 3, 0)
     return base, 1 << (level - base)
 
 
 @lru_cache(maxsize=64)
 def white_shape(level: int) -> float:
-    """k = 1/Var y of the mean squares of a block, for white normal innovations; in the mean over many blocks, because
-    neighbouring blocks are correlated."""
+    """Return the shape k = 1/Var y of the mean squares y of a block, for white normal innovations.
+
+    Var y is the variance of the mean over many blocks times their number, because neighbouring blocks are correlated.
+    """
     _, m = window(level)
     half = np.repeat([1.0, -1.0], m // 2)
     rho = np.correlate(half, half, "full") / m
@@ -93,22 +98,22 @@ def white_shape(level: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ChartSettings:
-    """The settings of the charts of one axis, from the statistics of a healthy sensor.
+    """Settings of the charts of one axis, from the statistics of a healthy sensor.
 
     Attributes
     ----------
     ratios : (J,) array
-        Expected mean square at levels 1 … J; 1 for the innovations of the right model.
+        Expected mean squares of the standardised Haar coefficients at levels 1 … J; 1 if the model is right.
     shapes : (J,) array
-        k = 1/Var y at these levels.
+        Shape k = 1/Var y of the relative mean squares y of a block at these levels.
     scatter : (J + 1 or fewer,) array
-        Standard deviation of the standardised block means at levels 0, 1, …
+        Standard deviations of the standardised block means at levels 0, 1, …
     band : float
-        Dead band: variances within this factor of the expected ones are not faults.
+        Dead band. A variance that differs from the expected one by less than this factor is not a fault.
     tail : float
-        Factor on the limit of single innovations, 1 for normal noise.
+        Factor by which the limit for single innovations is multiplied; 1 for normally distributed noise.
     equal : int
-        Number of equal samples in a row that is an alarm; 0 for no limit.
+        Length of a run of equal samples that causes an alarm; 0 for no limit.
     """
 
     ratios: Vector
@@ -120,7 +125,7 @@ class ChartSettings:
 
     @classmethod
     def of_model(cls, rate: float) -> ChartSettings:
-        """Settings for innovations that are white and normal with variance 1, at a sampling rate (Hz)."""
+        """Return the settings for white normal innovations with variance 1, at a sampling rate (Hz)."""
         levels = min(max(round(math.log2(LONGEST_SCALE * rate)), 4), 20)
         shapes = np.array([white_shape(j) for j in range(1, levels + 1)])
         equal = max(round(STUCK * rate), 20)
@@ -128,7 +133,7 @@ class ChartSettings:
 
     @property
     def charts(self) -> int:
-        """Number of charts that share the false alarms."""
+        """Number of charts among which the rate of false alarms is divided."""
         return len(NOISE) * self.ratios.size + 2 * self.scatter.size + 1
 
 
@@ -138,12 +143,13 @@ class Charts:
     Parameters
     ----------
     settings : ChartSettings
+        Expected statistics and limits.
     run_length : float
         Average number of samples between two false alarms of one chart.
     rest : int
-        Number of samples for which a chart rests after an alarm.
+        Number of samples for which a chart pauses after an alarm.
     longest_rest : int
-        Largest number of samples for which it rests, if alarms repeat.
+        Largest number of samples for which it pauses if alarms repeat.
     """
 
     STATE = ("count", "base", "left", "tails", "squares", "done", "sums", "zeros", "rests", "pauses", "recent")
@@ -153,8 +159,8 @@ class Charts:
         self.depth = max(settings.ratios.size, settings.scatter.size - 1)
         self.names: list[tuple[Family, int, int]] = []
         limits: list[float] = []
-        self.noise: dict[tuple[int, float], int] = {}  # places of the charts of a level and a ratio
-        self.means: dict[tuple[int, int], int] = {}  # places of the charts of a level and a direction
+        self.noise: dict[tuple[int, float], int] = {}  # indices of the noise charts, by level and variance ratio
+        self.means: dict[tuple[int, int], int] = {}  # indices of the level charts, by level and direction
         for level in range(1, settings.ratios.size + 1):
             blocks = run_length / (BLOCKS << level)
             for family, sign, ratio in NOISE:
@@ -173,38 +179,38 @@ class Charts:
         self.limits = np.rint(np.array(limits) * UNIT).astype(np.int64).tolist()
         self.count = 0
         self.recent = np.zeros(0)  # block sums of level 6 of the last update
-        self.peaks = [0] * len(self.names)  # largest heights since the last `forget_peaks`, for pictures
+        self.peaks = [0] * len(self.names)  # largest statistics since the last `forget_peaks`, for plots
         self.reset()
 
     def _shape(self, level: int, ratio: float) -> float:
-        """Shape of the mean squares of a level in the chart of a ratio."""
+        """Return the Gamma shape that the chart of a variance ratio uses for the mean squares of a level."""
         return float(self.settings.shapes[level - 1]) * shape_factor(window(level)[1], ratio)
 
     def reset(self) -> None:
-        """Begin all charts at 0."""
+        """Set all chart statistics to 0."""
         n = len(self.names)
         self.sums: tuple[int, ...] = (0,) * n
         self.zeros: tuple[int, ...] = (self.count - 1,) * n
-        self.rests: tuple[int, ...] = (-1,) * n  # the last sample of the rest after an alarm
-        self.pauses: tuple[int, ...] = (0,) * n  # length of that rest
+        self.rests: tuple[int, ...] = (-1,) * n  # last sample of the pause after an alarm
+        self.pauses: tuple[int, ...] = (0,) * n  # length of this pause
         self.break_blocks()
 
     def break_blocks(self) -> None:
         """Begin new blocks after a gap."""
         self.base = self.count
         none = np.zeros(0)
-        self.left: tuple[Vector, ...] = (none,) * (self.depth + 1)  # a block sum without its partner
-        self.tails: tuple[Vector, ...] = (none,) * self.settings.ratios.size  # block sums of the next coefficients
+        self.left: tuple[Vector, ...] = (none,) * (self.depth + 1)  # block sum that waits for the second of its pair
+        self.tails: tuple[Vector, ...] = (none,) * self.settings.ratios.size  # block sums for the next coefficients
         self.squares: tuple[Vector, ...] = (none,) * self.settings.ratios.size  # squares of an incomplete block
-        self.done: tuple[int, ...] = (0,) * (self.depth + 1)  # block sums so far
+        self.done: tuple[int, ...] = (0,) * (self.depth + 1)  # number of block sums so far
 
     def skip(self, samples: int) -> None:
-        """Count samples that no chart sees."""
+        """Advance the sample number over samples that the charts do not use."""
         self.count += samples
         self.break_blocks()
 
     def update(self, e: Vector) -> list[Alarm]:
-        """Add standardised innovations (n,). Returns the alarms in no particular order."""
+        """Add standardised innovations (n,), and return the alarms in no particular order."""
         if not e.size:
             return []
         alarms = list(self._spikes(e))
@@ -233,14 +239,15 @@ class Charts:
         return alarms
 
     def _coefficients(self, base: int) -> Iterator[tuple[int, int]]:
-        """The levels whose coefficients consist of block sums of level `base`, with the number of sums."""
+        """Yield the levels whose coefficients are made of block sums of level `base`, with the number of sums in
+        each."""
         for level in (1, 2, 3) if base == 0 else (base + 3,):
             if level <= self.settings.ratios.size:
                 yield level, window(level)[1]
 
     def _spikes(self, e: Vector) -> Iterator[Alarm]:
         far = np.flatnonzero(np.abs(e) > self.spike)
-        for k in far[:WINDOW].tolist():  # a fault has more, and one is enough
+        for k in far[:WINDOW].tolist():  # a fault causes many; a few alarms are enough
             sample = self.count + k
             sign = 1 if e[k] > 0 else -1
             yield Alarm(sample, "spike", 0, sign, onset=sample - 1, score=float(e[k] ** 2 / 2.0))
@@ -258,14 +265,15 @@ class Charts:
     def _variances(
         self, level: int, m: int, sums: Vector, tails: list[Vector], squares: list[Vector], done: int, states: States
     ) -> Iterator[Alarm]:
-        """Charts of the mean squares of the coefficients of a level, from m block sums each."""
+        """Update the noise charts of a level, whose coefficients are made of m block sums each, and yield their
+        alarms."""
         at = level - 1
         joined = np.concatenate([tails[at], sums])
         tails[at] = joined[-(m - 1) :]
         if joined.size < m:
             return
         w = differences(joined, m)
-        # Standard normal under the right model: 2^{j/2} W_j.
+        # With the right model, 2^{j/2} W_j has a standard normal distribution.
         w *= 1.0 / (2.0 ** (level / 2.0) * np.sqrt(self.settings.ratios[at]))
         w *= w
         np.minimum(w, (FARTHEST * self.settings.tail) ** 2, out=w)
@@ -281,7 +289,7 @@ class Charts:
             y = y[:, :half] + y[:, half:]
         y = y[:, 0] / length
         base = max(level - 3, 0)
-        # The block sum with which the last block of mean squares ended.
+        # Number of the block sum at the end of the last complete block of mean squares.
         last = done + sums.size - 1 - squares[at].size
         first = self.base + (last - (blocks - 1) * length + 1) * (1 << base) - 1
         for _, sign, ratio in NOISE:
@@ -294,7 +302,8 @@ class Charts:
     def _chart(
         self, place: int, steps: Integers, first: int, states: States, width: int | None = None
     ) -> Iterator[Alarm]:
-        """Run one chart over the increments of its blocks, the first of which ends at sample `first`."""
+        """Add the increments of consecutive blocks to one chart, and yield its alarms. The first block ends at sample
+        `first`."""
         sums, zeros, rests, pauses = states
         family, level, sign = self.names[place]
         width = width or 1 << level
@@ -326,22 +335,22 @@ class Charts:
             at += over + 1
 
     def forget_peaks(self) -> None:
-        """Begin a new time for `heights`."""
+        """Start a new interval for `heights`."""
         self.peaks = [0] * len(self.names)
 
     def heights(self) -> dict[str, float]:
-        """Largest height of the charts of each family since `forget_peaks`, as a share of the threshold."""
+        """Return the largest chart statistic of each family since `forget_peaks`, as a fraction of the threshold."""
         found: dict[str, float] = {}
         for (family, _, _), height, limit in zip(self.names, self.peaks, self.limits, strict=True):
             found[family] = max(found.get(family, 0.0), height / limit if limit else 0.0)
         return found
 
     def save(self) -> dict[str, Any]:
-        """The state; its arrays are never changed in place."""
+        """Return the state. Its arrays are never modified in place."""
         return {name: getattr(self, name) for name in self.STATE}
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
+        """Restore a state from `save`."""
         self.count, self.base = whole(state["count"]), whole(state["base"])
         for name in ("left", "tails", "squares"):
             parts = tuple(map(numbers, state[name]))
@@ -355,14 +364,14 @@ class Charts:
 
 States = tuple[list[int], list[int], list[int], list[int]]
 HISTORY_LEVEL = 6
-"""Level of the block sums that are kept to name a slow fault."""
+"""Level of the block sums that are kept to determine the kind of a slow fault."""
 
 
 def differences(sums: Vector, m: int) -> Vector:
-    """Σ of the last m/2 of m consecutive sums, minus the others, at each place."""
+    """Return, for all m consecutive sums, the sum of the last m/2 of them minus the sum of the first m/2."""
     half = m // 2
     while half > 1:
-        # Σ of 2, then of 4 consecutive sums, by adding neighbours.
+        # Sums of 2, then of 4 consecutive entries, by adding neighbours.
         step = m // 2 // half
         sums, half = sums[step:] + sums[:-step], half // 2
     step = m // 2

@@ -1,4 +1,4 @@
-"""Times of samples with gaps between them, and events at these times."""
+"""Convert sample numbers of a recording with gaps to times, and faults to events."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from gmwm.monitor.naming import Named
 from gmwm.units import SI_UNIT
 
 KEPT = 16
-"""Number of gaps that are remembered: an event may begin before the last one."""
+"""Number of gaps whose times are kept, because an event may begin before the last gaps."""
 _PER_SECOND = {"rad/s": "rad/s²", "m/s²": "m/s³"}
 
 
 @dataclass(frozen=True)
 class Clock:
-    """The times of the samples of a monitor.
+    """Conversion of the sample numbers of a monitor to times.
 
     Attributes
     ----------
     rate : float
         Sampling rate (Hz).
     runs : tuple of (int, float)
-        Number and time (s) of the first sample after each of the last gaps.
+        Number and time (s) of the first sample after each gap, for the last gaps.
     """
 
     rate: float
     runs: tuple[tuple[int, float], ...]
 
     def time(self, sample: int) -> float:
-        """Time of a sample (s)."""
+        """Return the time (s) of a sample."""
         first, time = next((run for run in reversed(self.runs) if run[0] <= sample), self.runs[0])
         return time + (sample - first) / self.rate
 
     def after_gap(self, sample: int, time: float) -> Clock:
-        """The clock when the next sample, number `sample`, has the given time."""
+        """Return the clock after a gap, if sample number `sample` is the next one and has the given time (s)."""
         return Clock(self.rate, (*self.runs[1 - KEPT :], (sample, time)))
 
     def event(self, axis: str, fault: Named, first: Alarm) -> Event:
-        """The event of a fault that was named."""
+        """Return the event that reports a fault of an axis, in SI units. `first` is its first alarm."""
         unit = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
         size = fault.size
         if size is not None and fault.kind == "ramp":

@@ -1,4 +1,4 @@
-"""Events of a monitor: what changed, when, on which axis, and by how much."""
+"""Events that a monitor reports: kind of the change, time, axis and size."""
 
 from __future__ import annotations
 
@@ -24,39 +24,41 @@ Kind = Literal[
     "moved",
     "still",
 ]
-"""What an event can be."""
+"""Kinds of events; see `Event`."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 _SHOWN = {"rad/s": ("deg/s", 180.0 / math.pi), "rad/s²": ("deg/s²", 180.0 / math.pi)}
-"""Units in texts, with the factor from SI."""
+"""Displayed unit for each SI unit, with the conversion factor."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """A change of a sensor.
+    """A change of a sensor that a monitor has detected.
 
     Attributes
     ----------
     kind : str
-        "noise-up", "noise-down": the noise is larger or smaller at the scale `scale`; "jump", "ramp": the level changed
-        at once, or changes steadily; "hum": a sinusoid appeared; "spike": single wrong samples; "frozen": equal values;
-        "saturated": equal values outside the usual range; "lost": samples are missing; "clock": the time stamps went
-        back; "moved": at least three axes changed within a second; "still": the unit no longer moves.
+        Kind of the change. "noise-up" and "noise-down": the noise is larger or smaller at the scale `scale`. "jump" and
+        "ramp": the level changed suddenly, or changes steadily. "hum": a sinusoid appeared. "spike": single samples are
+        wrong. "frozen": all samples are equal. "saturated": all samples are equal and outside the usual range. "lost":
+        samples are missing. "clock": the time stamps went back. "moved": at least three axes changed within a second.
+        "still": the unit is at rest again.
     time : float
-        When a chart exceeded its threshold (s).
+        Time (s) at which a chart statistic exceeded its threshold.
     began : float
-        Estimated beginning (s).
+        Estimated time (s) at which the change began.
     axis : str
-        The axis; "" for the whole unit.
+        Name of the axis; an empty string for the whole unit.
     level : int or None
-        Haar level of the chart.
+        Haar level of the chart that raised the alarm.
     scale : float or None
         Scale τ = 2^level samples (s) at which the noise changed.
     size : float or None
-        Size in `unit`: of a jump, of a spike, the slope of a ramp, the amplitude of a hum; the number of lost samples.
+        Size of a jump or a spike, slope of a ramp, amplitude of a hum, step of the clock, or number of lost samples, in
+        `unit`.
     unit : str
-        Unit of `size`: rad/s or m/s², per s for a ramp; "samples".
+        Unit of `size`: rad/s or m/s², rad/s² or m/s³ for a ramp, "s" for a step of the clock, or "samples".
     ratio : float or None
-        Ratio of the standard deviation of the noise to the expected one.
+        Ratio of the standard deviation of the noise at the scale `scale` to the expected one.
     frequency : float or None
         Frequency of a hum (Hz), between 0 and half the sampling rate.
     """
@@ -73,12 +75,12 @@ class Event:
     frequency: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The event as numbers and strings, ready for JSON."""
+        """Return the event as numbers and strings for JSON."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Event:
-        """Make an event from the result of `to_dict`.
+        """Create an event from the result of `to_dict`.
 
         Parameters
         ----------
@@ -88,7 +90,7 @@ class Event:
         Raises
         ------
         ReadError
-            If it is not an event.
+            If `content` is not the result of `to_dict`.
         """
         try:
             found = cls(**content)
@@ -100,7 +102,7 @@ class Event:
 
     @property
     def description(self) -> str:
-        """What happened, without time and axis.
+        """Text that describes the change, without time and axis.
 
         >>> Event(kind="jump", time=3596.2, began=3596.1, axis="gyro_x", size=0.0019, unit="rad/s").description
         'level jumped by 0.11 deg/s'

@@ -1,4 +1,4 @@
-"""Models with a finite state for the monitor: lines change slowly, and a constant level is a state."""
+"""State-space models for the monitor, with sinusoids that change slowly and with the constant level as a state."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ from gmwm.remarks import Remark
 from gmwm.statespace import StateSpace
 
 COHERENCE = 300.0
-"""Correlation time (s) of the amplitude and the phase of a line. A choice: lines of machines and of the mains drift."""
+"""Correlation time (s) of the amplitude and the phase of a sinusoid. The value is a choice: disturbances from machines
+and from mains power drift slowly."""
 
 
 @dataclass(frozen=True, eq=False)
 class Finite:
-    """A model with a finite state.
+    """State-space form of a model for the monitor.
 
     Attributes
     ----------
     space : StateSpace
-        The state space of the terms and of the level, if no term has a diffuse level.
+        State space of all terms. It includes a state for the constant level if no term has a diffuse level.
     moving : (p,) array of bool
-        States with process noise; the others are constant levels.
+        Mask of the states that are not constant: False only for the state of the constant level.
     slope : float
-        Drift per sample (u).
+        Slope of the drifts, in the unit of the signal per sample.
     remarks : tuple of Remark
         Remarks on terms whose state space is an approximation.
     """
@@ -43,12 +44,12 @@ class Finite:
 
     @classmethod
     def of(cls, model: Model, rate: float) -> Finite:
-        """The finite state of a model with values.
+        """Return the state-space form of a model with values.
 
         Raises
         ------
         ModelError
-            If a parameter has no value, or all noise is zero.
+            If a parameter has no value, or if the model has no noise.
         MissingTheoryError
             If a term has no state-space form.
         """
@@ -82,7 +83,8 @@ class Finite:
 
 
 def _line(process: Process, rate: float) -> StateSpace:
-    """A line whose amplitude and phase change slowly, with the power of the process."""
+    """Return the state space of a sinusoid with slowly changing amplitude and phase, and with the power of the
+    process."""
     space = process.state_space(rate)
     decay = math.exp(-1.0 / (COHERENCE * rate))
     return StateSpace(F=decay * space.F, Q=(1.0 - decay**2) * space.P0, H=space.H, R=space.R, P0=space.P0)

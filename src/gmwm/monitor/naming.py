@@ -1,4 +1,4 @@
-"""Name the kind of a fault from the alarms of an axis and its last innovations, and estimate its size."""
+"""Determine the kind and the size of a fault from the alarms of an axis and its last innovations."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from gmwm.monitor.events import Kind
 from gmwm.monitor.whitening import Gain
 
 NAMING = 1.0
-"""Time (s) from the first alarm to its report, in which the kind is named and axes that change together are joined."""
+"""Time (s) from the first alarm to the report. Alarms of all axes during this time are evaluated together."""
 SLOWNESS, LONGEST_NAMING = 8.0, 60.0
-"""A change of level is named after SLOWNESS times its duration up to the alarm, and after LONGEST_NAMING (s) at most.
-9 of 10 excursions of slow noise are then not taken for jumps (validation/study_monitor.py)."""
-MOVED_RATIO = 2.0
-"""Ratio of standard deviations above which more noise counts as motion, not as a fault of the noise."""
-LINE_CHANCE = 1e-4
-"""Probability under noise of a peak as high as that of a hum, over all frequencies."""
-LINE_SHARE = 1.0 / 3.0
-"""Least share of the excess power that a hum explains (validation/study_monitor.py)."""
-SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
-"""Level from which a jump must explain the innovations better than slow noise by this logarithm of the likelihood ratio
+"""The kind of a change of level is determined after SLOWNESS times the time from its onset to the alarm, but at most
+LONGEST_NAMING seconds. 9 of 10 excursions of slow noise are then not reported as jumps
 (validation/study_monitor.py)."""
+MOVED_RATIO = 2.0
+"""If several axes change at once, an increase of the standard deviation by this factor counts as motion."""
+LINE_CHANCE = 1e-4
+"""Probability that noise without a sinusoid has a spectral peak at any frequency that is reported as a hum."""
+LINE_SHARE = 1.0 / 3.0
+"""A hum must explain at least this share of the excess power (validation/study_monitor.py)."""
+SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
+"""If the alarm is at level SLOW_LEVEL or coarser, a jump is reported only if its log-likelihood exceeds the one of slow
+noise by SLOW_PRIOR (validation/study_monitor.py)."""
 SHORTEST_LINE = 64
-"""Least number of samples in which a hum is sought."""
+"""Smallest number of samples in which a hum can be found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +39,13 @@ class History:
     Attributes
     ----------
     now : int
-        Number of the sample after the last one.
+        Number of the next sample.
     fast : (n,) array
-        The innovations before `now`.
+        The last innovations, up to sample `now` − 1.
     slow : (m,) array
-        Their sums over 2^HISTORY_LEVEL samples.
+        The last sums of innovations over 2^HISTORY_LEVEL samples.
     slow_stop : int
-        Number of the sample after the last sum.
+        Number of the first sample after the last of these sums.
     """
 
     now: int
@@ -53,7 +54,8 @@ class History:
     slow_stop: int
 
     def since(self, sample: int) -> tuple[Vector, int, int]:
-        """Values from a sample on or earlier, samples per value, and the number of the first sample."""
+        """Return innovations from `sample` or earlier on, number of samples per value, and number of the first
+        sample."""
         width = 1 << HISTORY_LEVEL
         if sample >= self.now - self.fast.size or self.slow.size * width <= self.fast.size:
             first = max(sample, self.now - self.fast.size)
@@ -65,7 +67,23 @@ class History:
 
 @dataclass(frozen=True, kw_only=True)
 class Named:
-    """The kind of a fault, with numbers in units of the signal."""
+    """A fault whose kind was determined.
+
+    Attributes
+    ----------
+    kind : Kind
+        Kind of the fault.
+    onset : int
+        Number of the sample at which it began.
+    level : int or None
+        Haar level at which it was found.
+    size : float or None
+        Size in the unit of the signal, per sample for a ramp.
+    ratio : float or None
+        Ratio of the standard deviation of the noise to the expected one.
+    cycles : float or None
+        Frequency of a hum (cycles per sample).
+    """
 
     kind: Kind
     onset: int
@@ -76,13 +94,13 @@ class Named:
 
     @property
     def is_motion(self) -> bool:
-        """Whether the change looks like motion if several axes have it at once."""
+        """Whether the change counts as motion if several axes have it at the same time."""
         louder = self.kind == "noise-up" and (self.ratio or 0.0) >= MOVED_RATIO
         return louder or self.kind in ("jump", "ramp", "spike")
 
     @property
     def magnitude(self) -> float:
-        """A number that grows with the fault: its size, or how far its noise is from the expected one."""
+        """Size of the fault for comparisons: absolute size, or factor between the noise and the expected noise."""
         if self.ratio:
             return max(self.ratio, 1.0 / self.ratio)
         return abs(self.size or 0.0)
@@ -90,7 +108,8 @@ class Named:
 
 @dataclass(frozen=True)
 class _Shape:
-    """A course of the level that explains innovations: its kind, the gain in log-likelihood, size and beginning."""
+    """A jump or a ramp fitted to innovations: kind, increase of the log-likelihood, size, and index of its
+    beginning."""
 
     kind: Kind
     gain: float
@@ -99,7 +118,10 @@ class _Shape:
 
 
 def naming_time(alarm: Alarm, rate: float) -> int:
-    """Number of samples after a first alarm until its fault is named: more for a change that came slowly."""
+    """Return the number of samples after a first alarm at which its fault is determined.
+
+    It is larger for a slow change of the level.
+    """
     usual = max(round(NAMING * rate), 1)
     if alarm.family != "level":
         return usual
@@ -108,17 +130,18 @@ def naming_time(alarm: Alarm, rate: float) -> int:
 
 
 def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Named:
-    """Name the fault that the alarms of one axis show.
+    """Determine the fault that caused the alarms of one axis.
 
     Parameters
     ----------
     alarms : sequence of Alarm
-        Alarms within the time of naming, in order; none of the family "constant".
+        Alarms since the first one, in order of time. The family "constant" is not allowed.
     history : History
-        Innovations up to now.
+        The last innovations.
     gain : Gain
-        The filter that made them.
+        The filter that computed them.
     settings : ChartSettings
+        Settings of the charts.
     """
     families = {alarm.family for alarm in alarms}
     first = alarms[0]
@@ -139,7 +162,7 @@ def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: Chart
     else:
         white = max(noise.score, _excess(history, noise.onset + 1))
     slow, slow_level = _slow_excess(history, earliest.onset + 1) if level is not None else (0.0, 0)
-    # A jump that is seen only after seconds is small compared with slow noise, and slow noise is the more likely cause.
+    # A jump that is detected only after seconds is small compared with slow noise, which is then the more likely cause.
     prior = SLOW_PRIOR if level is not None and earliest.level >= SLOW_LEVEL and shape.kind == "jump" else 0.0
     if slow + prior > max(shape.gain, white) and slow_level > 3:
         ratio = _spread(history, earliest._replace(level=slow_level))
@@ -164,7 +187,7 @@ def _strongest(alarms: Sequence[Alarm], family: str) -> Alarm | None:
 
 
 def _excess(history: History, onset: int) -> float:
-    """Logarithm of the likelihood ratio of a larger variance since the onset."""
+    """Return the log-likelihood ratio of an increased variance of the innovations since the onset, or 0."""
     values, _, _ = history.since(onset)
     if not values.size:
         return 0.0
@@ -173,7 +196,7 @@ def _excess(history: History, onset: int) -> float:
 
 
 def _spread(history: History, alarm: Alarm) -> float:
-    """Ratio of standard deviations at the level of an alarm, since its onset."""
+    """Return the ratio of the measured to the expected standard deviation at the level of an alarm, since its onset."""
     values, width, _ = history.since(alarm.onset + 1)
     half = max((1 << alarm.level) // 2 // width, 1)
     if values.size < 2 * half:
@@ -184,7 +207,7 @@ def _spread(history: History, alarm: Alarm) -> float:
 
 
 def _course(history: History, onset: int, gain: Gain) -> _Shape:
-    """The jump or the ramp that explains the innovations best."""
+    """Return the jump or ramp of the level that explains the innovations best."""
     duration = max(history.now - onset, 1)
     values, width, first = history.since(onset - 3 * duration)
     step = _thinned(gain.step_response(values.size * width), width)
@@ -195,16 +218,18 @@ def _course(history: History, onset: int, gain: Gain) -> _Shape:
     ramps = {max(place - k * duration // width, 0) for k in (0, 1, 2, 3)}
     candidates = [_fitted("jump", values, step, begin) for begin in jumps]
     candidates += [_fitted("ramp", values, slope, begin) for begin in sorted(ramps)]
-    # The best of many beginnings gains by chance: their number counts against each kind.
+    # The best of many possible beginnings fits well by chance, so the logarithm of their number is subtracted.
     price = {"jump": math.log(max(len(jumps), 1)), "ramp": math.log(len(ramps))}
     best = max(candidates, key=lambda one: one.gain - price[one.kind])
     return _Shape(best.kind, best.gain, best.size, first + best.begin * width)
 
 
 def _slow_excess(history: History, onset: int) -> tuple[float, int]:
-    """Logarithm of the likelihood ratio of larger block means of any sign since the onset, and the level of the blocks.
+    """Return the log-likelihood ratio of an increased variance of block means since the onset, and the level of the
+    blocks.
 
-    This is slow noise, whose means have no common course.
+    The largest ratio over all levels is returned. It measures slow noise, whose block means do not follow a jump or
+    ramp.
     """
     values, width, _ = history.since(onset)
     best, level = (0.0, 0), width.bit_length() - 1
@@ -231,7 +256,10 @@ def _fitted(kind: Kind, values: Vector, response: Vector, begin: int) -> _Shape:
 
 
 def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | None:
-    """Frequency (cycles per sample) and amplitude of a sinusoid that explains most of the excess power; or None."""
+    """Return the frequency (cycles per sample) and the amplitude of a sinusoid in the innovations.
+
+    The result is None if no sinusoid is significant and explains a large part of the excess power.
+    """
     start = max(onset, history.now - history.fast.size)
     values = history.fast[history.fast.size - (history.now - start) :]
     if values.size < SHORTEST_LINE:

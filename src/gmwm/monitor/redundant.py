@@ -1,4 +1,4 @@
-"""Monitor several units side by side at rest: which one has changed?"""
+"""Monitor several units at rest side by side, and report which of them has changed."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ if TYPE_CHECKING:
     from gmwm.signals import Imu
 
 LEAST = 3
-"""Fewest units among which the changed unit can be named."""
+"""Smallest number of units with which the changed unit can be identified."""
 REFERENCE = 0.1
-"""Share of the recordings from which the baseline is measured, their beginning."""
+"""The baseline is measured from this share of the recordings, at their beginning."""
 BLOCK = 1 << 11
-"""Number of samples that are compared at once."""
+"""Number of samples that are compared in one step."""
 CONSEQUENCES = 600.0
-"""Least time (s) for which events of other units on the same axis count as consequences."""
+"""Events of other units on the same axis count as consequences of a reported event for at least this time (s)."""
 LONGEST_MOTION = 60.0
-"""Time (s) for which all units may move together."""
+"""Longest time (s) for which all units may move together."""
 
 
 class UnitEvent(NamedTuple):
-    """An event of one of several units; the name is "" if it concerns all of them."""
+    """An event of one of several units. The name is an empty string if the event concerns all units."""
 
     name: str
     event: Event
 
     def to_dict(self) -> dict[str, Any]:
-        """The event with the name of its unit, ready for JSON."""
+        """Return the event with the name of its unit as numbers and strings for JSON."""
         return {"source": self.name, **self.event.to_dict()}
 
     def __str__(self) -> str:
@@ -54,34 +54,36 @@ def redundant(
     *,
     axes: Sequence[str] | None = None,
 ) -> Iterator[UnitEvent]:
-    """Monitor at least three units of one type at rest against each other, and name the one that has changed.
+    """Compare at least three units of the same type at rest with each other, and report which unit has changed.
 
-    The signal of each unit less the mean of the others, r_i = x_i − Σ_{j≠i} x_j/(n − 1), is monitored with the model
-    whose variances are multiplied by 1 + 1/(n − 1). What all units share, such as temperature and the motion of the
-    table, is largely removed. A fault of one unit changes the differences of the others too, but less, so the first and
-    largest event of an axis names the unit.
+    For each of the n units, the monitored signal is the difference between the signal of the unit and the mean of the
+    other units, r_i = x_i − Σ_{j≠i} x_j/(n − 1). Its model is the model of one unit with all variances multiplied by 1
+    + 1/(n − 1). Effects that all units share, such as temperature and motion of the table, largely cancel in the
+    difference. A fault of one unit also changes the differences of the other units, but less. The unit of the first and
+    largest event on an axis is therefore reported.
 
     Parameters
     ----------
     calibration : Calibration, or mapping of axis to Fit or Model
-        The models of one unit, which are used for all units.
+        The noise models of one unit, which are used for all units.
     recordings : mapping of name to Imu or Stream
-        Recordings of the same time, without gaps. The first tenth of them is the reference.
+        Recordings without gaps that were made at the same time. Their first tenth is the reference for the baseline.
     every : str or float
-        Average time between false alarms, all units and axes together.
+        Average time between false alarms of all units and axes together: a number of seconds, or text such as "30d".
     axes : sequence of str, optional
-        The axes; all axes of the calibration that every recording has by default.
+        The axes to monitor; by default, all axes of the calibration that every recording has.
 
     Returns
     -------
     iterator of UnitEvent
+        Each event with the name of its unit.
 
     Raises
     ------
     OptionError
         If there are fewer than three recordings, or their sampling rate differs from the rate of the calibration.
     DataError
-        If a recording has gaps, is too short, or the units move.
+        If a recording has gaps or is too short, or if the units move for more than a minute.
 
     Examples
     --------
@@ -135,14 +137,14 @@ def _events(
 
 
 class _Culprits:
-    """The first and largest event of each axis; the smaller ones of other units that follow it are its consequences."""
+    """Selects the first and largest event of each axis, and drops later events of other units as its consequences."""
 
     def __init__(self, units: int) -> None:
         self._units = units
         self._until: dict[str, tuple[str, float]] = {}
 
     def of(self, found: list[UnitEvent]) -> Iterator[UnitEvent]:
-        """The events that name a unit."""
+        """Yield the events that are not consequences of an event of another unit."""
         by_axis: dict[str, list[UnitEvent]] = {}
         for one in found:
             by_axis.setdefault(one.event.axis, []).append(one)
@@ -153,7 +155,8 @@ class _Culprits:
                 name, until = self._until.get(axis, ("", -np.inf))
                 if one.name != name and one.event.time <= until:
                     continue
-                # The others see 1/(n − 1) of the fault, and noise needs the square of that in time.
+                # The differences of the other units contain 1/(n − 1) of the fault. Detecting it takes (n − 1)² times
+                # as long.
                 slow = (self._units - 1) ** 2 * (one.event.time - one.event.began)
                 self._until[axis] = (one.name, one.event.time + max(CONSEQUENCES, 4.0 * slow))
                 yield one
@@ -164,7 +167,8 @@ def _magnitude(event: Event) -> float:
 
 
 def _times(model: Model, factor: float, rate: float) -> Model:
-    """A model with all variances times a factor, without drifts, whose slopes differ between units."""
+    """Return a model with all variances multiplied by a factor, without drifts, because their slopes differ between
+    units."""
     scaled = []
     for process in model.processes:
         if process.scale > 0 and not is_ramp(process, rate):
@@ -187,7 +191,7 @@ def _require_rest(common: Monitor) -> None:
 def _baselines(
     models: Mapping[str, Model], recordings: Mapping[str, Imu | Stream], rate: float
 ) -> dict[str, dict[str, Baseline]]:
-    """The baselines of the differences, from the first tenth of the recordings."""
+    """Return the baselines of the differences for each unit and axis, from the first tenth of the recordings."""
     n = len(recordings)
     lengths = [recording.rows if isinstance(recording, Stream) else len(recording) for recording in recordings.values()]
     wanted = max(int(REFERENCE * min(lengths)), 1)
@@ -204,7 +208,7 @@ def _baselines(
 def _blocks(
     recordings: Mapping[str, Imu | Stream], axes: Sequence[str], size: int
 ) -> Iterator[dict[str, dict[str, Vector]]]:
-    """Samples of all recordings in blocks of one size, up to the end of the shortest one."""
+    """Yield blocks of `size` samples of all recordings, up to the end of the shortest recording."""
     sources = {name: chunks_of(recording) for name, recording in recordings.items()}
     held = {name: {axis: np.zeros(0) for axis in axes} for name in recordings}
     while True:

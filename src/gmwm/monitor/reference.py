@@ -1,4 +1,4 @@
-"""Baselines from a reference recording."""
+"""Measure the baselines of a monitor from a reference recording."""
 
 from __future__ import annotations
 
@@ -17,22 +17,20 @@ if TYPE_CHECKING:
     from gmwm.signals import Imu
 
 LONGEST = 1 << 21
-"""Largest number of samples of a reference that are used, the first ones."""
+"""Only this number of samples at the beginning of a reference recording is used."""
 
 
 def baselines(
     calibration: Mapping[str, Any], recording: Imu | Stream, axes: Sequence[str] | None = None
 ) -> dict[str, Baseline]:
-    """Measure the baseline of each axis in a recording of a healthy sensor at rest, for `Monitor`.
+    """Measure the baseline of each axis for `Monitor`, from a recording of a healthy sensor at rest.
 
-    `calibrate` does this with the recording that it calibrates.
+    `calibrate` calls this function with the calibrated recording.
 
     Parameters
     ----------
     calibration : Calibration, or mapping of axis to Fit or Model
-        The models.
-    recording : Imu or Stream
-        The reference; its first 2.1 million samples are used.
+        The noise models. recording : Imu or Stream The reference recording. Its first 2.1 million samples are used.
     axes : sequence of str, optional
         The axes; all axes of the calibration by default.
 
@@ -43,7 +41,7 @@ def baselines(
     Raises
     ------
     DataError
-        If an axis is missing in the recording, or the recording is too short.
+        If the recording does not have an axis, or is too short.
     OptionError
         If the sampling rate differs from the rate of the calibration.
 

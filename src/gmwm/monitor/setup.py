@@ -1,4 +1,4 @@
-"""Check what a monitor is made from: models, sampling rate, time between false alarms, baselines."""
+"""Check the arguments of a monitor: models, sampling rate, time between false alarms, baselines and samples."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from gmwm.readers.streams import Stream
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference of the sampling rate from that of the calibration: the charts change by less than their
-dead band."""
+"""Largest relative difference between the sampling rates of a recording and of the calibration. A difference of this
+size changes the expected variances by less than the dead band of the charts."""
 
 
 def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dict[str, Model]:
-    """The model of each axis to monitor."""
+    """Return the model of each axis to monitor."""
     if not isinstance(calibration, Mapping) or not calibration:
         raise OptionError(
             "calibration must be a Calibration or a mapping of axis to Fit or Model; got "
@@ -48,7 +48,7 @@ def _model(item: Any) -> Model:
 
 
 def common_rate(calibration: Mapping[str, Any], rate: float | None) -> float:
-    """The sampling rate (Hz): the given one, or the rate of the fits."""
+    """Return the sampling rate (Hz): the given one, or by default the rate of the fits."""
     rates = {item.wavelet_variance.rate for item in calibration.values() if isinstance(item, Fit)}
     if rate is None and not rates:
         raise OptionError(argument="rate", expected="a number (Hz), because models have no sampling rate", got=None)
@@ -70,7 +70,7 @@ def check_rate(rate: float, known: float) -> None:
 
 
 def as_every(every: str | float) -> float:
-    """The time between false alarms (s)."""
+    """Return the time between false alarms in seconds."""
     seconds = parse_length(every, "every") if isinstance(every, str) else every
     if isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not 0 < seconds < float("inf"):
         raise OptionError(argument="every", expected="a time above 0 s, such as 30d", got=every)
@@ -80,7 +80,7 @@ def as_every(every: str | float) -> float:
 def baselines_of(
     calibration: Mapping[str, Any], given: Mapping[str, Baseline] | Literal["auto"] | None, axes: Sequence[str]
 ) -> dict[str, Baseline]:
-    """The baseline of each axis that has one."""
+    """Return the baseline of each axis that has one."""
     if given is None:
         return {}
     if given == "auto":
@@ -94,7 +94,7 @@ def baselines_of(
 
 
 def remarks_of(gains: Mapping[str, Gain], baselines: Mapping[str, Baseline], *, wanted: bool) -> Iterator[Remark]:
-    """What a user needs to know about the charts."""
+    """Yield the remarks on approximated models and on axes without a baseline."""
     for axis, gain in gains.items():
         yield from (remark.about(axis) for remark in gain.finite.remarks)
         if wanted and axis not in baselines:
@@ -102,7 +102,7 @@ def remarks_of(gains: Mapping[str, Gain], baselines: Mapping[str, Baseline], *, 
 
 
 def chunks_of(recording: Imu | Stream) -> Iterator[Chunk]:
-    """The chunks of a recording in memory or in a file."""
+    """Yield the chunks of a recording in memory or in a file."""
     if not isinstance(recording, Imu):
         yield from recording
         return
@@ -113,7 +113,7 @@ def chunks_of(recording: Imu | Stream) -> Iterator[Chunk]:
 
 
 def as_lists(value: Any) -> Any:
-    """A state with lists instead of arrays and tuples."""
+    """Return a state with arrays and tuples converted to lists."""
     if isinstance(value, Mapping):
         return {key: as_lists(item) for key, item in value.items()}
     if hasattr(value, "tolist"):
@@ -122,12 +122,12 @@ def as_lists(value: Any) -> Any:
 
 
 def checked_samples(axes: Sequence[str], values: Mapping[str, ArrayLike]) -> dict[str, Vector]:
-    """The samples of the axes as vectors of one length.
+    """Return the samples of the axes as vectors of equal length.
 
     Raises
     ------
     DataError
-        If an axis is missing, the axes have different lengths, or a value is not finite.
+        If an axis is missing, if the axes have different lengths, or if a value is not finite.
     """
     arrays: dict[str, Vector] = {}
     for axis in axes:

@@ -1,4 +1,4 @@
-"""After the unit was moved: is it still again?"""
+"""Detect when a unit that was moved is at rest again."""
 
 from __future__ import annotations
 
@@ -14,23 +14,27 @@ from gmwm.monitor.stored import numbers, whole
 from gmwm.monitor.whitening import Whitener
 
 CALM = 3
-"""Number of blocks in a row in which a unit that was moved must be still."""
+"""A unit is at rest again after this number of consecutive blocks without motion."""
 LOUD = 4.0
-"""Ratio of mean squares above which a block is not still: noise of twice its standard deviation."""
+"""A block contains motion if the mean square of its innovations exceeds the expected one by this factor. The standard
+deviation is then twice the expected one."""
 SHORTEST = 32
-"""Least number of samples in a block; the ratio of still blocks then exceeds LOUD once in 10¹⁰."""
+"""Smallest number of samples in a block. Without motion, the ratio of mean squares then exceeds LOUD once in 10¹⁰
+blocks."""
 
 
 @dataclass(frozen=True)
 class Stillness:
-    """Samples of the present block, and the number of still blocks before it.
+    """State of the detection: samples of the present block, and number of blocks without motion before it.
 
     Attributes
     ----------
     calm : int
+        Number of consecutive blocks without motion.
     samples : int
-        Number of samples since the motion was seen.
+        Number of samples since the motion was detected.
     held : mapping of axis to (n,) array
+        Samples of the present block.
     """
 
     calm: int = 0
@@ -38,7 +42,8 @@ class Stillness:
     held: Mapping[str, Vector] = field(default_factory=dict)
 
     def update(self, parts: Mapping[str, Vector], axes: Mapping[str, Axis], naming: int) -> tuple[int, Stillness, bool]:
-        """Add samples of all axes. Returns the number used, the new state, and whether the unit is still."""
+        """Add samples of all axes. Return the number of used samples, the new state, and whether the unit is at
+        rest."""
         block = max(naming, SHORTEST)
         filled = next(iter(self.held.values())).size if self.held else 0
         used = min(next(iter(parts.values())).size, block - filled)
@@ -51,16 +56,16 @@ class Stillness:
         return used, Stillness(calm, self.samples + used), calm >= CALM
 
     def broken(self) -> Stillness:
-        """The state after a gap."""
+        """Return the state after a gap."""
         return Stillness(samples=self.samples)
 
     def to_dict(self) -> dict[str, Any]:
-        """The state as numbers and lists."""
+        """Return the state as numbers and lists."""
         return {"calm": self.calm, "samples": self.samples, "held": {axis: x.tolist() for axis, x in self.held.items()}}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Stillness:
-        """Make a state from the result of `to_dict`."""
+        """Create a state from the result of `to_dict`."""
         held = {axis: numbers(x) for axis, x in content["held"].items()}
         return cls(whole(content["calm"]), whole(content["samples"]), held)
 

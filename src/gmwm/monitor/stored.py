@@ -1,4 +1,4 @@
-"""Check the numbers of a state that was read from a file."""
+"""Check the numbers in the state of a monitor that was read from a file."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from gmwm._arrays import Vector
 
 LARGEST = 1 << 62
-"""Largest size of a whole number: numbers of samples are 64-bit integers."""
+"""Largest absolute value of a whole number, because sample numbers are 64-bit integers."""
 
 
 def whole(value: Any) -> int:
-    """Return a whole number.
+    """Check that a value is a whole number, and return it.
 
     Raises
     ------
     ValueError
-        If it is something else, or larger than `LARGEST`.
+        If the value is not a whole number, or is larger than `LARGEST`.
     """
     if type(value) is not int or abs(value) > LARGEST:
         raise ValueError(f"expected a whole number; got {value!r:.50}")
@@ -27,12 +27,12 @@ def whole(value: Any) -> int:
 
 
 def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
-    """Return whole numbers, as many as in `like`.
+    """Check that `values` contains whole numbers and has the length of `like`, and return the numbers.
 
     Raises
     ------
     ValueError
-        If any value is not a whole number, or their number differs.
+        If a value is not a whole number, or if the number of values differs.
     """
     if len(values) != len(like):
         raise ValueError(f"expected {len(like)} whole numbers; got {len(values)}")
@@ -40,12 +40,12 @@ def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
 
 
 def number(value: Any) -> float:
-    """Return a finite number.
+    """Check that a value is a finite number, and return it as a float.
 
     Raises
     ------
     ValueError
-        If it is something else.
+        If the value is not a finite number.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(float(value)):
         raise ValueError(f"expected a number; got {value!r:.50}")
@@ -53,11 +53,11 @@ def number(value: Any) -> float:
 
 
 def numbers(values: Any) -> Vector:
-    """Return an array of finite numbers (n,).
+    """Check that values are finite numbers, and return them as an array (n,).
 
     Raises
     ------
     ValueError
-        If any value is not a finite number.
+        If a value is not a finite number.
     """
     return np.array([number(value) for value in values], dtype=np.float64)

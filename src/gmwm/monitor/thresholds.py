@@ -1,4 +1,4 @@
-"""Thresholds of the charts from their average run length between false alarms."""
+"""Compute the thresholds of the charts for a given average run length between false alarms."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ import numpy as np
 from gmwm._arrays import Vector
 
 SHIFT = 1.0
-"""Shift of a block mean, in its standard deviations, for which the level charts are the fastest."""
+"""Shift of a block mean, in standard deviations of block means, for which the level charts have the shortest delay."""
 SOLVED_AT = 1e5
-"""Run length (blocks) at which the integral equation is solved; otherwise the threshold changes with its logarithm. The
-difference is below 4 % of the run length from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
+"""Run length (blocks) for which the integral equation is solved. For other run lengths, the threshold is extrapolated
+linearly in the logarithm of the run length. The error is below 4 % of the run length from 10⁴ to 10⁸ blocks
+(tests/monitor/test_charts.py)."""
 _CELLS = 120
-"""Cells of the integral equation. 300 change the run length by less than 3 % (the same test)."""
+"""Number of cells in which the integral equation is discretised. With 300 cells, the run length changes by less than
+3 % (same test)."""
 
 
 def level_threshold(run_length: float) -> float:
-    """Threshold of the chart S ← max(0, S + z − SHIFT/2) of independent standard normal z.
+    """Return the threshold h of the chart S ← max(0, S + z − SHIFT/2) for independent standard normal z.
 
-    Siegmund's correction of the boundary by 1.166: run length = (e^{2κb} − 2κb − 1)/(2κ²), b = h + 1.166, κ = SHIFT/2.
+    The average run length is (e^{2κb} − 2κb − 1)/(2κ²) with κ = SHIFT/2 and b = h + 1.166, where 1.166 is Siegmund's
+    correction for discrete time.
 
     Parameters
     ----------
@@ -43,19 +46,20 @@ def level_threshold(run_length: float) -> float:
 
 
 def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
-    """Threshold of the chart S ← max(0, S + l), l = k[y(1 − 1/R) − ln R], of independent y ~ Gamma(k) with mean 1.
+    """Return the threshold h of the chart S ← max(0, S + l), l = k[y(1 − 1/R) − ln R], for independent y ~ Gamma(k),
+    mean 1.
 
-    The run length is at least e^h (Lorden). By renewal theory it is C e^h, and the integral equation of Page gives C at
-    a run length of 10⁵ blocks.
+    The average run length is at least e^h (Lorden). By renewal theory, it is C e^h for large h. Page's integral
+    equation, solved for a run length of 10⁵ blocks, gives C.
 
     Parameters
     ----------
     run_length : float
         Average number of blocks between false alarms.
     shape : float
-        k = 1/Var y of the mean squares y, whose mean is 1.
+        k = 1/Var y, where y is a relative mean square with mean 1.
     ratio : float
-        R, the ratio of variances for which the chart is the fastest; below 1 for a decrease.
+        R, the ratio of variances for which the chart has the shortest delay; below 1 for a decrease.
 
     References
     ----------
@@ -67,7 +71,7 @@ def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _advantage(shape: float, ratio: float) -> float:
-    """ln(run length) − h."""
+    """Return ln C = ln(run length) − h at a run length of 10⁵ blocks."""
     low, high = 0.05, math.log(SOLVED_AT) + 1.0
     while high - low > 1e-3:
         middle = 0.5 * (low + high)
@@ -77,19 +81,21 @@ def _advantage(shape: float, ratio: float) -> float:
 
 @lru_cache(maxsize=64)
 def shape_factor(sums: int, ratio: float) -> float:
-    """Factor on the shape k with which E e^l = 1 in a long run of blocks, for coefficients of white normal innovations.
+    """Return the factor for the shape k of a noise chart that corrects for correlated coefficients.
 
-    Mean squares of overlapping coefficients have a longer tail than Gamma(k), so a chart with the shape k = 1/Var y
-    alarms too often: at R = 2 up to 1.4 times in 500 blocks, and more often in longer runs. Neighbouring coefficients
-    that consist of m block sums have the spectral density g(ω) = |Σ ± e^{ikω}|²/m. By Szegő's theorem, the shape q for
-    each coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R. A Gamma distribution has the factor 1.
+    Mean squares of overlapping coefficients have a longer tail than a Gamma distribution with shape k = 1/Var y. A
+    chart with this k would raise too many false alarms: at R = 2 up to 1.4 times as many in 500 blocks, and more in
+    longer runs. With the factor, E e^l = 1 holds in a long run of blocks, for white normal innovations. Consecutive
+    coefficients that are made of m block sums have the spectral density g(ω) = |Σ ± e^{ikω}|²/m. By Szegő's theorem,
+    the shape q per coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R, where the mean is over all
+    frequencies ω. For a Gamma distribution, the factor would be 1.
 
     Parameters
     ----------
     sums : int
-        m, the number of block sums of which a coefficient consists: 2, 4 or 8.
+        m, the number of block sums in a coefficient: 2, 4 or 8.
     ratio : float
-        R, the ratio of variances for which the chart is the fastest.
+        R, the ratio of variances for which the chart has the shortest delay.
     """
     from scipy.optimize import brentq
 
@@ -108,10 +114,13 @@ def shape_factor(sums: int, ratio: float) -> float:
 
 
 def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = _CELLS) -> float:
-    """Average run length (blocks) of a chart that starts at 0: the integral equation of Page, with S in cells."""
+    """Return the average run length (blocks) of a noise chart that starts at 0, from Page's integral equation.
+
+    The values of the chart statistic S are discretised in cells.
+    """
     width = threshold / cells
     states = np.concatenate([[0.0], (np.arange(cells) + 0.5) * width])
-    # The rows are the same function at other places: probabilities of increments below each multiple of half a cell.
+    # All rows are values of one function: the probability of an increment below each multiple of half a cell.
     places = np.asarray(0.5 * width * np.arange(-2.0 * cells, 2 * cells + 1), dtype=np.float64)
     below = _increment_cdf(places, shape, ratio)
     twice = np.rint(2.0 * states / width).astype(np.int64)
@@ -124,7 +133,7 @@ def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = 
 
 
 def _increment_cdf(values: Vector, shape: float, ratio: float) -> Vector:
-    """Probability that an increment l is at most `values`."""
+    """Return the probability that an increment l is at most `values`."""
     from scipy.special import gammainc, gammaincc
 
     slope = 1.0 - 1.0 / ratio
@@ -134,7 +143,7 @@ def _increment_cdf(values: Vector, shape: float, ratio: float) -> Vector:
 
 
 def spike_limit(run_length: float) -> float:
-    """Limit of |e| that a standard normal e exceeds once in `run_length` samples."""
+    """Return the limit that |e| exceeds on average once in `run_length` samples, for standard normal e."""
     from scipy.special import ndtri
 
     return float(-ndtri(0.5 / run_length))

@@ -1,4 +1,4 @@
-"""The course of a monitor over time, for a picture: the signal, and how high its charts are."""
+"""Record the signals and the chart statistics of a monitor over time, to plot them."""
 
 from __future__ import annotations
 
@@ -23,30 +23,31 @@ if TYPE_CHECKING:
     from gmwm.signals import Imu
 
 MOST = 2048
-"""Largest number of intervals that are kept. If there are more, neighbours are joined."""
+"""Largest number of time intervals that are kept. If there are more, neighbouring intervals are merged."""
 SHORTEST = 16
-"""Number of samples in an interval at the beginning."""
+"""Number of samples in an interval before intervals are merged."""
 STEP, LOOKS = 512, 256
-"""The charts are looked at after STEP samples, later after a share 1/LOOKS of the samples so far."""
+"""The chart statistics are recorded after each STEP samples or, later, after 1/LOOKS of the samples so far."""
 FAMILIES = ("noise up", "noise down", "level")
-"""Families of charts whose heights are kept."""
+"""Families of charts whose statistics are recorded."""
 
 
 class Trace:
-    """Events of a monitor, and for pictures the extremes of each signal and the heights of its charts over time.
+    """Run a monitor, and record its events, the extremes of its signals and its chart statistics over time.
 
     Parameters
     ----------
     monitor : Monitor
-        It gets the samples.
+        Monitor that processes the samples.
     pictures : bool
-        Whether signals and heights are kept, in up to 2048 intervals each.
+        Whether to record signals and chart statistics for plots, in up to 2048 intervals each.
     source : str
-        What is monitored, for the report: a file, or the name of a unit.
+        Name of the file or unit that is monitored, for the report.
 
     Attributes
     ----------
     events : list of Event
+        Events so far.
     """
 
     def __init__(self, monitor: Monitor, *, pictures: bool = True, source: str = "") -> None:
@@ -58,31 +59,34 @@ class Trace:
         self._heights = {axis: _Course(1) for axis in monitor.axes}
 
     def watch(self, recording: Imu | Stream) -> Iterator[Event]:
-        """Monitor a whole recording, as `Monitor.watch` does.
+        """Monitor a whole recording, like `Monitor.watch`.
 
         Parameters
         ----------
         recording : Imu or Stream
+            A recording from `gmwm.read` or `gmwm.stream`.
 
         Returns
         -------
         iterator of Event
+            Each event as soon as its kind is determined.
         """
         for chunk in chunks_of(recording):
             yield from self.update(chunk)
         yield from self.finish()
 
     def update(self, chunk: Chunk) -> list[Event]:
-        """Add the next samples, and return the events that were named with them.
+        """Add the next samples, and return the events that were detected with them.
 
         Parameters
         ----------
         chunk : Chunk
-            Samples of `gmwm.stream`, without a gap.
+            Samples from `gmwm.stream`, without a gap.
 
         Returns
         -------
         list of Event
+            Detected events, in order of time.
         """
         found: list[Event] = []
         at = 0
@@ -98,33 +102,35 @@ class Trace:
         return found
 
     def finish(self) -> list[Event]:
-        """Name the faults that are still open at the end."""
+        """Determine and return the faults of pending alarms at the end of the samples."""
         found = self.monitor.finish()
         self.events += found
         return found
 
     def signal(self, axis: str) -> tuple[Vector, Matrix]:
-        """Times (n,) of intervals (s), and the least and the greatest sample (n, 2) in each (SI).
+        """Return the times (n,) of intervals (s), and the smallest and the largest sample (n, 2) in each, in SI units.
 
         Parameters
         ----------
         axis : str
+            Name of the axis.
         """
         times, rows = self._signals[axis].found()
         return times, rows * np.array([-1.0, 1.0])
 
     def heights(self, axis: str) -> tuple[Vector, dict[str, Vector]]:
-        """Times (n,) (s), and the height of the highest chart of each family, as a share of its threshold.
+        """Return times (n,) (s), and the largest chart statistic (n,) of each family as a fraction of its threshold.
 
         Parameters
         ----------
         axis : str
+            Name of the axis.
         """
         times, rows = self._heights[axis].found()
         return times, {family: rows[:, k] for k, family in enumerate(FAMILIES)}
 
     def to_dict(self) -> dict[str, Any]:
-        """Axes, length and events as numbers and strings."""
+        """Return the axes, the number of samples and the events as lists, numbers and strings for JSON."""
         return {
             "axes": list(self.monitor.axes),
             "rate": self.monitor.rate,
@@ -135,7 +141,7 @@ class Trace:
         }
 
     def summary(self) -> str:
-        """Describe what was monitored, and count the events, in one line."""
+        """Describe the monitored data and the number of events in one line."""
         one = self.monitor
         length = duration_text(one.samples / one.rate)
         found = counted(len(self.events), "event") if self.events else "no event"
@@ -143,7 +149,7 @@ class Trace:
         return f"{found} in {length} ({counted(one.samples, 'sample')}) of {', '.join(one.axes)}{rest}"
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the signals with the events, and the heights of the charts.
+        """Draw the signals with the events, and the chart statistics over time.
 
         Parameters
         ----------
@@ -166,19 +172,19 @@ class Trace:
         return plot_trace(self, path=path)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write a summary as one HTML page: verdict, events, picture.
+        """Write a report with the result, the events and the plots as one HTML page.
 
         Parameters
         ----------
         path : path
-            A file name that ends in .html; the file is written whole or not at all.
+            A file name that ends in .html. If an error occurs, no file is written.
 
         Returns
         -------
         Path
-            The file.
+            The written file.
 
-        Raises
+            Raises
         ------
         OptionError
             If `path` does not end in .html.
@@ -195,7 +201,7 @@ class Trace:
 
 
 class _Course:
-    """Maxima of columns over intervals, whose length doubles when there are too many."""
+    """Maxima of time series over intervals. The length of the intervals doubles when there are too many."""
 
     def __init__(self, width: int) -> None:
         self._width, self._filled = width, 0
@@ -219,5 +225,5 @@ class _Course:
                 self._rows = [np.maximum(a, b) for a, b in zip(self._rows[::2], self._rows[1::2], strict=True)]
 
     def found(self) -> tuple[Vector, Matrix]:
-        """Times (n,), and maxima (n, m)."""
+        """Return the times (n,) of the intervals, and the maxima (n, m)."""
         return np.array(self._times), np.array(self._rows) if self._rows else np.zeros((0, 1))

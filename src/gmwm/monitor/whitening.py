@@ -1,12 +1,14 @@
-"""Whiten a signal as its samples arrive: the standardised innovations of the Kalman filter of its model.
+"""Compute the standardised innovations of a signal with the Kalman filter of its model, chunk by chunk.
 
-After its start, the filter has a constant gain K. Its innovations e_t are then the output of a fixed linear filter
-with the eigenvalues of F as zeros and those of Φ = F − K H as poles. The start is exact: the state at the first
-sample differs from the state of the constant-gain filter by a vector B u with a known prior (diffuse for levels), so
-e_t = ε_t + H Φᵗ B u, and u is estimated by recursive least squares along with the samples.
+After the initial transient, the filter has a constant gain K. Let F be the transition matrix and H the observation row
+of the model. The innovations e_t are then the output of a fixed linear filter, whose zeros are the eigenvalues of F and
+whose poles are the eigenvalues of Φ = F − K H. The transient is treated exactly. At the first sample, the state differs
+from the state of the constant-gain filter by a vector B u, where u has a known prior (diffuse for levels). The output
+of the fixed filter is therefore e_t = ε_t + H Φᵗ B u, with ε_t the innovations of the constant-gain filter in its
+steady state. u is estimated by recursive least squares.
 
-Results do not depend on how the samples are divided into chunks, to the last bit: each sample passes the same
-operations.
+The results are identical to the last bit however the samples are divided into chunks, because the same operations are
+applied to each sample.
 
 Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 5; de Jong (1991), The
 diffuse Kalman filter, Annals of Statistics 19, 1073-1083.
@@ -30,34 +32,39 @@ from gmwm.monitor.finite_state import Finite
 from gmwm.monitor.stored import number, numbers, whole
 
 FRAME = 1024
-"""Number of samples for which the response to the initial state is computed at once."""
+"""Number of samples (a frame) for which the response to the initial state is computed in one step."""
 SMALL = 1 << 17
-"""Largest number of multiplications in one product of matrices."""
+"""Largest number of multiplications in one matrix product."""
 DIFFUSE = 1e-12
-"""Prior information on a diffuse level, in units of one sample: the exact limit to 12 digits."""
+"""Prior information on a diffuse level, relative to the information in one sample. The result agrees with the limit of
+zero information to 12 digits."""
 FORGOTTEN = 1e-6
-"""Share of the variance of an innovation below which a part of the initial state no longer matters: in the mean of 2^14
-samples it is then 1/60 of the variance."""
+"""A component of the initial state is dropped if its contribution to an innovation is below this share of the variance.
+In the mean of 2^14 samples, the contribution is then at most 1/60 of the variance."""
 COAST = 1000
-"""Largest number of missing samples that the filter predicts across; after a longer gap the level is unknown again."""
+"""Largest number of missing samples over which the filter predicts the state. After a longer gap, the level is treated
+as unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """The constant-gain filter of a model.
+    """Constant-gain Kalman filter of a model.
 
     Attributes
     ----------
-    F, H : (p, p) and (p,) arrays
-        State space of the model with its level.
+    finite : Finite
+        State-space form of the model.
+    F, H, Q : (p, p), (p,) and (p, p) arrays
+        Transition matrix, observation row and process noise of the model, including its level.
     P : (p, p) array
-        Covariance of the predicted state; 0 for a constant level.
+        Steady-state covariance of the predicted state; 0 for a constant level.
     S : float
-        Variance of an innovation (u²).
+        Variance of an innovation, in the squared unit of the signal.
     phi : (p, p) array
-        Φ = F − K H.
+        Φ = F − K H, with the constant gain K.
     start : (p, m) array
-        B of the start: the diffuse states, then the uncertainty of the other ones beyond P.
+        B at the first sample. The first columns are the diffuse states; the others describe the initial uncertainty of
+        the other states in excess of P.
     diffuse : int
         Number of diffuse columns of `start`.
     """
@@ -74,13 +81,14 @@ class Gain:
 
     @classmethod
     def of(cls, finite: Finite) -> Gain:
-        """The filter of a finite-state model."""
+        """Compute the constant-gain filter of a state-space model."""
         space = finite.space
         F, H, Q = np.array(space.F), np.array(space.H[0]), np.array(space.Q)
         p = H.size
         moving = finite.moving
         scale = float(H @ Q @ H) + float(space.R[0, 0])
-        # Quantization noise and moving averages with a zero on the unit circle have no stable filter without this.
+        # Without this lower limit, quantization noise and moving averages with a zero on the unit circle have no stable
+        # filter.
         R = max(float(space.R[0, 0]), 1e-8 * scale)
         P = np.zeros((p, p))
         at = np.ix_(moving, moving)
@@ -105,7 +113,7 @@ class Gain:
 
     @cached_property
     def sections(self) -> Matrix:
-        """Second-order sections (k, 6) of the filter from the signal to its innovations."""
+        """Second-order sections (k, 6) of the linear filter that computes innovations from the signal."""
         moving = self.finite.moving
         if not np.any(moving):
             return np.array([[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
@@ -114,7 +122,7 @@ class Gain:
 
     @cached_property
     def responses(self) -> Matrix:
-        """H Φⁱ/√S for i = 0 … FRAME − 1, (FRAME, p)."""
+        """Responses H Φⁱ/√S (FRAME, p) of standardised innovations to the initial state, for i = 0 … FRAME − 1."""
         rows = np.empty((FRAME, self.H.size))
         rows[0] = self.H / math.sqrt(self.S)
         for k in range(1, FRAME):
@@ -123,11 +131,12 @@ class Gain:
 
     @cached_property
     def frame_step(self) -> Matrix:
-        """Φ^FRAME."""
+        """Φ^FRAME, the transition over one frame."""
         return np.linalg.matrix_power(self.phi, FRAME)
 
     def after_gap(self, samples: int) -> Matrix:
-        """B (p, m) after missing samples: what they add to the uncertainty of the predicted state."""
+        """Return B (p, m) after a gap: a factor of the covariance that the missing samples add to the predicted
+        state."""
         P, power = self.P.copy(), self.P.copy()
         for _ in range(samples):
             power = self.F @ power @ self.F.T + self.Q
@@ -136,20 +145,24 @@ class Gain:
         return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
     def step_response(self, samples: int) -> Vector:
-        """Standardised innovations (n,) after a jump of the signal by 1."""
+        """Return the standardised innovations (n,) that a jump of the signal by 1 causes."""
         response = np.ones(samples)
         _core.second_order_sections(self.sections, np.zeros((len(self.sections), 2)), response)
         return np.asarray(response / math.sqrt(self.S))
 
     def magnitude(self, cycles: float) -> float:
-        """Size of the standardised innovations of a sinusoid of amplitude 1, at a frequency in cycles per sample."""
+        """Return the amplitude of the standardised innovations for a sinusoid of amplitude 1 at a frequency (cycles per
+        sample)."""
         z = np.exp(-2j * np.pi * cycles) ** np.arange(3)
         return float(np.prod(np.abs(self.sections[:, :3] @ z) / np.abs(self.sections[:, 3:] @ z))) / math.sqrt(self.S)
 
 
 def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
-    """Second-order sections of as many zeros as poles; the poles next to the unit circle come last, each with the
-    nearest zeros, so that no section has a large gain."""
+    """Return second-order sections with the given zeros and the same number of poles.
+
+    The poles nearest to the unit circle come last, and each pair of poles gets the nearest zeros, so that no section
+    has a large gain.
+    """
     left = _roots(zeros)
     rows = []
     for pole in _roots(poles):
@@ -159,8 +172,10 @@ def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
 
 
 def _roots(roots: NDArray[Any]) -> list[tuple[complex, complex]]:
-    """Roots in pairs, of conjugates or of two real ones, the largest first; with a root at 0 if their number is odd.
-    Tiny imaginary parts are removed."""
+    """Group roots in pairs of conjugate or of two real roots, the largest pair first.
+
+    If the number of real roots is odd, a root at 0 is added. Tiny imaginary parts are removed.
+    """
     real = sorted(roots.real[np.abs(roots.imag) < 1e-12].tolist(), key=abs, reverse=True)
     real += [0.0] * (len(real) % 2)
     pairs = [(z, z.conjugate()) for z in roots[roots.imag >= 1e-12].tolist()]
@@ -169,17 +184,17 @@ def _roots(roots: NDArray[Any]) -> list[tuple[complex, complex]]:
 
 
 def _polynomial(roots: tuple[complex, complex]) -> list[float]:
-    """Coefficients of (1 − r z)(1 − s z)."""
+    """Return the coefficients of (1 − r z)(1 − s z) for two roots r and s."""
     one, other = roots
     return [1.0, -(one + other).real, (one * other).real]
 
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
-    """Covariance of the predicted state of the constant-gain filter; each step doubles the number of samples.
+    """Return the steady-state covariance of the predicted state, by a doubling algorithm.
 
-    The recursion is for the covariance of the filtered state. Given this state, the noise of the next sample is
-    H w + v, with the process noise w and the measurement noise v. Its variance is never small, whereas v alone is zero
-    for moving averages and autoregressions.
+    Each step doubles the number of samples. The recursion is for the covariance of the filtered state. Given this
+    state, the noise of the next sample is H w + v, where w is the process noise and v the measurement noise. The
+    variance of H w + v is never small, but the variance of v alone is zero for moving averages and autoregressions.
 
     Source: Anderson (1978), Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control
     28, 295-306.
@@ -202,7 +217,7 @@ def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
 
 
 class Whitener:
-    """Standardised innovations of one axis, in chunks of any size.
+    """Computes the standardised innovations of one axis from chunks of any size.
 
     Parameters
     ----------
@@ -214,26 +229,26 @@ class Whitener:
 
     def __init__(self, gain: Gain) -> None:
         self.gain = gain
-        self.drifted = 0  # samples since the beginning, for a drift of known slope
+        self.drifted = 0  # samples since the beginning, to subtract a drift of known slope
         self.restart()
 
     def restart(self) -> None:
-        """Start again with an unknown level."""
+        """Restart the filter with an unknown level."""
         self.sections = np.zeros((len(self.gain.sections), 2))
         self.origin: float | None = None
         self._settle(self.gain.start, self.gain.diffuse)
 
     def _settle(self, start: Matrix, diffuse: int) -> None:
-        self.count = 0  # samples since the start of the least squares
+        self.count = 0  # samples since the least-squares estimation of u started
         m = start.shape[1]
         self.columns = m
-        self.power = np.ascontiguousarray(start)  # Φ^(FRAME k) B of the present frame
+        self.power = np.ascontiguousarray(start)  # Φ^(FRAME k) B for the present frame k
         self.information = np.diag([DIFFUSE] * diffuse + [1.0] * (m - diffuse)) if m else np.zeros((0, 0))
         self.moments = np.zeros(m)
         self._rows: Matrix | None = None
 
     def update(self, x: Vector) -> Vector:
-        """Standardised innovations (n,) of the next samples (n,), in the unit of the model."""
+        """Return the standardised innovations (n,) of the next samples (n,), which are in the unit of the model."""
         if not x.size:
             return np.zeros(0)
         slope = self.gain.finite.slope
@@ -254,12 +269,12 @@ class Whitener:
         return out
 
     def _correct(self, e: Vector) -> None:
-        """Remove what the initial state adds to the innovations of samples within a frame."""
+        """Subtract the contribution of the initial state from innovations within a frame, in place."""
         if self._rows is None:
             self._rows = self._responses()
         first = self.count % FRAME
         self.information, self.moments = self.information.copy(), self.moments.copy()
-        # The innovation with which a diffuse level becomes known is not one: its variance is infinite.
+        # The sample that first determines a diffuse level has an innovation of infinite variance, which is not used.
         _core.least_squares_innovations(
             self._rows[first : first + e.size], 1e-3 / DIFFUSE, self.information, self.moments, e
         )
@@ -270,10 +285,10 @@ class Whitener:
     def _next_frame(self) -> None:
         self.power = self.gain.frame_step @ self.power
         self._rows = self._responses()
-        # A part of the initial state that has decayed is integrated out.
+        # Components of the initial state whose effect has decayed are integrated out.
         covariance = np.linalg.inv(self.information)
         mean = covariance @ self.moments
-        # The effect of a constant level never decays, however well it is known.
+        # The effect of a constant level never decays, even if the level is well determined.
         size = np.max(self._rows**2, axis=0) * (np.diag(covariance) + mean**2)
         kept = size > FORGOTTEN
         if np.all(kept):
@@ -282,25 +297,25 @@ class Whitener:
         part = covariance[np.ix_(kept, kept)]
         self.information = np.linalg.inv(part) if self.columns else np.zeros((0, 0))
         self.moments = self.information @ mean[kept]
-        # One layout in memory: the order of sums in products of matrices depends on it.
+        # A fixed memory layout is needed, because the order of sums in matrix products depends on it.
         self.power, self._rows = np.ascontiguousarray(self.power[:, kept]), None
 
     def _responses(self) -> Matrix:
-        """Responses (FRAME, m) of the innovations of this frame to the parts of the initial state."""
-        # Larger products start BLAS threads, which is slower here.
+        """Return the responses (FRAME, m) of the innovations of this frame to the components of the initial state."""
+        # Larger products would start BLAS threads, which is slower here.
         rows = max(SMALL // max(self.power.size, 1), 1)
         parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
         return np.concatenate(parts)
 
     def gap(self, samples: int | None) -> None:
-        """Skip missing samples; None if their number is unknown."""
+        """Continue after missing samples; `samples` is None if their number is unknown."""
         if samples is None or samples > COAST or self.columns or self.origin is None:
             self.drifted += samples or 0
             self.restart()
             return
         self.sections = self.sections.copy()
         for _ in range(samples):
-            # The sample that the filter predicts: its innovation is zero.
+            # Insert the sample that the filter predicts, so that its innovation is zero.
             predicted = np.zeros(1)
             _core.second_order_sections(self.gain.sections, self.sections.copy(), predicted)
             _core.second_order_sections(self.gain.sections, self.sections, -predicted)
@@ -308,11 +323,11 @@ class Whitener:
         self._settle(self.gain.after_gap(samples), 0)
 
     def save(self) -> dict[str, Any]:
-        """The state; its arrays are never changed in place."""
+        """Return the state. Its arrays are never modified in place."""
         return {name: getattr(self, name) for name in self.STATE}
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
+        """Restore a state from `save`."""
         self.sections = np.array([numbers(row) for row in state["sections"]]).reshape(len(self.gain.sections), 2)
         self.origin = None if state["origin"] is None else number(state["origin"])
         self.count, self.drifted = whole(state["count"]), whole(state["drifted"])
