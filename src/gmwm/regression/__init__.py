@@ -1,7 +1,8 @@
 """Regression of an axis on the temperature, on time or on other conditions of the recording.
 
-In the order of the data: `against` (the option), `covariates` and `columns` on the `blocks` of the clock, generalised
-`least_squares` with the `noise` of the axis, its `result`, and the `conditions` of all axes of a recording.
+The modules follow the order of the calculation. `against` parses the option, `blocks` divides a recording into blocks,
+and `covariates` and `columns` compute the regression columns. `noise` and `least_squares` estimate the coefficients,
+`result` contains the result for one axis, and `conditions` treats all axes of a recording.
 """
 
 from gmwm.regression.result import Coefficient, Effect, Regression

@@ -1,4 +1,4 @@
-"""The option `against`: the conditions on which an axis is regressed, as text or as arrays."""
+"""Parse the option `against`, which states the conditions for a regression as text or as arrays."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ TIME, WARM_UP, TEMPERATURE = "time", "warmup", "temperature"
 MOST_DEGREES = 5
 """Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation."""
 MOST_KNOTS = 10
+"""Largest number of inner knots of a spline."""
 _EXPECTED = "text such as 'temperature:2,lag', 'time:3' or 'warmup', an array, or a mapping of names to arrays"
 _UNITS = {TEMPERATURE: "°C", TIME: "h"}
 
@@ -27,20 +28,21 @@ Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
 
 @dataclass(frozen=True)
 class Term:
-    """One covariate of a regression, and the form of its effect.
+    """One covariate of a regression, with the form of its effect.
 
     Attributes
     ----------
     name : str
-        Name of the covariate; "time" and "warmup" are computed from the clock.
+        Name of the covariate. "time" and "warmup" are computed from the times of the samples.
     degree : int
         Degree of the polynomial; 1 is a straight line.
     lag : bool
-        Whether the rate of change is a column too, for a sensor that follows the covariate later.
+        Whether the rate of change of the covariate is also a column, for a sensor that follows the covariate with a
+        delay.
     knots : int
         Number of inner knots of a natural cubic spline; 0 for a polynomial.
     exact : bool
-        Whether the covariate is known without error at every sample, so that all scales are used.
+        Whether the covariate is known without error at every sample. All scales are then used.
     """
 
     name: str
@@ -57,22 +59,22 @@ class Term:
 
     @property
     def unit(self) -> str:
-        """Unit of the covariate; "" if it is unknown."""
+        """Unit of the covariate; an empty string if it is unknown."""
         return _UNITS.get(self.name, "")
 
     @property
     def measured(self) -> bool:
-        """Whether the values are part of the recording, and not computed from the clock."""
+        """Whether the covariate is measured data, in contrast to a function of time."""
         return self.name not in (TIME, WARM_UP)
 
     @classmethod
     def parse(cls, text: str) -> Term:
-        """Read a term such as ``temperature:2,lag``.
+        """Parse a term such as ``temperature:2,lag``.
 
         Raises
         ------
         OptionError
-            If it is not a name with known options.
+            If the text is not a name with known options.
 
         Examples
         --------
@@ -108,15 +110,16 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """The terms of a regression, and the arrays that the user passed.
+    """A requested regression: its terms, and the arrays that the user passed.
 
     Attributes
     ----------
     terms : tuple of Term
+        The covariates.
     arrays : mapping of name to (N,) array
-        Covariates that do not come with the recording.
+        Values of the covariates that are not part of the recording.
     automatic : bool
-        Whether the temperature of the recording is tested, and used only if the axis follows it.
+        Whether to use the temperature of the recording only if a test finds that the axis depends on it.
     """
 
     terms: tuple[Term, ...] = ()
@@ -133,7 +136,7 @@ class Asked:
         Raises
         ------
         OptionError, DataError
-            If `Against` does not allow the option.
+            If the value cannot be interpreted.
         """
         if isinstance(against, Asked):
             return against
@@ -181,12 +184,12 @@ def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
 
 
 def is_given(asked: Asked) -> bool:
-    """Return whether a regression was requested, as opposed to a test that gmwm makes automatically."""
+    """Return whether a regression or the automatic test of the temperature was requested."""
     return asked.automatic or bool(asked.terms)
 
 
 def finite_or_none(values: Vector | None) -> Vector | None:
-    """Return a covariate, or None if it has missing values or does not change."""
+    """Return the values of a covariate, or None if some are missing or all are equal."""
     if values is None or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
         return None
     return values

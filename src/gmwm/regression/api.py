@@ -1,4 +1,4 @@
-"""Regress an axis on the temperature, on time or on other conditions of the recording."""
+"""Regress one axis on the temperature, on time or on other conditions of the recording."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from gmwm.variance.biweight import EFFICIENCY
 from gmwm.variance.result import WaveletVariance
 
 FOLLOWS = 0.05
-"""Level of the F test below which an axis depends on the temperature."""
+"""With the automatic choice, the temperature is used if the p-value of its F test is below this level."""
 FURTHER = 0.01
-"""Level of the t test at which the automatic choice adds a column."""
+"""The automatic choice adds a column if the p-value of its t test is below this level."""
 DIFFERS = 4.0
-"""Difference of the coefficients from long and from all scales, in standard errors of the former, from which it has a
-remark
-(tests/regression/test_reading_noise.py)."""
+"""A remark is made if the coefficient from long scales and the coefficient from all scales differ by more than this
+number of standard errors of the former (tests/regression/test_reading_noise.py)."""
 OPTIMISM = 2.0
-"""The weights come from the same data as the variance, which is therefore too small: by about this number over 3 plus
-its degrees of freedom. Chosen in simulations of other seeds; docs/validation/regression.md states how often intervals
-then hold."""
+"""The weights and the variances of the coefficients come from the same data. The estimated variances are therefore too
+small, by a factor of about 1 + OPTIMISM/(3 + degrees of freedom). The value was chosen in simulations with other seeds;
+docs/validation/regression.md states the resulting coverage of the intervals."""
 FEWEST = 2.0
-"""Fewest degrees of freedom. The formula gives one where a slow process is possible but not seen, so that an effect of
-five standard errors would not be significant. Chosen in the same simulations."""
+"""Smallest number of degrees of freedom of a standard error. The formula returns 1 if the data can neither show nor
+exclude a slow process, and an effect of five standard errors would then not be significant. The value was chosen in the
+same simulations."""
 _ROUNDS = 4
-"""Number of rounds of noise, weights and coefficients: the third changes a standard error by less than 1 %
-(tests/regression)."""
+"""Number of rounds in which noise, weights and coefficients are estimated in turn. The third round changes a standard
+error by less than 1 % (tests/regression)."""
 POINTS = 256
 """Number of parts of the recording whose means are kept for a plot."""
 _TIMES = 24
@@ -46,7 +46,7 @@ _LEAST_KEPT = 0.1
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
-    """Regress an axis on covariates that are prepared for a signal of the same clock; see `regress_axis`."""
+    """Regress a signal on covariates that were prepared for a signal with the same times; see `regress_axis`."""
     means = covariates.clock.means(signal.values, clipped=True)
     return regress_axis(means, covariates, axis=signal.axis, unit=signal.unit, automatic=automatic)
 
@@ -54,28 +54,29 @@ def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) 
 def regress_axis(
     means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "", automatic: bool = False
 ) -> Regression:
-    """Regress an axis on covariates.
+    """Regress an axis on covariates by generalised least squares.
 
     Each frequency is weighted by the inverse of the power spectral density of the noise, which is estimated from the
-    residuals together with the coefficients. Standard errors account for this noise, so that independent random walks
-    are not mistaken for related ones.
+    residuals together with the coefficients. The standard errors account for slow noise, so that two independent random
+    walks do not appear related.
 
     Parameters
     ----------
     means : (n,) array
-        Block means of the axis, clipped, on the clock of the covariates.
+        Means of the axis over the blocks of the covariates, with outlying samples clipped.
     covariates : Covariates
-        Prepared for a recording of the same clock.
+        Covariates that were prepared for the same recording.
     axis, unit : str
         Name and unit of the axis.
     automatic : bool
-        Test whether the axis follows the temperature. If it does, its square, its rate of change and its cube are added
-        if they are significant at the 1 % level; otherwise the regression is not applied.
+        Whether to test first whether the axis depends on the temperature. If it does, the square, the rate of change
+        and the cube of the temperature are added if they are significant at the 1 % level. If it does not, the
+        regression is marked as not applied.
 
     Raises
     ------
     DataError
-        If the columns are collinear, or the axis is constant.
+        If the columns are collinear, or if the axis is constant.
     """
     found = regress_means(means, covariates, axis=axis, unit=unit)
     if automatic:
@@ -84,11 +85,13 @@ def regress_axis(
 
 
 def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
-    """Return the first coefficient from the longer half of the scales, its standard error and the shortest scale (s),
-    if it is farther from zero than the coefficient from all scales; otherwise None.
+    """Return the first coefficient estimated from the longer half of the scales, its standard error, and the shortest
+    of these scales (s).
 
-    An error of the reading that is correlated in time is not recognised as one, and makes the coefficient too small at
-    short scales.
+    The result is None unless this coefficient is significantly farther from zero than the coefficient from all scales.
+
+    Reading errors of the covariate that are correlated in time are not detected as errors. They make the coefficient
+    too small at short scales.
     """
     if not found.terms[0].measured or found.terms[0].exact:
         return None
@@ -101,7 +104,7 @@ def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[f
         return None
     (name, *_) = found
     own, long = found[name], other[name]
-    # The coefficient from all scales is efficient: the difference has a smaller variance than the other one.
+    # The coefficient from all scales is efficient, so the difference has a smaller variance than the other coefficient.
     differ = abs(long.value - own.value) > DIFFERS * long.error
     if not differ or abs(long.value) < abs(own.value):
         return None
@@ -109,7 +112,7 @@ def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[f
 
 
 def _extended(found: Regression, means: Vector, covariates: Covariates) -> Regression:
-    """Add the further columns of the temperature that are significant."""
+    """Add the square, the rate of change and the cube of the temperature if they are significant."""
     for change in ({"degree": 2}, {"lag": True}, {"degree": 3}):
         term = found.terms[0]
         if change.get("degree") == 3 and term.degree != 2:
@@ -163,7 +166,19 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Weights and noise after the iteration between them."""
+    """Result of the iteration between noise and weights.
+
+    Attributes
+    ----------
+    weighted : Weighted
+        The regression with its final weights.
+    noise : Noise
+        The estimated noise.
+    kept : (J,) array
+        Share of the noise that the regression leaves at each level.
+    tau : float or None
+        Time constant of a warm-up (s).
+    """
 
     weighted: Weighted
     noise: Noise
@@ -172,7 +187,8 @@ class _Solved:
 
 
 def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
-    """Iterate noise, weights and coefficients, starting from the series with all effects."""
+    """Estimate noise, weights and coefficients in turn. The first noise estimate includes the effects of the
+    covariates."""
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
@@ -208,11 +224,13 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
 
 
 def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesign, weights: Sequence[Vector]) -> float:
-    """Return the time constant (s) of the warm-up with the smallest weighted sum of squares, from a grid and a finer
-    grid around it."""
+    """Return the time constant (s) of the warm-up with the smallest weighted sum of squares.
+
+    It is searched on a grid, and then on a finer grid around the best value.
+    """
     times = covariates.clock.times[design.present]
     span, step = float(times[-1] - times[0]), covariates.clock.length / covariates.clock.rate
-    # The other columns and the decay alone; the derivative by the time constant is not part of the profile.
+    # Leave out the column of the derivative with respect to the time constant, which is constant during the search.
     first = [column.name for column in covariates.basis.columns].index(f"{WARM_UP} tau")
 
     def gain(tau: float) -> float:
@@ -236,7 +254,9 @@ def regressed_variance(
     robust: bool = False,
     efficiency: float = EFFICIENCY,
 ) -> WaveletVariance:
-    """Estimate the wavelet variance of a signal without the effect of covariates; it carries the regression.
+    """Estimate the wavelet variance of a signal after the effect of covariates is subtracted.
+
+    The attribute `regression` of the result contains the regression.
 
     Raises
     ------
@@ -269,8 +289,10 @@ def restated(
     freedoms: tuple[float, ...],
     freedom: float,
 ) -> Regression:
-    """Return a regression with other estimates of its coefficients (p,), their covariance (p, p) and degrees of
-    freedom."""
+    """Return a copy of a regression with other estimates (p,), covariance (p, p) and degrees of freedom.
+
+    The joint test and the residuals are computed again.
+    """
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
@@ -297,12 +319,14 @@ def _f_tail(statistic: float, size: int, freedom: float) -> float:
 
 
 def effect_of(found: Regression, covariates: Covariates, first: int, last: int) -> Vector:
-    """Return the effect of the covariates at the samples of a half-open range."""
+    """Return the effect of the covariates at the samples first … last − 1."""
     return covariates.having(found.terms).effect(np.array(found.estimates), found.tau, first, last)
 
 
 def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
-    """Remove the effect of the covariates from a part of the recording that begins with sample `first`; its mean
-    stays."""
+    """Subtract the effect of the covariates from a part of the recording that begins at sample `first`.
+
+    The effect is zero at the reference values of the covariates.
+    """
     values = signal.values - effect_of(found, covariates, first, first + len(signal))
     return replace(signal, values=values)

@@ -1,4 +1,5 @@
-"""Block means of a recording on its clock, so that a regression on slow covariates costs the same at any length."""
+"""Means of a recording over blocks of time, with which a regression on slow covariates has the same cost at any
+length."""
 
 from __future__ import annotations
 
@@ -13,35 +14,38 @@ from gmwm.batches import BATCH
 from gmwm.time_base import begins_of
 
 BLOCKS = 4096
-"""Smallest number of blocks of a recording with at least as many samples: standard errors then differ by less than 0.1
-% from standard errors with all samples (docs/validation/regression.md)."""
+"""Smallest number of blocks, if the recording has at least as many samples. The standard errors then differ by less
+than 0.1 % from those with all samples (docs/validation/regression.md)."""
 MOST = 1 << 17
-"""Largest number of blocks, gaps included, so that a recording with long gaps does not need more memory."""
+"""Largest number of blocks including those in gaps. It limits the memory for a recording with long gaps."""
 CLIPPED = 8.0
-"""Distance from the median of its block, in standard deviations, beyond which a sample is clipped, so that a knock or a
+"""Samples are clipped at this distance from the median of their block, in standard deviations, so that a shock or a
 wrong sample changes a block mean only slightly. Gaussian noise reaches this distance once in 10¹⁵ samples."""
 _SLAB = 1 << 20
 
 
 def usual_length(samples: int, end: int) -> int:
-    """Return the number of samples of a block, for a recording on a clock with places up to `end`."""
+    """Return the number of samples in a block.
+
+    `samples` is the number of samples of the recording, and `end` is this number plus the missing samples in gaps.
+    """
     return 1 << max(int(max(samples // BLOCKS, end // MOST)).bit_length() - 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """The clock of a recording, divided into blocks of equal length.
+    """Times of the samples of a recording, divided into blocks of equal length.
 
     Attributes
     ----------
     length : int
-        Samples of a block, a power of two.
+        Number of samples in a block, a power of two.
     rate : float
         Sampling rate (Hz).
     segments : tuple of (first, last)
-        Index ranges without a gap.
+        Index ranges of the segments, which have no gaps.
     offsets : tuple of int
-        Place of the first sample of each segment on the clock, in samples from the first sample of the recording.
+        Time of the first sample of each segment, in sampling intervals since the first sample of the recording.
     """
 
     length: int
@@ -53,7 +57,7 @@ class Clock:
     def of(
         cls, rate: float, segments: tuple[tuple[int, int], ...], starts: tuple[float, ...], length: int | None = None
     ) -> Clock:
-        """Make the clock of a recording with at least `BLOCKS` blocks, or with blocks of a given length."""
+        """Divide a recording into at least `BLOCKS` blocks, or into blocks of a given length."""
         begins = begins_of(rate, segments, starts)
         offsets, end = [], 0
         for begin, (first, last) in zip(begins, segments, strict=True):
@@ -70,48 +74,52 @@ class Clock:
 
     @property
     def times(self) -> Vector:
-        """Times of the centres of the blocks (s), from the first sample."""
+        """Times of the centres of the blocks (s), measured from the first sample."""
         return np.asarray(((np.arange(self.blocks) + 0.5) * self.length - 0.5) / self.rate, dtype=np.float64)
 
     def places(self) -> list[tuple[int, int, int]]:
-        """Return first sample, last sample and place on the clock of the pieces to read, each within one segment."""
+        """Return the first sample, the end and the time (in sampling intervals) of pieces of bounded size.
+
+        Each piece is within one segment.
+        """
         pieces = []
         for (first, last), offset in zip(self.segments, self.offsets, strict=True):
             begin = first
             while begin < last:
-                # Each piece ends with a block.
+                # Each piece ends at the end of a block.
                 stop = min(begin + _SLAB - (offset + begin - first) % self.length, last)
                 pieces.append((begin, stop, offset + begin - first))
                 begin = stop
         return pieces
 
     def counts(self) -> NDArray[np.int64]:
-        """Number of samples of each block."""
+        """Return the number of observed samples in each block."""
         return self._counts
 
     @cached_property
     def _ranges(self) -> NDArray[np.int64]:
-        """First sample, last sample and place of the first one on the clock of each segment (k, 3)."""
+        """First sample, end and time of the first sample (in sampling intervals) of each segment (k, 3)."""
         return np.column_stack([np.array(self.segments, dtype=np.int64), np.array(self.offsets, dtype=np.int64)])
 
     @cached_property
     def _counts(self) -> NDArray[np.int64]:
         first, last, offset = self._ranges.T
-        # Samples before each end of a segment, and before each edge of a block: integers, so that this is exact.
+        # Number of samples before each edge of a block, interpolated between the ends of segments. All values are
+        # integers, so the result is exact.
         corners = np.stack([offset, offset + last - first], axis=1).ravel()
         before = np.interp(np.arange(self.blocks + 1) * self.length, corners, np.stack([first, last], axis=1).ravel())
         return freeze(np.diff(before).astype(np.int64))
 
     def present(self) -> NDArray[np.bool_]:
-        """Which blocks have at least half of their samples."""
+        """Return the mask of the blocks with at least half of their samples."""
         return np.asarray(self.counts() * 2 >= self.length)
 
     def whole(self) -> NDArray[np.bool_]:
-        """Which blocks have all of their samples."""
+        """Return the mask of the blocks with all of their samples."""
         return np.asarray(self.counts() == self.length)
 
     def part(self, first: int, last: int) -> Clock:
-        """Return the clock of a half-open range of samples, with the same blocks."""
+        """Return the clock of the samples first … last − 1, with the same blocks."""
         kept = [
             (max(begin, first) - first, min(end, last) - first, offset + max(first - begin, 0))
             for (begin, end), offset in zip(self.segments, self.offsets, strict=True)
@@ -120,9 +128,9 @@ class Clock:
         return replace(self, segments=tuple((a, b) for a, b, _ in kept), offsets=tuple(offset for _, _, offset in kept))
 
     def means(self, values: Vector, *, clipped: bool = False) -> Vector:
-        """Return the means of the samples of each block; 0 for an empty block.
+        """Return the mean of the samples in each block. Empty blocks have the value 0.
 
-        With `clipped`, samples far from the median of their block are clipped, see `CLIPPED`.
+        With `clipped`, samples far from the median of their block are clipped; see `CLIPPED`.
         """
         sums = np.zeros(self.blocks)
         for first in range(0, values.size, BATCH):
@@ -132,12 +140,12 @@ class Clock:
         return self.mean_of(sums)
 
     def mean_of(self, sums: Vector) -> Vector:
-        """Return the means from the sums of all samples of each block; 0 for an empty block."""
+        """Return the means of blocks from the sums of their samples. Empty blocks have the value 0."""
         counts = self.counts()
         return np.divide(sums, counts, out=np.zeros(sums.size), where=counts > 0)
 
     def sums(self, values: Vector, *, clipped: bool = False) -> Vector:
-        """Return the sums of the samples of each block. The sums of several batches can be added."""
+        """Return the sum of the samples in each block. The sums of several batches can be added."""
         spread = self._usual_spread(values) if clipped and self.length > 1 else 0.0
         sums = np.zeros(self.blocks)
         for first, last, place in self.places():
@@ -154,7 +162,7 @@ class Clock:
         return sums
 
     def clipped(self, values: Vector) -> Vector:
-        """Clip the samples that are far from the median of their block, see `CLIPPED`."""
+        """Return the values with samples clipped that are far from the median of their block; see `CLIPPED`."""
         spread, out = self._usual_spread(values), values.copy()
         for first, last, place in self.places():
             head = min((-place) % self.length, last - first)
@@ -166,8 +174,7 @@ class Clock:
         return out
 
     def _usual_spread(self, values: Vector) -> float:
-        """Return the median standard deviation of the samples within a block, over the blocks of every eighth piece of
-        the recording."""
+        """Return the median of the standard deviations within blocks, over every eighth piece of the recording."""
         found = []
         for first, last, place in self.places()[::8]:
             part = values[first + min((-place) % self.length, last - first) : last]
@@ -177,7 +184,8 @@ class Clock:
         return float(np.median(every)) if every.size else 0.0
 
     def interpolated(self, means: Vector, first: int, last: int) -> Vector:
-        """Return values at the samples of a half-open range, linear between the centres of blocks with samples."""
+        """Return block means interpolated linearly at the samples first … last − 1, between the centres of non-empty
+        blocks."""
         at, curve = self._lines(means)
         samples = np.arange(first, last)
         begins, _, offsets = self._ranges.T
@@ -185,10 +193,11 @@ class Clock:
         return np.asarray(np.interp(places, at, curve))
 
     def onto(self, means: Vector, finer: Clock) -> Vector:
-        """Return the means of the blocks of a finer clock, from a piecewise linear curve with the means of this clock.
+        """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
+        kept.
 
-        The curve is the derivative of a cubic spline through the running sum. Lines between the centres would make a
-        day cycle of 16 blocks smaller by 2 %.
+        The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
+        between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %.
         """
         from scipy.interpolate import CubicSpline
 
@@ -203,13 +212,15 @@ class Clock:
         return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
-        """Return the positions (in samples, gaps included) and the values of the nodes of a piecewise linear curve
-        through the means of the blocks that contain samples."""
+        """Return the nodes of a piecewise linear curve through the means of blocks that contain samples.
+
+        The nodes are times (in sampling intervals) and values.
+        """
         known = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
         at = np.asarray((known + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[known]
         if known.size > 1 and self.length > 1:
-            # The lines go on to the first and to the last sample.
+            # Extend the curve linearly to the first and to the last sample.
             rise = (curve[[1, -1]] - curve[[0, -2]]) / (at[[1, -1]] - at[[0, -2]]) * self.length
             curve = np.concatenate([[curve[0] - rise[0]], curve, [curve[-1] + rise[1]]])
             at = np.concatenate([[at[0] - self.length], at, [at[-1] + self.length]])
@@ -217,7 +228,7 @@ class Clock:
 
 
 def _clipped(rows: Matrix, spread: float) -> Matrix:
-    """Clip the samples that are far from the median of their block."""
+    """Clip samples that are far from the median of their block. Each row is a block."""
     far = np.flatnonzero(np.ptp(rows, axis=1) > CLIPPED * spread)
     if not far.size:
         return rows

@@ -1,4 +1,4 @@
-"""The columns of a regression: powers, splines and rates of change of covariates, and functions of time."""
+"""Compute the columns of a regression: powers, splines and rates of change of covariates, and functions of time."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ class Column:
     Attributes
     ----------
     name : str
-        "temperature", "temperature^2", "temperature lag", "temperature knot 1", "time", "warmup", "warmup tau".
+        Name of the column, such as "temperature", "temperature^2", "temperature lag", "temperature knot 1", "time",
+        "warmup" or "warmup tau".
     term : str
         Name of its covariate.
     power : str
-        Unit of the column, such as "°C²"; "" if it is unknown or none.
+        Unit of the column, such as "°C²"; an empty string if it is unknown or the column has no unit.
     """
 
     name: str
@@ -35,15 +36,16 @@ class Column:
 
 @dataclass(frozen=True)
 class Basis:
-    """The terms of a regression, and the constants of their columns.
+    """The terms of a regression, and the constants that their columns depend on.
 
     Attributes
     ----------
     terms : tuple of Term
+        The covariates, with the forms of their effects.
     references : mapping of name to float
-        Values at which the effect of each covariate is zero; of time in hours.
+        Value of each covariate at which its effect is zero. The unit of time is hours.
     knots : mapping of name to tuple of float
-        Knots of the splines, the outer ones included.
+        Knots of the splines, including the outer knots.
     """
 
     terms: tuple[Term, ...]
@@ -56,12 +58,15 @@ class Basis:
         return tuple(column for term in self.terms for column in _columns(term))
 
     def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None) -> Matrix:
-        """Return the columns (n, p) at values of the measured covariates and times (s)."""
+        """Return the columns (n, p) for values of the measured covariates, times (s), and the time constant of a
+        warm-up (s)."""
         return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
 
     def along(self, name: str, points: Vector) -> Matrix:
-        """Return the columns (m, p) at values of one covariate. The other covariates have no effect, and nothing
-        changes in time."""
+        """Return the columns (m, p) for values of one covariate.
+
+        The columns of the other covariates and of rates of change are zero.
+        """
         found = []
         for term in self.terms:
             if term.name == name:
@@ -102,9 +107,11 @@ def _columns(term: Term) -> list[Column]:
 
 
 def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:
-    """Return the curved columns of a natural cubic spline: linear beyond the outer knots (Hastie et al. 2009, eq. 5.4).
+    """Return the nonlinear columns of a natural cubic spline, which is linear outside the outer knots.
 
-    They are divided by the range, so that they have the unit of the covariate.
+    The columns are divided so that they have the unit of the covariate.
+
+    Source: Hastie, Tibshirani and Friedman (2009), The Elements of Statistical Learning, eq. 5.4.
     """
     at, last = np.array(knots), knots[-1]
     width = last - at[0]

@@ -1,4 +1,4 @@
-"""The regression of all axes of a recording on its conditions."""
+"""Regress all axes of a recording on its conditions."""
 
 from __future__ import annotations
 
@@ -27,18 +27,21 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """The conditions of a recording, and the regression of each axis.
+    """The conditions of a recording, with the regression of each axis on them.
 
     Attributes
     ----------
     covariates : Covariates or None
-        None if there is nothing to regress on.
+        Conditions in the form of covariates; None without a regression.
     found : mapping of axis to Regression
-        Also those that are not applied, because the axis does not follow the temperature.
+        Regression of each axis. This includes regressions that are not applied because the axis does not depend on the
+        temperature.
     unknown : str
-        Why the temperature of the recording cannot be used; "" if it can, or if there is none.
+        Reason why the temperature of the recording cannot be used; an empty string if it can, or if there is no
+        temperature.
     raw : mapping of axis to WaveletVariance
-        The wavelet variances of a recording that is not in memory, as it is.
+        Wavelet variances of the axes before the effect of the conditions is subtracted, for a recording that is not in
+        memory.
     """
 
     covariates: Covariates | None = None
@@ -50,14 +53,14 @@ class Conditions:
     def of(
         cls, signals: Mapping[str, Signal], asked: Asked, temperature: Vector | None, *, threads: int | None = None
     ) -> Conditions:
-        """Regress the axes of a recording, which have the same clock.
+        """Regress the axes of a recording, which were sampled at the same times.
 
-        With the automatic choice, an axis that cannot be regressed has no regression.
+        With the automatic choice, axes that cannot be regressed are left out.
 
         Raises
         ------
         OptionError, DataError
-            If a covariate that was asked for is missing or cannot be used.
+            If a requested covariate is missing or cannot be used.
         """
         if not signals or not _wanted(asked, temperature is not None):
             return cls()
@@ -73,15 +76,15 @@ class Conditions:
     def of_recording(
         cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None, curves: bool = False
     ) -> Conditions:
-        """Regress all axes of a recording, see `of`.
+        """Regress all axes of a recording in memory or in a file; see `of`.
 
-        A recording in chunks is read once, and a second time if it has no time stamps or many lost samples. With
-        `curves`, its wavelet variances are measured in the first of these passes.
+        A recording in a file is read once, or twice if it has no time stamps or many lost samples. With `curves`, its
+        wavelet variances are measured while it is read the first time.
 
         Raises
         ------
         OptionError
-            Also if the samples of an exact covariate are needed, and the recording is not in memory.
+            As for `of`, and if an exact covariate needs the samples of a recording that is not in memory.
         """
         if isinstance(recording, Imu):
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)
@@ -104,7 +107,7 @@ class Conditions:
         cls, clock: Signal, asked: Asked, temperature: Vector | None, *, means: Callable[[Clock], Mapping[str, Vector]],
         units: Mapping[str, str], threads: int | None,
     ) -> Conditions:  # fmt: skip
-        """Regress the block means of axes; `means` returns them for the blocks of a clock."""
+        """Regress the block means of the axes. The function `means` returns the block means for a clock."""
         if asked.automatic and temperature is not None and np.ptp(temperature) == 0:
             return cls()  # a constant temperature has no effect
         arrays = dict(asked.arrays or {})
@@ -132,17 +135,17 @@ class Conditions:
         return cls(covariates, {axis: one for axis, one in found.items() if one is not None})
 
     def applied(self, axis: str) -> Regression | None:
-        """Return the regression of an axis whose effect is removed; None if no effect is removed."""
+        """Return the regression of an axis if it is applied, otherwise None."""
         found = self.found.get(axis)
         return found if found is not None and found.applied else None
 
     def without(self, axis: str, signal: Signal) -> Signal:
-        """Return the signal of an axis without the effect of the conditions."""
+        """Return the signal of an axis minus the effect of the conditions."""
         found = self.applied(axis)
         return signal if found is None or self.covariates is None else without(signal, found, self.covariates)
 
     def batch(self, batch: Batch) -> Batch:
-        """Return the samples of a batch without the effect of the conditions."""
+        """Return the samples of a batch minus the effect of the conditions."""
         if self.covariates is None or not any(found.applied for found in self.found.values()):
             return batch
         signals = {}
@@ -152,13 +155,13 @@ class Conditions:
         return replace(batch, signals=signals)
 
     def curve(self, axis: str, signal: Signal, robust: bool = False, efficiency: float = EFFICIENCY) -> WaveletVariance:
-        """Return the wavelet variance of an axis without the effect of the conditions."""
+        """Return the wavelet variance of an axis after the effect of the conditions is subtracted."""
         found = self.applied(axis)
         wv = signal_wavelet_variance(self.without(axis, signal), robust=robust, efficiency=efficiency)
         return wv if found is None else found.corrected(wv)
 
     def effect(self, axis: str, indices: Sequence[int]) -> Vector:
-        """Return the effect of the conditions on an axis at some samples."""
+        """Return the effect of the conditions on an axis at the samples with the given indices."""
         found = self.applied(axis)
         if found is None or self.covariates is None:
             return np.zeros(len(indices))
@@ -167,9 +170,9 @@ class Conditions:
 
 
 def _wanted(asked: Asked, temperature: bool) -> bool:
-    """Return whether there is a condition for a regression."""
+    """Return whether a regression is requested and, for the automatic choice, a temperature exists."""
     return bool(asked.terms) or (asked.automatic and temperature)
 
 
 NOTHING = Conditions()
-"""The conditions of a recording without a regression."""
+"""Conditions that stand for no regression."""

@@ -1,4 +1,4 @@
-"""Covariates of a recording: block means, the scales at which they are known, and the columns of a regression."""
+"""Prepare the covariates of a recording: block means, scales that are used, and regression columns."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ from gmwm.time_base import times_of
 from gmwm.variance.api import signal_wavelet_variance
 
 KNOWN = 10.0
-"""Smallest ratio of the wavelet variance of a covariate to the wavelet variance of its reading error at which a scale
-is used. A coefficient is then too small by at most a tenth at this scale, and by less than 1 % together with the larger
-scales (docs/validation/regression.md)."""
+"""A scale is used if the wavelet variance of the covariate is at least this number times the wavelet variance of its
+reading error. The reading error makes a coefficient from this scale alone too small by at most 10 %, and a coefficient
+from all used scales by less than 1 % (docs/validation/regression.md)."""
 STEPS = 1 / 12
-"""Variance of the rounding error of steps q, in q², which is compared with the wavelet variance of the covariate."""
+"""Variance of the rounding error of a covariate with quantization step q, in units of q²."""
 LARGE_STEPS = 2.5
-"""Smallest wavelet variance, in q², that a covariate in steps q must reach at some scale. The rounding error follows
-the covariate; with four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
+"""A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale,
+because the rounding error depends on the covariate. If the covariate changes by four steps in the whole recording, a
+coefficient is too small by 4 % (docs/validation/regression.md)."""
 RETURNS = 0.3
-"""Largest share of changes back to the previous value at which a series in steps is smoothed."""
+"""A quantized series is smoothed if at most this share of its changes go back to the previous value."""
 WINDOWS = 256
 """Number of windows of the recording, in each of which a quantized covariate must move up and down to be treated as
 dithered."""
 FEWEST_BLOCKS = 32
-"""Smallest number of blocks of a regression: five scales."""
+"""Smallest number of blocks for a regression. They contain five scales."""
 FEWEST_KNOWN = 8
-"""Smallest number of blocks of the shortest length at which a covariate is known: two scales are then used."""
+"""A covariate needs at least this number of blocks of the shortest scale that is used. Two scales are then used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +45,23 @@ class Covariates:
     Attributes
     ----------
     basis : Basis
+        The terms and the constants of their columns.
     clock : Clock
+        The blocks.
     means : mapping of name to (n,) array
         Block means of the measured covariates, interpolated where a block is empty.
     smooth : mapping of name to (n,) array
-        The same without quantization steps, for the effect that is removed.
+        Block means of the smoothed covariates, without quantization steps. The effect that is subtracted is computed
+        from them.
     exact : mapping of name to (N,) array
         Samples of the covariates that are known exactly.
     ranges : mapping of name to (lowest, highest)
-        Ranges of the block means; for time, in hours.
+        Range of the block means of each covariate. The unit of time is hours.
     lowest : int
-        Lowest wavelet level of the recording at which all covariates are known.
+        Finest wavelet level of the recording at which the reading errors of all covariates are small enough.
     block : int
-        Length (samples) of the blocks whose means give the covariates.
+        Length (samples) of the blocks over which the covariates are averaged. It can be longer than the blocks of the
+        clock.
     """
 
     basis: Basis
@@ -70,12 +75,12 @@ class Covariates:
 
     @classmethod
     def of(cls, terms: Sequence[Term], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
-        """Prepare the covariates of a recording with the clock of a signal.
+        """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
 
         Raises
         ------
         DataError
-            If a covariate is missing, constant, of another length, or not known well enough at any scale.
+            If a covariate is missing, is constant, has another length, or has too large reading errors at all scales.
         """
         usual = 1 if any(term.exact for term in terms) else None
         clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
@@ -85,7 +90,7 @@ class Covariates:
                 values = _checked(term, known, signal)
                 if not term.exact:
                     level, step = as_known(term.name, values, signal)
-                    # Means of blocks have a smaller reading error, but not those of steps.
+                    # The mean over a block has a smaller reading error, but not if the error is a rounding error.
                     least = 1 << max(level - (4 if step else 1), 0)
                     if step or least > clock.length:
                         lowest = max(lowest, level if step else level + 1)
@@ -104,13 +109,13 @@ class Covariates:
         Raises
         ------
         DataError
-            See `of`.
+            As for `of`.
         """
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
         _checked(term, {term.name: values}, signal)
         clock = Clock.of(signal.rate, signal.segments, signal.starts)
-        # An empty block has the value between its neighbours.
+        # An empty block gets an interpolated value.
         means = {term.name: clock.onto(clock.means(values), clock)}
         return cls.on(clock, [replace(term, exact=False)], means, {}, lowest=1, block=clock.length)
 
@@ -125,7 +130,7 @@ class Covariates:
         lowest: int,
         block: int,
     ) -> Covariates:
-        """Prepare covariates from their values at the blocks; see the attributes for `lowest` and `block`."""
+        """Prepare covariates from their block means. The attributes of the class describe `lowest` and `block`."""
         present = clock.present()
         if np.count_nonzero(present) < FEWEST_BLOCKS:
             raise DataError(
@@ -139,7 +144,7 @@ class Covariates:
         for term in terms:
             own = means.get(term.name, at / HOUR if term.name == TIME else at)
             low, high = float(np.min(own[present])), float(np.max(own[present]))
-            # Three digits of the range, so that the reference can be written down.
+            # The reference is rounded to three digits of the range, so that it is a short number in reports.
             digits = 2 - int(np.floor(np.log10(high - low))) if high > low else 3
             references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(own[present])), digits)
             ranges[term.name] = (low, high)
@@ -152,11 +157,11 @@ class Covariates:
 
     @property
     def unknown_levels(self) -> int:
-        """Number of levels of the block means at which the covariates are not known."""
+        """Number of finest levels of the block means that are not used because of reading errors of the covariates."""
         return max(self.lowest - self.clock.length.bit_length(), 0)
 
     def having(self, terms: tuple[Term, ...]) -> Covariates:
-        """Return the same covariates with other forms of their effects."""
+        """Return the same covariates with other terms (forms of their effects)."""
         knots = {
             term.name: tuple(np.linspace(*self.ranges[term.name], term.knots + 2).tolist())
             for term in terms
@@ -165,15 +170,15 @@ class Covariates:
         return replace(self, basis=Basis(terms, self.basis.references, knots))
 
     def matrix(self, tau: float | None = None) -> Matrix:
-        """Return the columns (n, p) at the blocks; a warm-up has the time constant `tau` (s)."""
+        """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s)."""
         return self.basis.matrix(self.means, self.clock.times, tau)
 
     def removed(self, tau: float | None = None) -> Matrix:
-        """Return the columns (n, p) at the blocks without quantization steps, as they are used to remove the effect."""
+        """Return the columns (n, p) from smoothed covariates, from which the subtracted effect is computed."""
         return self.basis.matrix(self.smooth, self.clock.times, tau)
 
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
-        """Return the effect X β at the samples of a half-open range."""
+        """Return the effect X β of coefficients β with the columns X at the samples first … last − 1."""
         if not self.exact:
             return self.clock.interpolated(self.removed(tau) @ coefficients, first, last)
         clock = self.clock
@@ -216,14 +221,15 @@ def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector
 
 
 def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
-    """Return the lowest level at which a covariate is known, and its quantization step.
+    """Return the finest wavelet level at which the reading error of a covariate is small, and its quantization step.
 
-    The step is 0 if noise moves a quantized reading up and down, so that its means are right.
+    The step is 0 if noise makes a quantized reading jump up and down between values, because its means are then
+    accurate.
 
     Raises
     ------
     DataError
-        If there is no such level, or too few blocks of its scale in the recording.
+        If there is no such level, or if the recording has too few blocks of its scale.
     """
     step = lsb(values)
     step = 0.0 if step is None or _dithered(values) else step
@@ -240,11 +246,12 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
 
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
-    """Return the lowest level at which the wavelet variance of a covariate is 10 times the wavelet variance of its
+    """Return the finest level at which the wavelet variance of a covariate is at least `KNOWN` times that of its
     reading error.
 
-    The error of a reading is white from the time on for which it is held: its wavelet variance falls with the scale
-    until the covariate itself changes. The error of steps q without noise is q²/12 at every scale.
+    Each reading may be held for several samples. At longer scales, the reading error is white, so its wavelet variance
+    decreases with the scale. The total variance decreases until the changes of the covariate dominate. Without noise,
+    the rounding error of quantization steps q has the variance q²/12, which is used at every scale.
     """
     curve = signal_wavelet_variance(_beside(signal, values)).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
@@ -259,9 +266,10 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """Smooth a quantized series: halfway between two values when it changes, and within half a step of it everywhere.
+    """Smooth a quantized series by a spline that passes halfway between two values when the series changes.
 
-    A series that moves up and down between two values is returned as it is.
+    The result differs from the series by at most half a step. A series that often jumps up and down between two values
+    is returned unchanged.
     """
     from scipy.interpolate import CubicSpline
 
@@ -274,8 +282,10 @@ def without_steps(values: Vector, step: float) -> Vector:
 
 
 def _dithered(values: Vector) -> bool:
-    """Return whether noise moves a quantized reading up and down nearly everywhere, so that its mean is not
-    quantized."""
+    """Return whether noise makes a quantized reading jump up and down in nearly the whole recording.
+
+    The mean of such a reading is not quantized.
+    """
     changes = np.flatnonzero(values[1:] != values[:-1])
     rises = values[changes + 1] > values[changes]
     turns = changes[1:][rises[1:] != rises[:-1]]
@@ -284,10 +294,10 @@ def _dithered(values: Vector) -> bool:
 
 
 def _beside(signal: Signal, values: Vector) -> Signal:
-    """Return another series as a signal on the clock of a signal."""
+    """Return values as a signal with the times of another signal."""
     return replace(signal, values=values, unit="", axis="")
 
 
 def _usual_run(values: Vector) -> float:
-    """Return the mean number of samples for which a reading does not change."""
+    """Return the mean number of consecutive samples with the same reading."""
     return values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)

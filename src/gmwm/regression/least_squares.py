@@ -1,17 +1,20 @@
-"""Generalised least squares with a weight for each frequency: estimate, exact covariance, and the part of the noise
-that it removes.
+"""Generalised least squares with a weight for each frequency.
 
-For y = X β + ε with noise of power spectral density S(f), C the orthonormal cosine transform (DCT-II) of a run of n
-values without its mean, at the frequencies f_k = k/2n, and w_k = 1/S(f_k),
+The module computes the estimate, its exact covariance, and the part of the noise that the regression removes.
+
+The model is y = X β + ε, where the noise ε has the covariance Σ and the power spectral density S(f). Let C be the
+orthonormal cosine transform (DCT-II) of a run of n consecutive values, without the coefficient of the mean. Its
+frequencies are f_k = k/2n, and the weights are w_k = 1/S(f_k). Then
 
     U = Cᵀ diag(w) C X,   P = Xᵀ U,   β̂ = P⁻¹ Uᵀ y = B y,   Cov β̂ = B Σ Bᵀ,
     E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂),
 
-with W_j the Haar coefficients of level j and D_j = W_j X. The transform diagonalises the covariance of white noise and
-of a random walk without its mean, so that the estimate is the best linear one for their sum. It diagonalises other
-covariances approximately. The columns of U sum to zero in every run, so that each run may have its own offset and Σ may
-be the generalised covariance of a random walk. docs/validation/regression.md compares the error with that of
-generalised least squares with the true covariance matrix.
+where W_j computes the M_j Haar coefficients of level j, ν_j² is the wavelet variance of the noise, and D_j = W_j X. The
+transform diagonalises the covariance of white noise and of a random walk without its mean, so the estimate is the best
+linear unbiased one for their sum. It diagonalises other covariances approximately. The columns of U sum to zero in
+every run. Each run may therefore have its own offset, and Σ may be the generalised covariance of a random walk.
+docs/validation/regression.md compares the standard errors with those of generalised least squares with the true
+covariance matrix.
 """
 
 from __future__ import annotations
@@ -25,24 +28,24 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector, runs_of
 
 COLLINEAR = 1e6
-"""Condition number of P, scaled to unit diagonal, above which columns are collinear: the standard error of a
-coefficient is then 1000 times its standard error without the other columns."""
+"""Columns count as collinear if the condition number of P, scaled to unit diagonal, exceeds this value. The standard
+error of a coefficient is then up to 1000 times its standard error without the other columns."""
 GRID = 4096
-"""Most frequencies at which the power spectral density is evaluated; a weight between them is interpolated."""
+"""Largest number of frequencies at which the power spectral density is evaluated. Other weights are interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegressionDesign:
-    """A regression on p columns at n equally spaced times; some values may be missing.
+    """A regression on p columns at n equally spaced times. Some values may be missing.
 
     Attributes
     ----------
     columns : (n, p) array
-        X; rows without a value are ignored.
+        X. Rows of missing values are ignored.
     present : (n,) bool array
-        Times with a value.
+        Mask of the times with a value.
     whole : (n,) bool array
-        Times that also count in the wavelet variance of the residuals; at most the times in `present`.
+        Mask of the times in `present` that are also used for the wavelet variance of the residuals.
     """
 
     columns: Matrix
@@ -51,28 +54,28 @@ class RegressionDesign:
 
     @cached_property
     def levels(self) -> int:
-        """Number J of levels with a coefficient."""
+        """Number J of levels with at least one Haar coefficient."""
         longest = max((last - first for first, last in self.runs), default=1)
         return longest.bit_length() - 1
 
     @cached_property
     def used(self) -> list[np.ndarray]:
-        """For each level, which coefficients have all their values (n − 2^j + 1,)."""
+        """For each level j, mask (n − 2^j + 1,) of the coefficients without missing values."""
         return [_complete(self.present, 1 << j) for j in range(1, self.levels + 1)]
 
     @cached_property
     def counted(self) -> list[np.ndarray]:
-        """For each level, which coefficients are used for the wavelet variance of the residuals."""
+        """For each level, mask of the coefficients that are used for the wavelet variance of the residuals."""
         return [_complete(self.whole, 1 << j) for j in range(1, self.levels + 1)]
 
     @cached_property
     def counts(self) -> Vector:
-        """Number of coefficients of each level (J,)."""
+        """Number (J,) of coefficients without missing values at each level."""
         return np.array([np.count_nonzero(used) for used in self.used], dtype=np.float64)
 
     @cached_property
     def coefficients(self) -> list[Matrix]:
-        """Coefficients D_j of the columns at each level, zero where a value is missing."""
+        """Haar coefficients D_j of the columns at each level; 0 where a value is missing."""
         return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.used, 1)]
 
     def variances(self, values: Vector) -> Vector:
@@ -82,7 +85,7 @@ class RegressionDesign:
 
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
-        """Runs of at least two values without a missing one, as half-open ranges."""
+        """Index ranges (first, end) of the runs of at least two values without a gap."""
         return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
@@ -91,9 +94,9 @@ class RegressionDesign:
         Parameters
         ----------
         density : callable
-            S at frequencies in cycles per value.
+            S as a function of frequencies in cycles per value.
         highest : float
-            Frequency above which weights are zero, because the columns are not known there.
+            Frequency above which weights are zero, because the errors of the columns are too large there.
         """
         found: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
@@ -104,13 +107,13 @@ class RegressionDesign:
         return [found[last - first] for first, last in self.runs]
 
     def under(self, weights: Sequence[Vector]) -> Weighted:
-        """Return the regression with the weights of `weights`."""
+        """Return the regression with given weights for each run."""
         return Weighted(self, weights)
 
 
 @dataclass(frozen=True, eq=False)
 class Weighted:
-    """A regression with weights for each run (n_r,)."""
+    """A regression with weights (n_r,) for the frequencies of each run of n_r values."""
 
     design: RegressionDesign
     weights: Sequence[Vector]
@@ -156,8 +159,8 @@ class Weighted:
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
     def spread(self, lags: Vector) -> Matrix:
-        """Compute Σ Bᵀ (n, p) for noise with covariance Σ, whose generalised covariance at the lags 0 … n − 1 is
-        `lags`."""
+        """Compute Σ Bᵀ (n, p). `lags` is the generalised covariance of the noise at the lags 0 … n − 1, which
+        determines Σ."""
         from scipy import fft
 
         n = len(self.rows)
@@ -169,7 +172,11 @@ class Weighted:
 
     @cached_property
     def lag_products(self) -> Matrix:
-        """Σ_t B_at B_b,t+l + B_a,t+l B_bt of the rows of B at the lags l = 0 … n − 1 (n, p, p), at lag 0 only once."""
+        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1, as an array (n,
+        p, p).
+
+        The first entry, for lag 0, is Σ_t B_at B_bt.
+        """
         from scipy import fft
 
         n = len(self.rows)
@@ -185,10 +192,10 @@ class Weighted:
         return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
 
     def removed(self, spread: Matrix) -> Vector:
-        """Compute the part of ν_j² (J,) that the regression removes: ν_j² minus the expected mean square of the
-        residuals.
+        """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes.
 
-        Counted over the coefficients that enter the wavelet variance, or all if a level has none of these.
+        It is ν_j² minus the expected mean square of the Haar coefficients of the residuals. The mean is over the
+        coefficients that are used for the wavelet variance, or over all if a level has none of these.
         """
         covariance = self.rows.T @ spread
         found = np.zeros(self.design.levels)
@@ -201,13 +208,13 @@ class Weighted:
 
 
 def haar(values: Matrix, level: int) -> Matrix:
-    """Compute Haar MODWT coefficients W_{j,t} at all t with 2^j values, along the first axis."""
+    """Compute the Haar MODWT coefficients of a level at all times with 2^j values, along the first axis."""
     half = 1 << (level - 1)
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     return np.asarray((sums[2 * half :] - 2 * sums[half:-half] + sums[: -2 * half]) / (2 * half))
 
 
 def _complete(present: np.ndarray, width: int) -> np.ndarray:
-    """Return which windows of `width` values have all of them."""
+    """Return the mask of the windows of `width` values that have no missing value."""
     sums = np.concatenate([[0], np.cumsum(present)])
     return np.asarray(sums[width:] - sums[:-width] == width)

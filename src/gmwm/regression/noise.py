@@ -1,9 +1,10 @@
-"""Estimate the noise of a series from its wavelet variance, without a selected model: for weights, standard errors and
-bias.
+"""Estimate the noise of a series from its wavelet variance without choosing a model.
 
-The slowest levels have few degrees of freedom, and cannot distinguish a random walk from a Gauss-Markov process with a
-correlation time near the length of the record. The noise is therefore an average over mixtures of processes with
-different longest correlation times, weighted by their likelihoods.
+The result is used for the weights and standard errors of a regression, and for the correction of its residuals.
+
+The coarsest levels have few degrees of freedom. They cannot distinguish a random walk from a Gauss-Markov process with
+a correlation time near the length of the recording. The noise is therefore an average over several mixtures of
+processes, with different limits for the correlation time, weighted by their likelihoods.
 """
 
 from __future__ import annotations
@@ -19,24 +20,26 @@ from gmwm.covariance.mixture import mixture
 from gmwm.processes.base import Process
 
 LONGEST = (0.01, 0.03, 0.12, 0.5)
-"""Longest correlation times of the mixtures, relative to the record; each mixture also has a random walk."""
+"""Limits for the correlation time in the mixtures, relative to the length of the recording. Each mixture also includes
+a random walk."""
 SLOWER = 4.0
-"""Penalty on −2 log L of the mixtures with longer correlation times than the first. An additional parameter gains one
-to two by chance. Without the penalty, standard errors under a random walk were too small by a quarter in simulations;
-docs/validation/regression.md states how often intervals hold with it."""
+"""Penalty that is added to −2 log L of all mixtures except the first one. An additional parameter decreases −2 log L by
+one to two by chance. Without the penalty, standard errors were too small by a quarter in simulations with a random
+walk. docs/validation/regression.md states the coverage of the intervals with the penalty."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """The most likely mixture of processes with correlation times up to a limit.
+    """The mixture of processes with the highest likelihood, for correlation times up to a limit.
 
     Attributes
     ----------
     processes : tuple of Process
+        The K processes with their values.
     parts : (K, J) array
-        Wavelet variance of each process at the levels.
+        Wavelet variance of each process at each level.
     weight : float
-        Its share in the average.
+        Weight of the mixture in the average.
     """
 
     processes: tuple[Process, ...]
@@ -46,15 +49,16 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """An average of mixtures of processes that fit a wavelet variance.
+    """Weighted average of mixtures of processes that describe a wavelet variance.
 
     Attributes
     ----------
     mixtures : tuple of Mixture
+        The mixtures.
     curve : (J,) array
         Wavelet variance ν_j² of the average.
     freedom : (J,) array
-        Degrees of freedom of the levels it was estimated from.
+        Degrees of freedom of the measured wavelet variance from which the mixtures were estimated.
     """
 
     mixtures: tuple[Mixture, ...]
@@ -67,7 +71,7 @@ class Noise:
         (J,)."""
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
         found = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
-        # −2 log of the gamma likelihood of the levels.
+        # −2 log L, with a Gamma distribution for the wavelet variance of each level.
         loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in found])
         loss[1:] += SLOWER
         weights = np.exp(-(loss - loss.min()) / 2)
@@ -93,23 +97,27 @@ class Noise:
         return found
 
     def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
-        """Average over the mixtures; each array has one entry for each process, and the entries are summed."""
+        """Return the weighted average over the mixtures of sums over their processes.
+
+        `of_mixtures` contains an array for each mixture, whose first axis is the process.
+        """
         return np.asarray(sum(m.weight * own.sum(axis=0) for m, own in zip(self.mixtures, of_mixtures, strict=True)))
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
-        """Return the degrees of freedom 2 C²/Var Ĉ of a variance C (Satterthwaite).
+        """Return the degrees of freedom 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation.
 
         Parameters
         ----------
         shares : sequence of (K,) arrays
-            For each mixture, the parts of C that its processes contribute; C is linear in their scales.
+            For each mixture, the contribution of each of its K processes to C. C is linear in the scales of the
+            processes.
         """
         totals = np.array([float(np.sum(own)) for own in shares])
         weights = np.array([one.weight for one in self.mixtures])
         mean = float(weights @ totals)
         variance = float(weights @ (totals - mean) ** 2)
         for one, own in zip(self.mixtures, shares, strict=True):
-            # The scales are a weighted least squares fit to independent levels, each with variance 2 ν⁴/η.
+            # The scales are treated as a weighted least-squares fit to independent levels with variance 2 ν⁴/η each.
             rows = one.parts * np.sqrt(self.freedom / 2) / np.sum(one.parts, axis=0)
             relative = np.linalg.pinv(rows @ rows.T, rcond=1e-10, hermitian=True)
             variance += one.weight * float(own @ relative @ own)

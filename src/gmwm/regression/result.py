@@ -1,4 +1,4 @@
-"""The result of a regression: coefficients with intervals, a joint test, and its effect on the wavelet variance."""
+"""Result of a regression: coefficients with intervals, a joint test, and the effect on the wavelet variance."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem
 
 LEFT = 0.5
-"""Smallest share of the noise at a level that the regression must leave; coarser levels are not fitted
+"""If the regression leaves less than this share of the noise at a level, this level and all coarser levels are dropped
 (docs/validation/regression.md)."""
 
 
 class Effect(NamedTuple):
-    """The effect of a covariate at some of its values, with a confidence band.
+    """Effect of a covariate on an axis at given values of the covariate, with a confidence band.
 
     Attributes
     ----------
     at : (m,) array
         Values of the covariate.
     value, lower, upper : (m,) arrays, in the unit of the axis
-        Relative to the effect at the reference; zero there.
+        Effect relative to the reference value of the covariate, where it is zero, and the confidence limits.
     """
 
     at: Vector
@@ -48,14 +48,14 @@ class Effect(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
-    """Means of an axis over its first covariate, for a plot.
+    """Means of an axis over parts of the recording, with the first covariate, for a plot.
 
     Attributes
     ----------
     at : (m,) array
-        Values of the covariate; hours if it is time or a warm-up.
+        Means of the covariate. For time and for a warm-up, the unit is hours.
     before, after : (m,) arrays
-        Means of the recording, and without the effect of all covariates.
+        Means of the axis before and after the effect of all covariates is subtracted.
     """
 
     at: Vector
@@ -76,11 +76,11 @@ class Coefficient:
     value, error : float
         Estimate and standard error, in `unit`.
     unit : str
-        Unit of the axis per unit of the column; "" if the axis has no unit.
+        Unit of the axis per unit of the column; an empty string if the axis has no unit.
     freedom : float
         Degrees of freedom of the standard error.
     pvalue : float
-        Two-sided p-value of the t test.
+        Two-sided p-value of the t test that the coefficient is zero.
     """
 
     value: float
@@ -100,6 +100,7 @@ class Coefficient:
         Returns
         -------
         (low, high) : tuple of float
+            In `unit`.
         """
         from scipy.special import stdtrit
 
@@ -109,30 +110,31 @@ class Coefficient:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Regression(Summarised, Mapping[str, Coefficient]):
-    """The regression of one axis on conditions: a mapping of column to its coefficient.
+    """Regression of one axis on conditions: a mapping from the names of the columns to their coefficients.
 
     Attributes
     ----------
     axis, unit : str
         Name and unit of the axis.
     basis : Basis
-        The covariates, the values at which their effects are zero, and knots.
+        The covariates, their reference values (at which the effects are zero), and the knots of splines.
     estimates : tuple of float
-        Coefficients β̂ of the p columns.
+        Estimates β̂ of the coefficients of the p columns.
     covariance : (p, p) array
-        Cov β̂.
+        Covariance of β̂.
     freedoms : tuple of float
         Degrees of freedom of each standard error.
     statistic, freedom, pvalue : float
-        Joint test of all coefficients: F with p and `freedom` degrees of freedom.
+        Joint F test that all coefficients are zero: statistic, denominator degrees of freedom (the numerator has p) and
+        p-value.
     ranges : mapping of covariate to (lowest, highest)
-        Range in the recording; of time in hours.
+        Range of each covariate in the recording. The unit of time is hours.
     mean : float
-        Mean of the axis at the references.
+        Mean of the axis at the reference values of the covariates.
     tau, tau_error : float or None
-        Time constant of a warm-up (s) and its standard error.
+        Time constant of a warm-up (s) and its standard error; None without a warm-up.
     block : float
-        Length of the blocks whose means were used (s): covariates are not known at shorter scales.
+        Length of the blocks over which the covariates were averaged (s).
     rate : float
         Sampling rate (Hz).
     kept : (J,) array
@@ -142,10 +144,11 @@ class Regression(Summarised, Mapping[str, Coefficient]):
     points : Points
         Means of up to 256 parts of the recording.
     applied : bool
-        Whether the effect is removed from the axis.
+        Whether the effect is subtracted from the axis.
     coarse : tuple of three floats, or None
-        First coefficient and its standard error from the longer half of the scales alone, and the shortest of these
-        scales (s), if the coefficient differs from the coefficient from all scales.
+        First coefficient and its standard error estimated from the longer half of the scales, and the shortest of these
+        scales (s). None unless this coefficient is significantly farther from zero than the coefficient from all
+        scales.
     """
 
     axis: str
@@ -199,22 +202,22 @@ class Regression(Summarised, Mapping[str, Coefficient]):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """The covariates and the forms of their effects."""
+        """The covariates, with the forms of their effects."""
         return self.basis.terms
 
     @property
     def against(self) -> str:
-        """The covariates, as in the option `against`."""
+        """The covariates as text in the format of the option `against`."""
         return " + ".join(map(str, self.terms))
 
     @property
     def references(self) -> Mapping[str, float]:
-        """Values at which the effect of each covariate is zero; for time in hours."""
+        """Value of each covariate at which its effect is zero. The unit of time is hours."""
         return self.basis.references
 
     @property
     def lag(self) -> dict[str, float]:
-        """Time (s) by which the axis follows each covariate that has a lag."""
+        """Delay (s) of the axis behind each covariate that has a lag column."""
         found = {}
         for term in self.terms:
             if term.lag and self[term.name].value:
@@ -222,7 +225,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return found
 
     def curve(self, at: ArrayLike, name: str | None = None, *, confidence: float = 0.95) -> Effect:
-        """Compute the effect of a covariate at some of its values, relative to its reference.
+        """Compute the effect of a covariate at given values, relative to its reference value.
 
         Parameters
         ----------
@@ -231,7 +234,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         name : str, optional
             The covariate; by default the first one.
         confidence : float
-            Confidence level of the band, at each point.
+            Confidence level of the band at each point.
 
         Raises
         ------
@@ -259,15 +262,16 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return Effect(points, value, value - width, value + width)
 
     def polynomial(self, reference: float | None = None) -> Vector:
-        """Return the coefficients of the bias as a polynomial in temperature − reference, from the constant upwards.
+        """Return the bias as a polynomial in (temperature − reference): its coefficients, starting with the constant.
 
-        For drivers that subtract it: PX4 has the parameters TC_G0_X0_0 to TC_G0_X3_0 with the reference TC_G0_TREF, and
-        ArduPilot INS_TCAL1_GYR1_X to GYR3_X, which are 10⁶ times the coefficients from degree 1 at 35 °C.
+        Sensor drivers that subtract a temperature-dependent bias need this polynomial. PX4 has the parameters
+        TC_G0_X0_0 to TC_G0_X3_0 with the reference TC_G0_TREF. ArduPilot has INS_TCAL1_GYR1_X to GYR3_X; they are 10⁶
+        times the coefficients of degree 1 to 3 for the reference 35 °C.
 
         Parameters
         ----------
         reference : float, optional
-            In °C; by default the reference of the regression.
+            Reference temperature (°C); by default the reference of the regression.
 
         Returns
         -------
@@ -296,14 +300,14 @@ class Regression(Summarised, Mapping[str, Coefficient]):
     def corrected(self, wv: WaveletVariance) -> WaveletVariance:
         """Return the wavelet variance of the noise, computed from the wavelet variance of the residuals.
 
-        A regression also removes a part of the noise, 1 − `kept`, mostly at the coarsest levels. The variance of a
-        level is divided by the share that is left, and its relative covariance grows accordingly. Levels where less
-        than half is left are dropped.
+        A regression also removes a share 1 − `kept` of the noise, mostly at the coarsest levels. The variance of each
+        level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
+        level on at which less than half of the noise is left, the levels are dropped.
 
         Parameters
         ----------
         wv : WaveletVariance
-            That of the residuals.
+            Wavelet variance of the residuals.
         """
         kept = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
         count = int(np.argmax(kept < LEFT)) if np.any(kept < LEFT) else kept.size
@@ -326,14 +330,15 @@ class Regression(Summarised, Mapping[str, Coefficient]):
     def plot(
         self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
     ) -> MatplotlibFigure:
-        """Draw the axis over its first covariate, before and after the effect is removed, with the effect and its band.
+        """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
+        band.
 
         Parameters
         ----------
         units : "si" or "datasheet"
             rad/s and m/s², or deg/h and mg.
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; a new figure by default.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -370,7 +375,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the regression as numbers, lists and strings, ready for JSON."""
+        """Return the regression as numbers, lists and strings for JSON."""
         return {
             "axis": self.axis, "unit": self.unit, "against": self.against,
             "coefficients": {
@@ -393,7 +398,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Regression:
-        """Restore a regression from `content`, the output of `to_dict`."""
+        """Create a regression from `content`, the result of `to_dict`."""
         knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
         terms = tuple(map(Term.parse, content["against"].split("+")))
         own = list(content["coefficients"].values())
@@ -420,7 +425,10 @@ class Regression(Summarised, Mapping[str, Coefficient]):
 
 
 def per(unit: str, power: str) -> str:
-    """Return the unit of an axis per unit of a column: "(deg/s)/°C", or "" if one of them is unknown."""
+    """Return the unit of an axis per unit of a column, such as "(deg/s)/°C".
+
+    If one of the units is unknown, the unit of the axis is returned.
+    """
     if not unit or not power:
         return unit
     return f"({unit})/({power})" if "/" in power else f"({unit})/{power}" if "/" in unit else f"{unit}/{power}"

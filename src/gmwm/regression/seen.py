@@ -1,5 +1,7 @@
-"""The data that a regression needs of a recording that is not in memory: its clock, its temperature and its block
-means."""
+"""Collect the data that a regression needs from a recording that is not in memory.
+
+These are the times of the samples, the temperature, and the sums over blocks.
+"""
 
 from __future__ import annotations
 
@@ -19,21 +21,22 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Clock, temperature and block means of a recording that was read once.
+    """Times, temperature and block sums of a recording that was read once in batches.
 
     Attributes
     ----------
     recording : Streamed
+        The recording.
     clock : Signal
-        A signal with the segments of the recording. Its values are the temperature, or zeros.
+        A signal with the segments and times of the recording. Its values are the temperature, or zeros.
     temperature : (N,) array or None
         Temperature (°C).
     length : int
-        Samples of the blocks.
+        Number of samples in a block.
     sums : mapping of axis to (n,) array
-        Sums of the samples of each block, clipped.
+        Sum of the samples in each block, after outlying samples were clipped.
     curves : mapping of axis to WaveletVariance
-        The wavelet variances of the axes as they are, if they were asked for.
+        Wavelet variances of the axes, if they were requested, before the effect of conditions is subtracted.
     """
 
     recording: Streamed
@@ -45,7 +48,8 @@ class Seen:
 
     @classmethod
     def of(cls, recording: Streamed, length: int, *, curves: bool = False, threads: int | None = None) -> Seen:
-        """Read a recording, for blocks of a length, and measure its wavelet variances if `curves` is true.
+        """Read a recording and sum it over blocks of `length` samples. With `curves`, also measure its wavelet
+        variances.
 
         Raises
         ------
@@ -76,6 +80,7 @@ class Seen:
         return cls(recording, like, temperature, length=length, sums=sums, curves=found)
 
     def means(self, clock: Clock) -> dict[str, Vector]:
-        """Return the block means of all axes; the recording is read again if its blocks have another length."""
+        """Return the block means of all axes. If the clock has blocks of another length, the recording is read
+        again."""
         sums = self.sums if clock.length == self.length else Seen.of(self.recording, clock.length).sums
         return {axis: clock.mean_of(own) for axis, own in sums.items()}
