@@ -1,4 +1,4 @@
-"""Model selection: rank candidates by one criterion, with its uncertainty."""
+"""Model selection: rank candidate models by an information criterion, with its uncertainty."""
 
 from gmwm.selection.api import rank, select
 from gmwm.selection.ranking import Candidate, Comparison, Ranking

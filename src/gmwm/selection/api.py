@@ -1,4 +1,4 @@
-"""Rank models by the wavelet information criterion: given models, or all models within a general one."""
+"""Rank given models, or all models within a general one, by the wavelet information criterion."""
 
 from __future__ import annotations
 
@@ -39,13 +39,16 @@ from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
 
 CLEAR = 4.0
-"""Number of standard errors of the difference of two criteria above which the larger one is not equivalent. The
-standard error assumes Gaussian levels, which the coarse ones are not: with 2, the true WN + RW is excluded in 10 % of
-recordings, with 4 in none of 40 (docs/validation/selection.md)."""
+"""A model is not equivalent to the best one if its criterion is larger by more than this number of standard errors of
+the difference. The standard error assumes Gaussian wavelet variances, which does not hold at coarse levels. With 2, the
+true model WN + RW is excluded in 10 % of recordings; with 4, it was excluded in none of 40
+(docs/validation/selection.md)."""
 REJECTED = 0.005
-"""p-value of the goodness-of-fit test below which a model is not equivalent to a best one with a p-value more than ten
-times as large. Five true models of a thousand have such a p-value (tests/selection/test_equivalence.py)."""
+"""A model is not equivalent to the best one if the p-value of its goodness-of-fit test is below this level, and the
+p-value of the best one is more than `BETTER` times as large. A true model has such a p-value in 5 of 1000 recordings
+(tests/selection/test_equivalence.py)."""
 BETTER = 10.0
+"""Ratio of p-values; see `REJECTED`."""
 
 Data = WaveletVariance | Signal | ArrayLike
 AnyModel = Model | Process | str
@@ -66,42 +69,46 @@ def select(
     against: Against = None,
     progress: Progress | None = None,
 ) -> Ranking:
-    """Select a model: rank every model within a general one, and recommend the simplest that is as good as the best.
+    """Select a model: rank every model within a general one, and recommend the simplest model that is as good as the
+    best.
 
-    All models are fitted with one weighting matrix Ω, the weighting matrix of the general model at its estimate, and
-    compared by the wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂, ν(θ̂)) Ω]. The criterion is uncertain
-    and tends to keep unnecessary terms. A model is therefore equivalent to the best one if, in more than 5 % of the
-    records simulated from it, its criterion exceeds the smallest criterion by at least as much as in the data. Models
-    that contain a smaller equivalent model are left out, and the simplest of the remaining ones is recommended.
+    All models are fitted with the same weighting matrix Ω, which is computed from the estimate of the general model.
+    They are compared by the wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂², ν²(θ̂)) Ω], where ν̂² is the
+    measured wavelet variance and ν²(θ̂) the one of the fitted model. The second term is the optimism: a fit is closer
+    to its own data than to other data. The criterion is uncertain and tends to keep unnecessary terms. A model is
+    therefore equivalent to the best one if its larger criterion can be chance: in more than 5 % of the recordings
+    simulated from this model, its criterion exceeds the smallest criterion by at least as much as in the data. Models
+    that contain a smaller equivalent model are left out, and the simplest of the remaining models is recommended.
 
     Parameters
     ----------
     general : Model, Process or str
         The largest model, for example `4 * GM() + WN() + QN() + RW() + DR()`. Fixed values stay fixed, and a process
-        whose values are all fixed is in every candidate. If the general model has more parameters than there are
-        levels, the candidates have at most as many parameters as levels.
+        whose values are all fixed is in every candidate. Models with more parameters than the wavelet variance has
+        levels are not candidates.
     data : WaveletVariance, Signal or (N,) array; or a list of these
-        The recording. Several recordings must be of one unit. The candidates are then fitted to the mean of their
-        curves, and ranked by cross-validation: each recording is left out in turn, and its distance from a fit to the
-        other recordings is the loss. A model that describes a disturbance of one recording has a large loss.
+        The recording, or several recordings of the same sensor. With several recordings, the candidates are fitted to
+        the mean of the wavelet variances, and ranked by cross-validation. Each recording is left out in turn, and the
+        loss is its distance from a fit to the other recordings. A model that describes a disturbance of one recording
+        only has a large loss.
     rate : float, optional
         Sampling rate (Hz); only for plain arrays.
     weighting : "optimal" or "diagonal"
-        Ω = V⁻¹ or 1 / V_jj, where V is the exact covariance of ν̂² under the general model. "optimal" distinguishes
-        models best.
+        Ω = V⁻¹ or diag(1 / V_jj), where V is the exact covariance of ν̂² under the general model. "optimal"
+        distinguishes models best.
     criterion : "asymptotic" or "bootstrap"
-        How the optimism is computed: by first-order theory, or by fitting every candidate to `draws` records simulated
-        from the general model, which takes some milliseconds for each candidate and record.
+        How the optimism is computed: by first-order theory, or by fitting every candidate to `draws` recordings
+        simulated from the general model. A simulated fit takes a few milliseconds.
     confidence : float
-        Probability that the true model is among the equivalent ones, if it is a candidate.
+        Probability that the true model is among the equivalent models, if it is a candidate.
     draws : int
-        Number of simulated records for the uncertainty of the criterion and for the bootstrap.
+        Number of simulated recordings for the uncertainty of the criterion and for the bootstrap.
     rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same result.
+        Seed or generator of the random numbers. The same integer gives the same result.
     robust, efficiency, against
-        As for `fit`. All models are compared with the same regression.
+        As for `fit`. The same regression is used for all models.
     progress : callable, optional
-        Called with the number of candidates done and the number of all candidates.
+        Function that is called with the number of fitted candidates and the number of all candidates.
 
     Returns
     -------
@@ -114,7 +121,7 @@ def select(
     MissingTheoryError
         If a process does not define its autocovariance.
     DataError, OptionError
-        As for `fit`; or if recordings differ in their rate, unit or estimator.
+        As for `fit`, and if the recordings differ in their rate, unit or estimator.
 
     References
     ----------
@@ -149,8 +156,8 @@ def select_within(
     against: Against = None,
     progress: Progress | None = None,
 ) -> Ranking:
-    """Rank every model within a general one, with options that are already checked; all models contain the `required`
-    terms."""
+    """Rank every model within a general one, with the `required` terms added to each. The options are already
+    checked."""
     wv = measured(data, rate, robust, efficiency, against=against)
     optional = without_drift(without_values(as_model(general)), [wv])
     models = nested(optional)
@@ -184,7 +191,7 @@ def rank(
 ) -> Ranking:
     """Rank given models by the criterion of `select`.
 
-    Ω and V belong to the smallest model that contains all candidates.
+    The weighting matrix Ω and the covariance V are computed from the smallest model that contains all candidates.
 
     Parameters
     ----------
@@ -200,7 +207,7 @@ def rank(
     Raises
     ------
     ModelError, DataError, OptionError
-        As `select` does.
+        As for `select`.
 
     Examples
     --------
@@ -226,7 +233,7 @@ def rank(
 def rank_models(
     models: Sequence[Model], wv: WaveletVariance, options: RankingOptions, *, progress: Progress | None = None
 ) -> Ranking:
-    """Rank given models, with options that are already checked."""
+    """Rank given models. The options are already checked."""
     wanted = [without_values(model) for model in models]
     for model in wanted:
         if freedom(model) > len(wv):
@@ -240,8 +247,10 @@ def rank_models(
 
 
 def _union(models: Sequence[Model]) -> Model:
-    """Return the smallest model that contains all models; a term that is fixed in some models and free in others is
-    free."""
+    """Return the smallest model that contains all models.
+
+    A term that is fixed in some models and free in others is free in the result.
+    """
     most = Counter[Process]()
     for model in models:
         most |= Counter(model.processes)
@@ -261,8 +270,10 @@ def _union(models: Sequence[Model]) -> Model:
 
 
 def _join(one: Process, other: Process) -> type[Process] | None:
-    """Return the class of a process whose order includes the orders of two processes; None if they have fixed
-    values."""
+    """Return the class of a process that includes two processes of different order, such as ARMA processes.
+
+    The result is None if there is no such class, or if one of the processes has fixed values.
+    """
     if type(one) is type(other) or any(
         process.is_fixed(p.name) for process in (one, other) for p in process.parameters
     ):
@@ -303,9 +314,10 @@ def _ranked(
 
 
 def _levels(made: Sequence[Candidate]) -> dict[str, float]:
-    """Return the criterion of each structure, the same for structures that differ by no more than the numerical error.
+    """Return the criterion of each structure. Criteria that differ only by numerical errors get the same value.
 
-    ARMA(1,1) and GM + WN have one curve; the last digits of their criteria must not choose between them.
+    For example, ARMA(1,1) and GM + WN have the same wavelet variance. The last digits of their criteria must not decide
+    between them.
     """
     level: dict[str, float] = {}
     least = -np.inf
@@ -317,8 +329,7 @@ def _levels(made: Sequence[Candidate]) -> dict[str, float]:
 
 
 def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
-    """Sort by the criterion. A model with the same fit as a smaller one comes after it, whatever the rounding
-    errors."""
+    """Sort candidates by the criterion. A model with the same fit as a smaller model comes after it."""
     level = _levels(made)
     return sorted(
         made,
@@ -345,7 +356,7 @@ def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | No
 
 
 def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:
-    """Compute the criterion of each candidate; fits that candidates share are evaluated once."""
+    """Compute the criterion of each candidate. If candidates share a fit, it is evaluated once."""
     known: dict[int, float] = {}
     variances = None
     if method == "bootstrap":
@@ -362,7 +373,7 @@ def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list
 
 
 def _related(made: Sequence[Candidate]) -> list[Candidate]:
-    """Set `same_as` of candidates that have the same fit as a smaller one."""
+    """Set `same_as` of candidates that have the same fit as a smaller candidate."""
     own = {frozenset(structure_of(c.model).items()): c for c in made}
     alike: dict[int, Candidate] = {}
     for c in sorted(made, key=lambda c: freedom(c.model)):
@@ -378,7 +389,7 @@ def _related(made: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _end(name: str, target: Mapping[str, str | None]) -> str:
-    """Return the last name of a chain of `same_as`."""
+    """Follow a chain of `same_as` names, and return the last one."""
     seen = {name}
     while (after := target[name]) is not None and after not in seen:
         name = after
@@ -387,10 +398,11 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Return the number of parameters; noise without a correlation time is counted as two additional parameters.
+    """Return the number of parameters plus 2 for each term without a correlation time or shape parameters that is no
+    sinusoid.
 
-    Flicker noise has one parameter, but the curve of several Gauss-Markov processes. In short recordings it would
-    replace a single one.
+    Flicker noise has one parameter, but its wavelet variance is similar to a sum of several Gauss-Markov processes.
+    Without the additional count, it would often replace a single Gauss-Markov process in short recordings.
     """
     return candidate.parameters + 2 * sum(
         p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
@@ -399,10 +411,10 @@ def _complexity(candidate: Candidate) -> int:
 
 
 def _rejected(candidate: Candidate, best: Candidate) -> bool:
-    """Return whether the goodness-of-fit test rejects a candidate, and the best one fits much better.
+    """Return whether the goodness-of-fit test rejects a candidate, and the best candidate fits much better.
 
-    The criteria alone do not show this: with the weights of a candidate that is far below the data at long scales, its
-    rivals can be as far from the data.
+    The test of equivalence alone is not sufficient. It uses the weights of the candidate. If the candidate is far below
+    the data at long scales, other models can appear equally far from the data with these weights.
     """
     own, other = candidate.pvalue, best.pvalue
     return own is not None and other is not None and own < REJECTED and other > BETTER * own
@@ -411,8 +423,10 @@ def _rejected(candidate: Candidate, best: Candidate) -> bool:
 def _equivalent(
     made: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """Return the candidates that are as good as the best, except those that contain another such candidate; the
-    simplest first."""
+    """Return the candidates that are as good as the best one, the simplest first.
+
+    Candidates that contain a smaller such candidate are left out.
+    """
     best, level = made[0], _levels(made)
     equivalent: list[Candidate] = []
     own = (c for c in made if c.same_as is None)
@@ -424,12 +438,12 @@ def _equivalent(
             difference = candidate.wic.value - best.wic.value
             if difference > SURELY:
                 continue
-            # A simpler model does not override a clear difference of the criteria.
+            # A model with a clearly larger criterion is not equivalent, even if it is simpler.
             if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.matrix, explored.wavelet):
                 continue
             if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
                 continue
-            # Last, because the test fits the candidate again with its own weights.
+            # This is the last check, because the test fits the candidate again with its own weights.
             if _rejected(candidate, best):
                 continue
         equivalent.append(candidate)

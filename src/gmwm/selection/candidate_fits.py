@@ -1,4 +1,4 @@
-"""Fit all candidates to one recording with the weighting matrix Ω of the general model."""
+"""Fit all candidate models to a recording with the weighting matrix Ω of the general model."""
 
 from __future__ import annotations
 
@@ -24,27 +24,31 @@ from gmwm.variance.pooling import without
 from gmwm.variance.result import WaveletVariance
 
 NOT_LOWER = 1e-9
-"""Relative difference below which two objectives are equal (tests/selection/test_nested_objectives.py)."""
+"""Two objectives count as equal if their relative difference is below this
+(tests/selection/test_nested_objectives.py)."""
 
 EVERY = 8
-"""Step through the grid of correlation times. Neighbours then differ by 20 % (used in docs/validation/selection.md)."""
+"""Only every EVERY-th point of the grid of correlation times is used. Neighbouring points then differ by 20 % (used in
+docs/validation/selection.md)."""
 
 Progress = Callable[[int, int], None]
-"""Progress callback: called with the number of candidates done and the number of all candidates."""
+"""Progress callback, which is called with the number of fitted candidates and the number of all candidates."""
 
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """All candidates, fitted to one recording.
+    """Fits of all candidates to one recording.
 
     Attributes
     ----------
     general : Fit
-        The fit of the largest model with at most as many parameters as levels; its Ω and V are used for all others.
+        Fit of the largest model that has at most as many parameters as there are levels. Its Ω and V are used for all
+        candidates.
     matrix, wavelet : (J, J) arrays
-        Ω, and the covariance V of ν̂².
+        Weighting matrix Ω, and covariance V of the measured wavelet variance ν̂².
     fits : tuple of Fit
-        One for each candidate. A candidate with terms that are zero may share the fit of a smaller one.
+        Fit of each candidate. A candidate with terms that are estimated as zero may share the fit of a smaller
+        candidate.
     """
 
     general: Fit
@@ -57,7 +61,7 @@ class Explored:
 
     @cached_property
     def columns(self) -> tuple[Matrix, int]:
-        """The result of `relaxed_columns`, which all tests of equivalence use."""
+        """Result of `relaxed_columns`, which all tests of equivalence use."""
         return relaxed_columns(self)
 
 
@@ -69,10 +73,11 @@ def explore(
     *,
     progress: Progress | None = None,
 ) -> Explored:
-    """Fit every candidate with the Ω of the general model.
+    """Fit every candidate with the weighting matrix Ω of the general model.
 
-    If the optimum of a sum has terms that are zero, it is also the optimum of every sum in between, which saves most of
-    the work. A sum never has a larger objective than one of its parts; `mend` ensures this.
+    If the optimum of a model has terms that are zero, it is also the optimum of every smaller model that contains the
+    other terms. These models need no fit of their own, which saves most of the work. The objective of a model is never
+    larger than the objective of a model that it contains; `mend` ensures this.
     """
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
@@ -90,10 +95,11 @@ def explore(
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
-    """Return the mean loss of each candidate on a recording that its fit did not use; None for a single recording.
+    """Return the mean loss of each candidate for recordings that its fit did not use, or None for a single recording.
 
-    Each recording is left out once. The fits to the others have the Ω of the general model, and the loss has that of
-    the recording: (ν̂_r − ν)ᵀ Ω_r (ν̂_r − ν).
+    Each recording r is left out once. The candidates are fitted to the other recordings with the Ω of the general
+    model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²), where ν²_r is the wavelet variance of the left-out recording, ν²
+    is the one of the fit, and Ω_r is the weighting matrix for a recording of this length.
     """
     wv = explored.general.wavelet_variance
     if len(wv.recordings) < 2:
@@ -111,7 +117,7 @@ def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: 
 
 
 def _explored_again(explored: Explored, candidates: Sequence[Model], wv: WaveletVariance, weighting: str) -> list[Fit]:
-    """Fit the candidates to other data, with the weights of `explored`."""
+    """Fit the candidates to other data with the weighting matrix of `explored`."""
     matrix = explored.matrix
     if len(wv) < len(matrix):
         matrix = _inverse(explored.wavelet[: len(wv), : len(wv)], weighting)
@@ -120,7 +126,8 @@ def _explored_again(explored: Explored, candidates: Sequence[Model], wv: Wavelet
     for model in sorted(fitting, key=lambda model: -len(model.processes)):
         search.add(model)
     search.mend()
-    # A model with more parameters than the other recordings have levels has the fit of the largest one.
+    # If a model has more parameters than the other recordings have levels, the fit of the largest possible model is
+    # used.
     return [search.fit(model if freedom(model) <= len(wv) else max(fitting, key=freedom)) for model in candidates]
 
 
@@ -138,7 +145,7 @@ class _Solved:
 
 
 class _Exploration:
-    """The solutions for one Ω, by structure of the sum."""
+    """Solutions for one weighting matrix Ω, by structure of the model."""
 
     def __init__(self, wv: WaveletVariance, matrix: Matrix, weighting: str) -> None:
         self.wv, self.matrix, self.weighting = wv, matrix, weighting
@@ -146,7 +153,7 @@ class _Exploration:
         self.fits: dict[int, Fit] = {}
 
     def take(self, model: Model, problem: Problem, solution: Solution) -> _Solved:
-        """Store a solution, also for the smaller model without terms that are zero."""
+        """Store the solution of a model. If terms are zero, also store it for the smaller model without them."""
         structure = structure_of(model)
         shown = _shown(model, problem, solution)
         found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
@@ -156,7 +163,7 @@ class _Exploration:
         return found
 
     def add(self, model: Model) -> None:
-        """Solve a candidate, unless its solution is known."""
+        """Fit a candidate, unless its solution is already known."""
         structure = structure_of(model)
         if _key(structure) in self.solved:
             return
@@ -168,7 +175,7 @@ class _Exploration:
         self.take(model, problem, solve(problem, certify=False))
 
     def mend(self) -> None:
-        """Replace a solution whose objective is larger than the objective of a model that it contains."""
+        """Replace each solution whose objective is larger than the objective of a model that it contains."""
         for key, found in sorted(self.solved.items(), key=lambda item: item[1].structure.total()):
             square, reached = found.problem.unit**2, found.solution.objective
             most = found.structure.total()
@@ -181,14 +188,14 @@ class _Exploration:
                 self.solved[key] = replace(best, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:
-        """Return the fit of a candidate; sums with the same optimum share one fit."""
+        """Return the fit of a candidate. Models with the same optimum share one fit."""
         found = self.solved[_key(structure_of(model))]
         if id(found.solution) not in self.fits:
             self.fits[id(found.solution)] = as_fit(Settled(found.problem, found.solution), self.wv, self.weighting)
         return self.fits[id(found.solution)]
 
     def _part(self, found: _Solved) -> _Solved:
-        """Return the solution without the terms that are zero."""
+        """Return a solution in the form of the smaller model without the terms that are zero."""
         old = found.problem
         linear = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
         moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
@@ -203,7 +210,7 @@ class _Exploration:
 
 
 def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
-    """Return the structure without the terms that are zero."""
+    """Return the structure of a solved model without the terms that are zero."""
     structure = structure_of(model)
     zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
     zero += [k for k, term in zip(problem.shaped, solution.terms, strict=True) if term.scale == 0]
@@ -216,11 +223,13 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Return wavelet variances (n, J) that the general model can add, and the number of those without shape parameters.
+    """Return the wavelet variances (n, J) of processes that the general model can add to a candidate.
 
-    Those without shape parameters come first. A process with a search is evaluated on a grid over its domain. For other
-    processes with shape parameters, such a grid would allow more than their parameters can reach; they have their
-    estimate and its derivatives.
+    The second value is the number of rows for processes without shape parameters.
+
+    These rows come first. A Gauss-Markov process is evaluated on a grid over the domain of its correlation time. For
+    processes with several shape parameters, mixtures of grid points would describe more curves than one such process
+    can. The rows of these processes are the estimated shape and its derivatives.
     """
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
@@ -235,7 +244,8 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
 
 
 def _ways(general: Fit, problem: Problem) -> list[Matrix]:
-    """Return the estimated shape of each free process, and its derivatives with both signs."""
+    """Return the estimated shape of each other process with free shape parameters, and its derivatives with both
+    signs."""
     rows = []
     for process in general.model.processes:
         moving = to_find(process)

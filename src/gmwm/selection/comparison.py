@@ -1,4 +1,4 @@
-"""The difference of two criteria and its standard error."""
+"""Compare two candidates: the difference of their criteria and its standard error."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from gmwm.selection.ranking import Candidate, Comparison, Ranking
 
 
 def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
-    """Compare two candidates of a ranking.
+    """Return the difference of the criteria of two candidates of a ranking, with its standard error.
 
-    The loss of a model is the quadratic form |P L (ν̂ − ν)|² of ν̂², where P projects onto the complement of the
-    directions in which the curve of the model can change. The difference of two losses, (e + m)ᵀ(P₁ − P₂)(e + m), has
-    the variance 2 tr[(AW)²] + 4 aᵀWa with A = P₁ − P₂, W = LVLᵀ, and a = r₁ − r₂, the difference of the residuals.
+    Let Ω = LᵀL be the weighting matrix, and V the covariance of the measured wavelet variance ν̂². For small changes,
+    the loss of model i is |P_i L (ν̂² − ν²)|². The matrix P_i projects onto the complement of the directions in which
+    the wavelet variance ν² of the model can change with its parameters. The variance of the difference of two losses is
+    then 2 tr[(AW)²] + 4 aᵀWa, with A = P₁ − P₂ and W = LVLᵀ. a = r₁ − r₂ is the difference of the weighted residuals.
     """
     error = difference_error(first.fit, second.fit, ranking.weighting_matrix, ranking.wavelet)
     difference = first.wic.value - second.wic.value
@@ -25,8 +26,10 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
 
 
 def difference_error(first: Fit, second: Fit, matrix: Matrix, wavelet: Matrix) -> float:
-    """Compute the standard error of the difference of the losses of two fits, for Ω (J, J) and V (J, J) of the
-    ranking."""
+    """Compute the standard error of the difference between the losses of two fits.
+
+    `matrix` is Ω (J, J) and `wavelet` is V (J, J) of the ranking; see `compared`.
+    """
     root = square_root(matrix)
     scatter = root @ wavelet @ root.T
     design = Design.of(first.wavelet_variance)

@@ -1,12 +1,15 @@
-"""Test which candidates are equivalent to the best one, given the uncertainty of the criterion.
+"""Test whether a candidate is equivalent to the best model, given the uncertainty of the criterion.
 
-A candidate is equivalent to the best model if its own records show, in more than one of twenty cases, a criterion that
-exceeds the smallest one by as much. "Own records" are drawn from the candidate with the covariance V that it implies,
-because the covariance of a larger model would give too much weight to levels that happen to be small. A record is drawn
-as its wavelet variances: the chi-square distribution of each level with the correlations of V. The candidate is fitted
-to each record by first-order theory. Its rivals are every sum with one more term and, as a bound for all sums with
-several more terms, the best sum of any number of processes with the penalty of two parameters. In this way, the test
-accounts for the choice of the smallest among many criteria.
+Recordings are simulated from the candidate. The candidate is equivalent if, in more than 5 % of these recordings, its
+criterion exceeds the smallest criterion by at least as much as in the data.
+
+A simulated recording consists only of its wavelet variances. They have a chi-square distribution at each level and the
+covariance V that the candidate implies. The covariance of a larger model would give too much weight to levels with
+small measured variances. The fit of the candidate to a simulated recording is computed by first-order theory.
+
+The rivals in each simulated recording are all models with one more term. To bound all models with several more terms,
+the test uses the best sum of any number of processes, with the penalty of two parameters. The test thus takes into
+account that the smallest of many criteria is chosen.
 """
 
 from __future__ import annotations
@@ -33,27 +36,32 @@ from gmwm.selection.candidate_fits import Explored
 from gmwm.selection.structure import without_values
 
 SPARE = 1e-8
-"""Squared norm of the part of a unit vector outside the span of the others, below which a term is collinear: √ε of a
-double."""
+"""A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of the
+candidate. The value is √ε of a double."""
 SURELY = 100.0
-"""Difference of criteria under the common Ω above which a candidate is rejected without another fit, to save time."""
+"""A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
+one by more than this."""
 NEVER = 1e-6
-"""p-value of a bound on the loss below which a candidate is rejected without another fit, to save time."""
+"""A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below this."""
 CLOSER = 1
-"""Number of times that a rejected candidate is fitted again, with the weights of its last fit; see
+"""Number of times that a rejected candidate is fitted and tested again, with weights from its last fit; see
 docs/validation/selection.md."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hypothesis:
-    """The hypothesis that a recording comes from a candidate, with recordings simulated from the candidate.
+    """The hypothesis that the data come from a candidate, with recordings simulated from this candidate.
 
     Attributes
     ----------
+    explored : Explored
+        The fits of all candidates.
     fit : Fit
-        The candidate, fitted with the common Ω.
+        Fit of the candidate; at first with the Ω that all candidates share.
     matrix, wavelet : (J, J) arrays
-        Ω and V of the candidate: V at the fit, and Ω = V⁻¹ or 1 / V_jj.
+        Ω and V of the candidate: V is the covariance of ν̂² under the fit, and Ω is V⁻¹ or diag(1 / V_jj).
+    draws, seed : int
+        Number of simulated recordings, and seed of the random numbers.
     """
 
     explored: Explored
@@ -65,7 +73,7 @@ class Hypothesis:
 
     @classmethod
     def of(cls, explored: Explored, fit: Fit, draws: int, seed: int) -> Hypothesis | None:
-        """Make the hypothesis for a fit; None if the candidate has no noise at some level."""
+        """Create the hypothesis for a fit, or return None if the fitted model has no noise at some level."""
         wv = fit.wavelet_variance
         try:
             wavelet = drawn_covariance(fit.model, Design.of(wv), wv.variance)
@@ -77,8 +85,10 @@ class Hypothesis:
         return cls(explored=explored, fit=fit, matrix=matrix, wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
-        """Return whether the loss exceeds the loss of the rival by far more than chance explains, without another
-        fit."""
+        """Return whether the loss of the candidate exceeds the loss of a rival by far more than chance explains.
+
+        This check needs no other fit.
+        """
         from scipy.special import gammaincc
 
         losses = []
@@ -90,17 +100,18 @@ class Hypothesis:
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
 
     def excess(self, rival: Fit) -> float:
-        """Return the criterion of the candidate minus the criterion of a rival, both fitted with Ω."""
+        """Return the criterion of the candidate minus the criterion of a rival, after fitting both with the candidate's
+        Ω."""
         criteria = [fit.objective + optimism(fit, self.wavelet) for fit in (self.again, self._fitted(rival))]
         return criteria[0] - criteria[1]
 
     @cached_property
     def again(self) -> Fit:
-        """Fit the candidate with its own Ω."""
+        """Fit of the candidate with its own Ω."""
         return self._fitted(self.fit)
 
     def closer(self) -> Hypothesis | None:
-        """Return the hypothesis with Ω and V from the fit `again`; None if it has no noise at some level."""
+        """Return the hypothesis with Ω and V from the fit `again`, or None if this fit has no noise at some level."""
         return Hypothesis.of(self.explored, self.again, self.draws, self.seed)
 
     def _fitted(self, fit: Fit) -> Fit:
@@ -115,35 +126,38 @@ class Hypothesis:
 
     @cached_property
     def axes(self) -> Matrix:
-        """Directions in which the curve of the candidate can change."""
+        """Orthonormal directions (J, p) in which the weighted wavelet variance of the candidate can change."""
         return axes_of(self.fit, self.root, Design.of(self.fit.wavelet_variance))
 
     @cached_property
     def errors(self) -> Matrix:
-        """Weighted errors (B, J) of ν̂² in B recordings simulated from the candidate."""
+        """Weighted deviations (B, J) of the wavelet variance from its true value in B simulated recordings."""
         return drawn_errors(self.fit.implied, self.wavelet, self.draws, self.seed) @ self.root.T
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of all processes, and the number of processes without a search, which come first."""
+        """Unit vectors (n, J) of the weighted wavelet variances of all processes that can be added.
+
+        The second value is the number of processes without shape parameters, which come first.
+        """
         shapes, linear = self.explored.columns
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
 
     @cached_property
     def losses(self) -> Vector:
-        """Losses (B,) of the candidate for the recordings simulated from it."""
+        """Losses (B,) of the candidate in the simulated recordings."""
         taken = self.errors @ self.axes
         return np.asarray(np.sum(self.errors**2, axis=1) - np.sum(taken**2, axis=1))
 
     @cached_property
     def single(self) -> Matrix:
-        """Reduction of the criterion by one more term (B, k), for each recording and term."""
+        """Decrease (B, k) of the criterion that one more term causes, for each simulated recording and term."""
         return self._single[0]
 
     @property
     def least(self) -> float:
-        """Smallest penalty of two additional parameters."""
+        """Smallest penalty for two additional parameters."""
         return self._single[1]
 
     @cached_property
@@ -157,12 +171,13 @@ class Hypothesis:
         spread = columns @ self.root @ factor_of(self.wavelet)
         penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, SPARE)
         net = np.where(new, gain - penalty, 0.0)
-        # A process that replaces its own limit at an end of its domain needs only one more parameter.
+        # If the candidate contains a process that is a limit of the added one, the added process has one more
+        # parameter.
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
     def several(self, records: NDArray[np.int64]) -> Vector:
-        """Return an upper bound of the reduction of the criterion by two or more parameters, for some simulated
+        """Return an upper bound for the decrease of the criterion by two or more parameters in the given simulated
         recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
@@ -172,7 +187,7 @@ class Hypothesis:
 
 
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
-    """Return whether a candidate is equivalent to its rival."""
+    """Return whether a candidate is equivalent to a rival with a smaller criterion, by a test of level `size`."""
     hypothesis = Hypothesis.of(explored, fit, draws, seed)
     for closer in range(1 + CLOSER):
         if closer and hypothesis is not None:
@@ -185,15 +200,18 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Return whether a share of more than `size` of the simulated recordings shows a difference as large as in
-    the data."""
+    """Return whether more than the share `size` of the simulated recordings has as large a difference as the data.
+
+    The difference is the criterion of the candidate minus the smallest criterion.
+    """
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
     single = np.max(hypothesis.single, axis=1)
     if np.mean(single >= difference) > size:
         return True
-    # The remaining loss of the best sum is at least zero, so the loss itself is a bound, which rejects most candidates.
+    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
+    # this bound rejects most candidates.
     most = hypothesis.losses - hypothesis.least
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
@@ -203,7 +221,10 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
-    """Draw errors of ν̂² (B, J): chi-square at each level, with the variances and correlations of V."""
+    """Draw deviations of ν̂² (B, J) from a curve, with chi-square distributions and the covariance V.
+
+    `wavelet` is V (J, J).
+    """
     from scipy.special import chdtri, ndtr
 
     deviation = np.sqrt(np.diag(wavelet))
@@ -214,14 +235,15 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 
 def factor_of(wavelet: Matrix) -> Matrix:
-    """Return F (J, J) with FFᵀ = V, from V scaled to unit diagonal."""
+    """Return F (J, J) with FFᵀ = V. V is first scaled to unit diagonal."""
     deviation = np.sqrt(np.diag(wavelet))
     share, axes = np.linalg.eigh(wavelet / np.outer(deviation, deviation))
     return np.asarray(deviation[:, None] * axes * np.sqrt(np.maximum(share, 0)))
 
 
 def axes_of(fit: Fit, root: Matrix, design: Design) -> Matrix:
-    """Return orthonormal directions (J, p) in which the fitted curve can change."""
+    """Return orthonormal directions (J, p) in which the weighted wavelet variance of a fit can change with its
+    parameters."""
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
     slopes = root @ relative_jacobian(fit.model, design, columns)
     length = np.linalg.norm(slopes, axis=0)

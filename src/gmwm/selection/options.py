@@ -1,4 +1,4 @@
-"""Options of `select` and `rank`, checked when they are made."""
+"""Options of `select` and `rank`."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ from gmwm.options import as_confidence, as_whole_number, one_of
 
 Weights = Literal["optimal", "diagonal"]
 DRAWS = 500
+"""Default number of simulated recordings."""
 FEWEST_DRAWS = 100
+"""Smallest number of simulated recordings that is allowed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RankingOptions:
-    """Options of a ranking of models; `gmwm.select` describes each of them.
+    """Options of a ranking of models, with a check of their values. `gmwm.select` describes each option.
 
     Raises
     ------
     OptionError
-        If a value is not one of those it may be.
+        If a value is not allowed.
     """
 
     weighting: Weights = "optimal"

@@ -1,4 +1,4 @@
-"""The result of model selection: models in the order of their criterion, and the recommended model."""
+"""Result of model selection: models sorted by the criterion, and the recommended model."""
 
 from __future__ import annotations
 
@@ -30,42 +30,49 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
 
 WIDTH = 80
+"""Largest number of characters in a line of the remarks."""
 SAME = 1e-6
-"""Relative difference below which two criteria are equal (tests/selection/test_ranking.py)."""
+"""Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
 REJECTED = 0.01
-"""p-value of the goodness-of-fit test below which the ranking has the remark `recommended-rejected`. It is a
-convention: the usual level of 5 %, lowered because a unit has several axes."""
+"""If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
+`recommended-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
 LONG = 60
-"""Number of characters of a model's text above which it is shown without fixed values: the coefficients of a filter
-fill a page."""
+"""If the text of a model has more characters than this, it is shown without fixed values, because the coefficients of a
+filter would fill a page."""
 LISTED = 10
-"""Number of candidates in a table."""
+"""Default number of candidates in a table."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Candidate:
-    """A model in a ranking.
+    """A candidate model in a ranking, with its fit and its criterion.
 
     Attributes
     ----------
     model : Model
         The model with its fixed values.
     fit : Fit
-        The fit to the recording, or to the mean of several, with the weighting matrix Ω of all candidates.
+        Fit to the recording, or to the mean of several recordings, with the weighting matrix Ω that all candidates
+        share.
     wic : Criterion
         Wavelet information criterion.
     out_of_sample : float or None
-        For several recordings, the mean loss of a fit to all but one on the one that is left out.
+        Cross-validation loss for several recordings: mean loss for the left-out recording of a fit to the other ones.
+        None for a single recording.
     difference : float
-        Difference to the smallest criterion, of `out_of_sample` if there is one, otherwise of `wic`.
+        Criterion of this candidate minus the smallest criterion. The criterion is `out_of_sample` for several
+        recordings, otherwise `wic`.
     parameters : int
-        Number of parameters that the data determine: not fixed, not zero, and not at an end of their domain.
+        Number of parameters that the data determine. Parameters that are fixed, zero, or at an end of their domain do
+        not count.
     equivalent : bool
-        Whether it is as good as the best within the uncertainty of the criterion, and no smaller model within it is.
+        Whether the model is as good as the best one within the uncertainty of the criterion, and contains no smaller
+        model that is.
     recommended : bool
-        Whether it is the simplest of the equivalent models.
+        Whether the model is the simplest of the equivalent models.
     same_as : str or None
-        The smaller model with the same fit, if some of the estimates are zero or at an end of their domain.
+        Structure of the smaller model with the same fit, if some estimates are zero or at an end of their domain;
+        otherwise None.
     """
 
     model: Model
@@ -80,12 +87,12 @@ class Candidate:
 
     @property
     def structure(self) -> str:
-        """The model as text, with only its fixed values: "GM + WN"."""
+        """The model as text without estimated values, such as "GM + WN"."""
         return str(self.model)
 
     @property
     def boundary(self) -> tuple[str, ...]:
-        """Terms that are zero or at an end of their domain."""
+        """Terms whose estimate is zero or at an end of the domain."""
         diagnostics = self.fit.diagnostics
         here = set(self.model.terms)
         zero = [term for term in self.fit.model.terms if term in diagnostics.not_supported]
@@ -95,14 +102,14 @@ class Candidate:
 
     @cached_property
     def pvalue(self) -> float | None:
-        """p-value of the goodness-of-fit test for the first recording; None if there are too few levels."""
+        """p-value of the goodness-of-fit test of the fit; None if there are too few levels."""
         try:
             return self.fit.goodness_of_fit().pvalue
         except GmwmError:
             return None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the candidate as numbers, lists and strings, ready for JSON."""
+        """Return the candidate as numbers, lists and strings for JSON."""
         return {
             "model": self.structure,
             "wic": self.wic.to_dict(),
@@ -121,22 +128,25 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Ranking:
-    """The candidates, the best first: `ranking[0]`, `ranking["GM + WN"]`, or in a loop.
+    """Candidate models sorted by the criterion, the best first.
+
+    `ranking[0]` is the best candidate, `ranking["GM + WN"]` is the candidate with this model, and a loop visits all
+    candidates.
 
     Attributes
     ----------
     candidates : tuple of Candidate
-        Candidates in the order of the criterion; a model with the same fit as a smaller one follows it.
+        The candidates, sorted by the criterion. A model with the same fit as a smaller model comes after it.
     within : Model
-        The general model, with its fixed values.
+        The general model, which contains all candidates, with its fixed values.
     general : Fit
-        The fit of the largest model that the number of levels allows; its Ω and V are used for all candidates.
+        Fit of the largest model that the number of levels allows. Its Ω and V are used for all candidates.
     weighting : str
-        "optimal" or "diagonal".
+        Kind of the weighting matrix: "optimal" or "diagonal".
     weighting_matrix, wavelet : (J, J) arrays
-        Ω, and the covariance V of ν̂², for the first recording.
+        Weighting matrix Ω, and covariance V of the measured wavelet variance ν̂².
     confidence : float
-        Probability that the true model is among the equivalent ones.
+        Probability that the true model is among the equivalent models, if it is a candidate.
     """
 
     candidates: tuple[Candidate, ...]
@@ -154,36 +164,36 @@ class Ranking:
 
     @property
     def recommended(self) -> Candidate:
-        """The simplest of the candidates that are as good as the best one."""
+        """The simplest of the equivalent candidates."""
         return next(candidate for candidate in self.candidates if candidate.recommended)
 
     @property
     def equivalent(self) -> tuple[Candidate, ...]:
-        """The candidates that are as good as the best one and do not contain a smaller such candidate."""
+        """The candidates that are as good as the best one, except those that contain a smaller such candidate."""
         return tuple(candidate for candidate in self.candidates if candidate.equivalent)
 
     @property
     def distinct(self) -> tuple[Candidate, ...]:
-        """The candidates without those that have the same fit as a smaller candidate."""
+        """The candidates except those with the same fit as a smaller candidate."""
         return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
 
     def label(self, candidate: Candidate) -> str:
-        """Return a candidate as text; a long one without its fixed values, if no other candidate has the same terms."""
+        """Return a candidate as text. A long text has no fixed values, if no other candidate has the same terms."""
         whole, short = candidate.structure, candidate.model.structure
         return short if len(whole) > LONG and self._terms[short] == 1 else whole
 
     @cached_property
     def _terms(self) -> Counter[str]:
-        """Number of candidates with the same terms, without their values."""
+        """Number of candidates with the same terms but different fixed values."""
         return Counter(candidate.model.structure for candidate in self.candidates)
 
     def compare(self, first: int | str | Model, second: int | str | Model) -> Comparison:
-        """Compare two candidates: the difference of their criteria, and its standard error.
+        """Compute the difference between the criteria of two candidates, and its standard error.
 
         Parameters
         ----------
         first, second : int, str or Model
-            The candidates: rank from 0, text of the model, or model.
+            The candidates, as the place in the ranking (from 0), the text of the model, or the model.
 
         Returns
         -------
@@ -195,7 +205,7 @@ class Ranking:
         return compared(self, self[first], self[second])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the ranking as numbers, lists and strings, ready for JSON."""
+        """Return the ranking as numbers, lists and strings for JSON."""
         return {
             "within": str(self.within),
             "general": self.general.model.structure,
@@ -208,7 +218,7 @@ class Ranking:
         }
 
     def to_frame(self) -> DataFrame:
-        """Return the candidates as a Polars data frame, the best first: one row for each model."""
+        """Return the candidates as a Polars data frame with one row for each model, the best first."""
         from polars import DataFrame
 
         rows = [
@@ -227,7 +237,8 @@ class Ranking:
         return DataFrame(rows, infer_schema_length=None)
 
     def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
-        """Header and rows of the table: the first `limit` distinct candidates, and every equivalent one."""
+        """Return the header and the rows of the table. It contains the first `limit` distinct candidates and all
+        equivalent ones."""
         several = self.best.out_of_sample is not None
         head = [
             "",
@@ -252,7 +263,7 @@ class Ranking:
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Remarks: the recommended model, the equivalent models, and the limits of the recommendation."""
+        """Remarks on the recommended model, the equivalent models, and the limits of the recommendation."""
         return tuple(self._remarks())
 
     def _remarks(self) -> Iterator[Remark]:
@@ -328,15 +339,15 @@ class Ranking:
         units: UnitSystem = "si",
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
-        """Draw the best models over the data, their distances from the data, and the criteria.
+        """Draw the best models with the data, their distances from the data, and the criteria.
 
-        Curves often look the same. Their distances from the data, scaled so that the confidence limits are at −1 and 1,
-        show how they differ. For several recordings, the curves of the first one are drawn.
+        The curves of different models often look the same. The second panel shows their distances from the data, scaled
+        so that the confidence limits are at −1 and 1. With several recordings, the mean wavelet variance is drawn.
 
         Parameters
         ----------
         limit : int
-            Number of the best distinct candidates to draw; the recommended one is always drawn.
+            Number of the best distinct candidates to draw. The recommended candidate is always drawn.
         view : "wavelet" or "allan"
             Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
         units : "si" or "datasheet"
@@ -371,16 +382,17 @@ class Ranking:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Comparison(Summarised):
-    """The comparison of two candidates.
+    """Comparison of two candidates of a ranking.
 
     Attributes
     ----------
     first, second : Candidate
+        The candidates.
     difference : float
-        Criterion (WIC) of the first minus the criterion of the second; negative if the first is better. For several
-        recordings it is the mean.
+        Criterion (WIC) of the first candidate minus the criterion of the second; negative if the first is better. With
+        several recordings, the criterion of the fit to their mean wavelet variance is used.
     error : float
-        Standard error of the difference, from the covariance V of ν̂².
+        Standard error of the difference, computed from the covariance V of the measured wavelet variance.
     """
 
     first: Candidate
@@ -407,9 +419,9 @@ class Comparison(Summarised):
     def plot(
         self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
     ) -> MatplotlibFigure:
-        """Draw the two candidates over the data, and their distances from the data.
+        """Draw the two candidates with the data, and their distances from the data.
 
-        The title gives the difference of their criteria. For several recordings, the curves of the first one are drawn.
+        The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
 
         Parameters
         ----------
@@ -438,5 +450,5 @@ class Comparison(Summarised):
 
 
 def _short(number: float) -> str:
-    """Format a number with two decimals, or a large number with five digits."""
+    """Format a number with two decimals, or with five digits if it is 1000 or larger."""
     return f"{number:.2f}" if abs(number) < 1000 else f"{number:.5g}"

@@ -1,12 +1,12 @@
-"""Search for the model of one axis, controlled by the data: first the slow noise, then what the spectrum shows.
+"""Search for the noise model of one axis: first among slow processes, then with terms that the spectrum shows.
 
-1. Every sum within the slow family is ranked. If the test accepts the recommended one, the search ends, unless it has a
-   Gauss-Markov term that is so fast that it may describe a filter.
-2. Otherwise the spectrum gives the lines, as sinusoids of known frequency, and the shape of the noise at high
-   frequencies, as an ARMA process of known coefficients: the sensor's own filter and its resonances. Both are linear in
-   their scales, so that every fit keeps its certificate. Without a spectrum, an AR(2) is fitted to the wavelet
-   variance.
-3. The model error is estimated from the largest of these models, and every sum within it is ranked again.
+1. All models within the family `SLOW` are ranked. If the goodness-of-fit test accepts the recommended model, the search
+ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, two kinds of
+terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. The shape of the noise at high
+frequencies, which the filter and the resonances of the sensor cause, becomes an ARMA process with known coefficients.
+Both are linear in their unknown scales, so the global optimum of every fit can still be proved. Without a spectrum, an
+AR(2) process is fitted to the wavelet variance. 3. The model error is estimated from the largest of these models, and
+all models within it are ranked again.
 """
 
 from __future__ import annotations
@@ -36,55 +36,61 @@ from gmwm.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.variance.result import WaveletVariance
 
 SLOW = "4*GM + WN + QN + FN + RW + DR"
-"""The family of models that is tried first (docs/validation/selection.md)."""
+"""General model whose submodels are ranked first (docs/validation/selection.md)."""
 BESIDE = "4*GM + FN + RW + DR"
-"""Terms that are combined with the noise at high frequencies, which already contains white and quantization noise."""
+"""General model that is combined with a shape at high frequencies. The shape includes white and quantization noise."""
 REJECTED = 0.002
-"""p-value of the goodness-of-fit test below which the search continues. Two true models of a thousand have one."""
+"""The search continues if the p-value of the goodness-of-fit test is below this level. A true model has such a p-value
+in 2 of 1000 recordings."""
 FEWEST = 24
-"""Smallest number of frequencies for a shape at high frequencies; with fewer, the spectrum is not used."""
+"""Smallest number of frequencies to which a shape at high frequencies is fitted. With fewer, no shape is fitted."""
 MIXED = 0.5
-"""Share of slow noise in the density above which a frequency is not used for the shape at high frequencies."""
+"""The shape at high frequencies is fitted above the first frequency at which slow noise is at most this share of the
+spectral density."""
 FAST = 20.0
-"""Correlation time (samples) up to which a Gauss-Markov term is treated as noise at high frequencies. The corner of its
-density is at 1/126 of the rate; the shape is fitted to the density above this frequency."""
+"""A Gauss-Markov term with a correlation time up to this value (samples) counts as noise at high frequencies. With this
+value, the corner frequency of its spectral density is 1/126 of the sampling rate. The shape is fitted to the density
+above this frequency."""
 FELT = 0.003
-"""Share of the wavelet variance of a level from which a line enters the model: the relative standard error of the first
-levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
+"""A spectral line enters the model if it is at least this share of the wavelet variance at some level. For comparison,
+the relative standard error at the first levels is 0.2 % for 10^6 samples (tests/selection/test_search.py)."""
 MOST_FREE = 1
-"""Largest number of lines, the strongest ones, whose power is fitted. Other lines have the power that the spectrum
-shows."""
+"""Number of the strongest lines whose power is fitted. The power of other lines is fixed at the value from the
+spectrum."""
 FILTERED = 3.0
-"""Correlation time (samples) up to which a Gauss-Markov term describes the sensor's low-pass filter. A filter is not
-exactly of this form, and N is then wrong by 0.5 % while the test accepts the model (docs/validation/sensors.md)."""
+"""A Gauss-Markov term with a correlation time up to this value (samples) is assumed to describe the low-pass filter of
+the sensor. Because a filter does not have exactly this form, N is then wrong by 0.5 % although the test accepts the
+model (docs/validation/sensors.md)."""
 MEMORY = 2000.0
-"""Correlation time (samples) of an AR(2) beyond which it is a line and not a shape at high frequencies."""
+"""An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
+frequencies."""
 NARROW = 0.002
-"""Width of a bump, relative to the sampling rate, below which it is treated as a line: half the width of the narrowest
-ARMA peak here, see `gmwm.spectrum.short_memory.POLE`."""
+"""A spectral peak that is narrower than this, relative to the sampling rate, is treated as a line. The value is half
+the width of the narrowest peak that the fitted ARMA processes can have; see `gmwm.spectrum.short_memory.POLE`."""
 AROUND = 8
-"""Distance from a line, in resolutions, within which the spectrum is not used for the shape (tests/selection/
-test_search.py)."""
+"""Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
+(tests/selection/test_search.py)."""
 _ROUNDS = 2
+"""Number of times that the shape at high frequencies and the slow terms are fitted in turn."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Searched:
-    """The result of a search.
+    """Result of the search for a model of one axis.
 
     Attributes
     ----------
     ranking : Ranking
-        The models that were compared last.
+        Ranking of the models that were compared last.
     wavelet_variance : WaveletVariance
-        The data, with the covariance that the uncertainty of the shape at high frequencies adds.
+        Wavelet variance of the data. Its covariance includes the uncertainty of the shape at high frequencies.
     error : float
-        Relative model error τ, in addition to it.
+        Relative model error τ, which is not included in this covariance.
     tried : tuple of str
-        The families that were tried, in order.
+        General models that were tried, in order.
     band : mapping of str to float
-        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of a
-        shape from the spectrum.
+        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r, if the
+        shape at high frequencies comes from the spectrum.
     """
 
     ranking: Ranking
@@ -95,7 +101,7 @@ class Searched:
 
     @property
     def with_error(self) -> WaveletVariance:
-        """Return the data with the model error."""
+        """The wavelet variance with the model error included in its covariance."""
         return having_error(self.wavelet_variance, self.error)
 
 
@@ -106,16 +112,18 @@ def search(
     *,
     check: Callable[[], None] = lambda: None,
 ) -> Searched:
-    """Search for the model of one axis; the module docstring describes the steps.
+    """Search for the noise model of one axis. The module docstring describes the steps.
 
     Parameters
     ----------
     wv : WaveletVariance
+        The wavelet variance of the axis.
     spectrum : PowerSpectrum or None
         The spectrum of the same recording, if there is one.
     options : RankingOptions
+        Options of the rankings.
     check : function, optional
-        Called between steps; it may raise to end the search.
+        Function that is called between steps. It may raise an exception to end the search.
     """
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     if Distance.of(general).surely >= REJECTED:
@@ -138,21 +146,30 @@ def search(
     shown = _required(general, wv, spectrum, lines, options=options, check=check)
     if not shown.terms:
         return within_family(SLOW, wv, options, check=check)
-    # A shape that was fitted to the curve does not contain the white and quantization noise.
+    # A shape that was fitted to the wavelet variance does not include white and quantization noise.
     return shown.searched(SLOW if spectrum is None else BESIDE, options, check)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """The terms that the spectrum shows, the data with the uncertainty of their shape, and the uncertainty of its
-    band."""
+    """Terms that the spectrum shows.
+
+    Attributes
+    ----------
+    wavelet_variance : WaveletVariance
+        The data. The covariance includes the uncertainty of the shape at high frequencies.
+    terms : tuple of Process
+        The terms.
+    band : mapping of str to float
+        Relative standard errors of the bandwidth and the resonance; see `Searched`.
+    """
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
     band: Mapping[str, float] = field(default_factory=dict)
 
     def searched(self, beside: str, options: RankingOptions, check: Callable[[], None]) -> Searched:
-        """Rank every sum within a family, combined with these terms."""
+        """Rank all models within a general one, with these terms added to each."""
         found = within_family(
             beside, self.wavelet_variance, options, required=self.terms, check=check, tried=(SLOW,)
         )  # fmt: skip
@@ -160,7 +177,7 @@ class _Shown:
 
 
 def _as_sampled(found: Searched) -> Searched:
-    """Add the uncertainty of flicker noise near half the sampling rate to the data of every fit."""
+    """Add the uncertainty of flicker noise near half the sampling rate to the covariance of the data of every fit."""
     wv = with_sampling_error(found.wavelet_variance, found.ranking.recommended.fit)
     if wv is found.wavelet_variance:
         return found
@@ -179,7 +196,8 @@ def _accepted(ranking: Ranking) -> bool:
 
 
 def _filtered(fit: Fit) -> bool:
-    """Return whether a term has such a short correlation time that it describes the sensor's low-pass filter."""
+    """Return whether a term has such a short correlation time that it may describe the low-pass filter of the
+    sensor."""
     rate = fit.wavelet_variance.rate
     times = [process.correlation_time(rate) for process in fit.model.processes if process.scale > 0]
     return any(time is not None and 0 < time * rate <= FILTERED for time in times)
@@ -194,7 +212,10 @@ def within_family(
     check: Callable[[], None] = lambda: None,
     tried: tuple[str, ...] = (),
 ) -> Searched:
-    """Rank every sum within a family, with the model error of its largest sum."""
+    """Rank all models within a general one (`family`), with the model error of its largest model.
+
+    The `required` terms are in every model. Lines among them whose power is estimated as zero are dropped.
+    """
     whole = _largest(family, wv, required)
     error = _error_of(whole, wv, options.weighting)
     check()
@@ -206,33 +227,34 @@ def within_family(
 
 
 def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> Searched:
-    """Return the ranking of a single model, with its model error."""
+    """Return the result for a single given model, with its model error."""
     error = _error_of(without_values(model), wv, options.weighting)
     ranking = rank_models([model], having_error(wv, error), options)
     return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=()))
 
 
 def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVariance:
-    """Return the data with the model error of a single model, as `given_model` does but without a ranking."""
+    """Return the wavelet variance with the model error of a single model, like `given_model` but without a ranking."""
     error = _error_of(without_values(model), wv, weighting)
     near = nearly_fitted(model, having_error(wv, error), weighting)
     return having_error(with_sampling_error(wv, near), error)
 
 
 def _error_of(model: Model, wv: WaveletVariance, weighting: str) -> float:
-    """Return the model error of a model; 0 if the test accepts it."""
+    """Return the relative model error of a model, or 0 if the goodness-of-fit test accepts the model."""
     general = nearly_fitted(model, wv, weighting)
     return model_error(general) if Distance.of(general).surely < REJECTED else 0.0
 
 
 def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
-    """Return the required terms without lines whose power is estimated as zero."""
+    """Return the required terms except lines whose power is estimated as zero."""
     zero = {p.value("frequency") for p in fit.model.processes if isinstance(p, SIN) and p.scale == 0}
     return [p for p in required if not (isinstance(p, SIN) and p.value("frequency") in zero)]
 
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
-    """Return the largest sum of a family, with the required terms, that has at most as many parameters as levels."""
+    """Return the largest model within `family` plus the required terms that has at most as many parameters as
+    levels."""
     optional = without_drift(without_values(as_model(family)), [wv])
     whole = Model((*optional.processes, *required))
     if freedom(whole) <= len(wv):
@@ -250,7 +272,7 @@ def _required(
     options: RankingOptions,
     check: Callable[[], None],
 ) -> _Shown:
-    """Return the terms that the spectrum shows; without a spectrum, an AR(2) that fits the curve."""
+    """Return the terms that the spectrum shows. Without a spectrum, fit an AR(2) process to the wavelet variance."""
     if spectrum is None:
         shape = _fitted_shape(wv, options)
         return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
@@ -272,7 +294,10 @@ def _required(
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
-    """Return an AR(2) fitted to the wavelet variance together with slow noise, with its coefficients fixed."""
+    """Fit an AR(2) process and slow noise to the wavelet variance, and return the AR(2) with fixed coefficients.
+
+    The result is None if the fit fails or the AR(2) process is not a shape at high frequencies.
+    """
     try:
         whole = Model.parse("AR(2) + 2*GM + QN + RW")
         fit = nearly_fitted(whole, wv, options.weighting)
@@ -288,18 +313,20 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
 
 
 def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
-    """Return frequency (Hz), power (u²) and width (Hz) of the lines, and of bumps that are too narrow for an ARMA
-    process."""
+    """Return frequency (Hz), power (squared unit of the signal) and width (Hz) of lines and narrow peaks.
+
+    Narrow peaks are those that an ARMA process cannot describe.
+    """
     found = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
     for bump in spectrum.bumps:
         if bump.width < NARROW * spectrum.rate:
-            # The integral of a Lorentz peak above its surroundings.
+            # The power is the integral of a Lorentz peak above the surrounding density.
             found.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
     return found
 
 
 def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
-    """Return sinusoids of known frequency for the lines that matter at some level, the strongest ones."""
+    """Return sinusoids of known frequency for the lines that are large enough at some level, the strongest first."""
     found = []
     for frequency, power, _ in _peaks(spectrum):
         process = SIN(frequency=Fixed(frequency), power=Fixed(power))
@@ -312,7 +339,10 @@ def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
-    """Fit the noise at high frequencies in addition to the slow terms of a fit."""
+    """Fit a shape to the noise at high frequencies that the slow terms of a fit do not explain.
+
+    The result is None if too few frequencies can be used.
+    """
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
@@ -327,7 +357,8 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
 
 
 def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float) -> Vector:
-    """Return the density per sample (n,) of those processes that are slow."""
+    """Return the sum (n,) of the spectral densities of the slow processes at given frequencies, per cycle per
+    sample."""
     total = np.zeros(frequencies.size)
     for process in processes:
         if process.scale == 0 or process.line(rate) is not None:

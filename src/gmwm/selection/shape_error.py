@@ -1,4 +1,4 @@
-"""Uncertainty of the shapes that a search fixes, as a relative covariance of the wavelet variance."""
+"""Covariance of the wavelet variance from the uncertainty of shapes that the search for a model fixes."""
 
 from __future__ import annotations
 
@@ -20,22 +20,25 @@ from gmwm.spectrum.short_memory import Alternative, SpectralShape
 from gmwm.variance.result import WaveletVariance
 
 SAMPLED = (0.4427, 0.1542, 0.0500, 0.0154, 0.0046, 0.0013)
-"""Haar wavelet variance of discrete flicker noise, fractionally integrated white noise of order 1/2 (Kasdin 1995),
-relative to the wavelet variance of continuous flicker noise averaged over each sampling interval, minus 1, from level 1
-on. The ratio follows from the density π/sin(πf) per sample instead of 1/f (tests/selection/test_shape_error.py)."""
+"""Relative difference between the Haar wavelet variances of discrete and of continuous flicker noise, from level 1 on.
+Discrete flicker noise is fractionally integrated white noise of order 1/2 (Kasdin 1995), with the spectral density
+π/sin(πf) per sample instead of 1/f. Continuous flicker noise is averaged over each sampling interval
+(tests/selection/test_shape_error.py)."""
 
 SPREAD = 0.75
-"""Standard deviation of the difference from continuous flicker noise, relative to `SAMPLED`: the difference is 0 for
-the mean over each interval, 0.45 for a density of 1/f up to half the rate, and 1 for discrete flicker noise."""
+"""Standard deviation of the unknown difference of the sampled noise from continuous flicker noise, relative to
+`SAMPLED`. The difference is 0 for noise that is averaged over each sampling interval, 0.45 for a density of 1/f up to
+half the sampling rate, and 1 for discrete flicker noise."""
 BAND = ("f_b", "f_r", "Q_r")
-"""Symbols of the numbers of a shape that do not depend on its density."""
+"""Symbols of the physical parameters of a shape that do not depend on its scale."""
 CHOSEN = 1.5
-"""Factor on the covariance of a shape, because its order was selected with the same spectrum. Without it, intervals of
-N hold in 88 % of recordings with an FIR filter (docs/validation/sensors.md)."""
+"""Factor by which the covariance of a shape is increased, because its order was selected with the same spectrum.
+Without this factor, 95 % intervals of N contain the true value in only 88 % of recordings with an FIR filter
+(docs/validation/sensors.md)."""
 
 
 def process_of(shape: SpectralShape | Alternative) -> Process:
-    """Return the ARMA process of a shape, with its variance free."""
+    """Return the ARMA process of a shape, with fixed coefficients and a free variance."""
     p, q = shape.phi.size, shape.theta.size
     if p + q == 0:
         return WN()
@@ -47,16 +50,20 @@ def process_of(shape: SpectralShape | Alternative) -> Process:
 
 
 def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
-    """Add the covariance from the uncertainty of a shape, whose density at frequency 0 is free, to the data.
+    """Add the uncertainty of a shape to the covariance of a wavelet variance.
 
-    It is the covariance of the coefficients, and the spread of the other orders that describe the spectrum as well.
+    The uncertainty consists of the covariance of the coefficients and the differences to other ARMA orders that
+    describe the spectrum equally well. The spectral density of the shape at frequency 0 is held constant, because the
+    fit estimates it.
 
     Parameters
     ----------
     wv : WaveletVariance
+        The data.
     fit : Fit
-        A fit with the shape, for its share of each level.
+        A fit with the shape, from which its share of the wavelet variance at each level is taken.
     shape : SpectralShape
+        The shape with its uncertainty.
     process : Process
         The shape as a term of the fit.
     """
@@ -78,13 +85,15 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
 
 
 def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
-    """Return relative standard errors of the bandwidth f_b, the resonance frequency f_r and its quality factor Q_r.
+    """Return the relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r.
 
-    By the delta method from the covariance of the coefficients, with the spread of the other orders.
+    They follow from the covariance of the coefficients by the delta method. The differences to other ARMA orders that
+    describe the spectrum equally well are added.
 
     Parameters
     ----------
     shape : SpectralShape
+        The shape with its uncertainty.
     rate : float
         Sampling rate (Hz).
     """
@@ -112,24 +121,25 @@ def _band(process: Process, rate: float) -> dict[str, float]:
 
 
 def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vector:
-    """Return the wavelet variance (J,) of a process with the density 1 at frequency 0."""
+    """Return the wavelet variance (J,) of a shape, scaled to the spectral density 1 at frequency 0."""
     nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
     curve = type(process_of(shape)).shape(nonlinear, wv.levels, wv.rate)[0]
     return np.asarray(curve * ((1 - shape.phi.sum()) / (1 + shape.theta.sum())) ** 2)
 
 
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
-    """Add the uncertainty of flicker noise near half the sampling rate, which depends on how it is sampled, to the
-    data.
+    """Add the uncertainty of flicker noise near half the sampling rate to the covariance of a wavelet variance.
 
-    The model has the mean of continuous noise over each sampling interval. Noise from the output stage itself, or
-    aliased noise, has more power at the first levels, which a fit would attribute to white noise.
+    The model describes continuous noise averaged over each sampling interval. Flicker noise from the output stage of
+    the sensor, or aliased noise, has more power at the first levels, and a fit would attribute this power to white
+    noise.
 
     Parameters
     ----------
     wv : WaveletVariance
+        The data.
     fit : Fit
-        A fit with or without flicker noise, for its share of each level.
+        A fit, from which the share of flicker noise in the wavelet variance at each level is taken.
     """
     flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
     if not flicker or find_filter(wv.filter) is not HAAR:

@@ -1,4 +1,4 @@
-"""Structures of models: the processes of a sum, and which sums contain other sums."""
+"""Structures of models: the names of their processes, and which models contain other models."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ from gmwm.processes.ordered import find_class
 from gmwm.variance.result import WaveletVariance
 
 FELT = 0.1
-"""Share of a drift in the wavelet variance of the longest scale below which the segments of a recording cannot show it
-(tests/selection/test_gaps.py)."""
+"""If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
+show it (tests/selection/test_gaps.py)."""
 MOST_CANDIDATES = 5000
-"""Number of candidates above which `select` refuses a general model (tests/selection/test_ranking.py)."""
+"""Largest number of candidates; `select` raises an error for a general model with more
+(tests/selection/test_ranking.py)."""
 
 
 def without_values(model: Model) -> Model:
-    """Return the same sum with only its fixed values, because candidates do not share starting values."""
+    """Return a model without its values except fixed ones, because candidates do not share starting values."""
     return Model(
         tuple(p.with_values(**{q.name: None for q in p.parameters if not p.is_fixed(q.name)}) for p in model.processes)
     )
 
 
 def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
-    """Return the sum without drifts if the recordings as a whole rise less than a drift in their segments would.
+    """Return the model without drifts if the recordings with their gaps show that there is no visible drift.
 
-    Inside short segments a slow random process looks like a drift. Over the whole recording, with its gaps, a drift
-    would rise far more.
+    Inside short segments, a slow random process looks like a drift. Over the whole recording including its gaps, a
+    drift would change the signal far more.
     """
     if any(wv.rise is None or _is_felt(wv.rise, wv) for wv in recordings):
         return general
@@ -43,15 +44,17 @@ def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Mode
 
 
 def _is_felt(rise: float, wv: WaveletVariance) -> bool:
-    """Return whether a drift of this rise per sample is a visible part of the curve at its longest scale."""
+    """Return whether a drift with this slope per sample is a visible part of the wavelet variance at the longest
+    scale."""
     felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
     return bool(felt[0] >= FELT * wv.variance[-1])
 
 
 def nested(general: Model) -> list[Model]:
-    """Return every sum of some of the terms of a general model, the largest first.
+    """Return all models that contain some of the terms of a general model, the largest first.
 
-    Processes whose values are all fixed are in every sum. A process with an order also occurs with every lower order.
+    Processes whose values are all fixed are in every model. A process with an order, such as AR(2), also occurs with
+    every lower order.
 
     >>> from gmwm import Model
     >>> [model.structure for model in nested(Model.parse("2*GM + WN"))]
@@ -62,7 +65,7 @@ def nested(general: Model) -> list[Model]:
     Raises
     ------
     ModelError
-        If no parameter is free, or there are too many sums.
+        If no parameter is free, or if there are too many models.
     """
     bare = without_values(general)
     held = [p for p in bare.processes if p.is_complete]
@@ -85,7 +88,7 @@ def nested(general: Model) -> list[Model]:
 
 
 def _choices(process: Process, count: int) -> list[list[Process]]:
-    """Return the choices for a term that occurs `count` times: all occurrences first, none last."""
+    """Return the choices for a process that occurs `count` times in the general model, from all occurrences to none."""
     every = [[process] * k for k in range(count, -1, -1)]
     if count > 1 or any(process.is_fixed(p.name) for p in process.parameters):
         return every
@@ -93,23 +96,25 @@ def _choices(process: Process, count: int) -> list[list[Process]]:
 
 
 def freedom(model: Model) -> int:
-    """Return the number of parameters to estimate."""
+    """Return the number of free parameters of a model."""
     return len(model.names) - len(model.fixed_names)
 
 
 def terms_of(processes: Iterable[Process]) -> Counter[str]:
-    """Count the names of some processes with their fixed values."""
+    """Count processes by name and fixed values."""
     return Counter(str(process) for process in processes)
 
 
 def structure_of(model: Model) -> Counter[str]:
-    """Return the structure of a model, without its free values."""
+    """Return the structure of a model: its processes with their fixed values only, and how often each occurs."""
     return terms_of(without_values(model).processes)
 
 
 def shown_by(fit: Fit) -> Counter[str]:
-    """Return the structure of a fitted model. Terms that are zero are left out; terms that act as another process are
-    that process."""
+    """Return the structure of a fitted model.
+
+    Terms that are zero are left out. A term that acts as another process counts as this process.
+    """
     bare = without_values(fit.model)
     shown, acted = Counter[str](), set[str]()
     for term, process in zip(bare.terms, bare.processes, strict=True):
@@ -117,12 +122,12 @@ def shown_by(fit: Fit) -> Counter[str]:
             acted.add(fit.diagnostics.acts_as[term])
         elif term not in fit.diagnostics.not_supported:
             shown[str(process)] += 1
-    # Several terms that act as the same process, such as white noise, are one term.
+    # Several terms that act as the same process, such as white noise, count as one term.
     return shown | Counter(acted)
 
 
 def within(part: Counter[str], whole: Counter[str]) -> bool:
-    """Return whether one structure is a special case of another, also at the ends of the domains of its processes.
+    """Return whether one structure is a special case of another, including limits of its processes.
 
     >>> within(Counter({"WN": 1, "RW": 1}), Counter({"GM": 1, "WN": 1}))  # a slow GM is a random walk
     True
@@ -131,18 +136,20 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
 
 
 def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
-    """Return whether each term of one structure is a term of the other, with the same or a lower order."""
+    """Return whether each term of one structure is a term of the other structure with the same or a lower order."""
     return _matched(_surplus(part, whole), _surplus(whole, part), limits=False)
 
 
 def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
-    """Return the terms of one structure that the other lacks. A ranking calls this 10 000 times; `one - other` is
-    slower."""
+    """Return the terms of one structure that the other does not have.
+
+    A ranking calls this function 10 000 times, and `one - other` would be slower.
+    """
     return [name for name, count in one.items() for _ in range(count - other.get(name, 0))]
 
 
 def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:
-    """Return whether each missing term is a special case of a different spare term."""
+    """Return whether each missing term is a special case of a spare term, with a different spare term for each."""
     if not missing:
         return True
     first, *rest = missing
@@ -154,7 +161,8 @@ def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bo
 
 @lru_cache
 def _cases(name: str, limits: bool) -> frozenset[str]:
-    """Return the names of the special cases of a process; with those at the ends of its domain if `limits` is true."""
+    """Return the names of the special cases of a process. With `limits`, these include its limits at the ends of the
+    domain."""
     kind = find_class(name)
     if kind is None:
         return frozenset()
