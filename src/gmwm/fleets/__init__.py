@@ -1,4 +1,4 @@
-"""Calibrate many units of one type, and compute the statistics of their numbers."""
+"""Calibrate many units of one type, and compute statistics of their noise parameters."""
 
 from gmwm.fleets.engine import fleet
 from gmwm.fleets.result import Fleet

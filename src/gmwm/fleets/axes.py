@@ -1,4 +1,4 @@
-"""Test whether the axes of a sensor differ, by Hotelling's test of their differences within units."""
+"""Test whether the axes of a sensor differ, by Hotelling's test of the differences within each unit."""
 
 from __future__ import annotations
 
@@ -13,27 +13,29 @@ from gmwm.fleets.statistics_result import SIGNED, AxisDifference
 from gmwm.multiple_tests import holm
 
 LEAST = 6
-"""Smallest number of units with a number on all axes for the test. Three axes then leave 4 degrees of freedom."""
+"""Smallest number of units with a value on all axes for the test. For three axes, 4 denominator degrees of freedom are
+then left."""
 
 
 def differences(
     numbers: Sequence[tuple[str, str, str, str | None]], x: Matrix, size: float
 ) -> tuple[AxisDifference, ...]:
-    """Test the axes of each sensor for each number.
+    """Test for each noise parameter whether the axes of a sensor differ.
 
         T² = n d̄ᵀ S⁻¹ d̄,   (n − p) T² / (p (n − 1)) ~ F(p, n − p)
 
-    with d the differences of neighbouring axes in each of the n units with all axes, S their covariance, and p the
-    number of axes minus one. A common factor of the axes of a unit, and different precisions of axes, have no effect.
+    where d (p,) are the differences between successive axes (x and y, y and z) in a unit, d̄ is their mean over the n
+    units with values on all axes, S is their covariance, and p is the number of axes minus one. A factor that all axes
+    of a unit share cancels in d. The axes may have different precision.
 
     Parameters
     ----------
     numbers : sequence of (axis, symbol, unit, model)
-        The meaning of the rows of `x`.
+        Axis, symbol of the parameter, SI unit and noise model of each row of `x`.
     x : (m, n) array
-        Numbers of n units as logarithms (R itself), NaN for a missing number.
+        Logarithms of the parameters of n units (for R, the values themselves); NaN for a missing value.
     size : float
-        Size of all tests together.
+        Significance level of all tests together.
 
     References
     ----------
@@ -70,12 +72,15 @@ def differences(
 
 
 def hotelling(d: Matrix) -> float | None:
-    """Return the p-value of the test that d (p, n) has the mean zero; None if its covariance is singular."""
+    """Return the p-value of Hotelling's test that the columns of d (p, n) have the mean zero.
+
+    The result is None if the covariance is singular.
+    """
     from scipy.stats import f
 
     p, n = d.shape
     mean = d.mean(axis=1)
-    # Scaled to unit variance, so that the rank does not depend on the unit.
+    # The differences are scaled to unit variance, so that the rank does not depend on the unit.
     size = d.std(axis=1, ddof=1)
     if n <= p or not np.all(size > 0):
         return None

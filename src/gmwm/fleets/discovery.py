@@ -18,21 +18,22 @@ from gmwm.readers.topics import sensor_topics, topic_folder
 FILE = "fleet.json"
 """Name of the file that marks the output folder of a fleet."""
 _PLAUSIBLE = 0.5
-"""Confidence of a reader for a file that it may be able to read, see `Reader.sniff`."""
+"""Confidence of a reader that may be able to read a file; see `Reader.sniff`."""
 Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
 
 @dataclass(frozen=True)
 class FleetUnits:
-    """The recordings of a fleet by unit, and the other files of the folder.
+    """Recordings of a fleet by unit, and the files of the folder that are not recordings.
 
     Attributes
     ----------
     paths : mapping of unit to Path
+        Recording of each unit.
     left_out : tuple of str
-        Files that no reader knows.
+        Files that no reader recognizes.
     topics : mapping of unit to str
-        The recording in the file, for the units of files that hold several.
+        Name of the recording inside its file, for units whose file contains several recordings.
     """
 
     paths: Mapping[str, Path]
@@ -40,11 +41,12 @@ class FleetUnits:
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def by_topic(self, reading: ReadOptions) -> FleetUnits:
-        """Return the fleet with a unit for each inertial recording of a file, named `file/topic`, such as
-        `log.bin/IMU_1`. If a file has recordings of all six axes, its other recordings are left out: they repeat some
-        axes.
+        """Return the fleet with a unit for each inertial recording of a file.
 
-        If the user chose a topic, it is the only one of each file.
+        Such a unit is named `file/topic`, for example `log.bin/IMU_1`. If a file has recordings with all six axes, its
+        other recordings are left out, because they repeat some of these axes.
+
+        If the user chose a topic, only this recording of each file is used.
         """
         if reading.topic is not None:
             return self
@@ -67,7 +69,7 @@ class FleetUnits:
 
 
 def find_units(recordings: Recordings, output: Path, pattern: str | None) -> FleetUnits:
-    """Find the units of a fleet; `pattern` selects files of a folder."""
+    """Find the units of a fleet. `pattern` selects the files of a folder."""
     if isinstance(recordings, str | os.PathLike):
         return _in_folder(Path(recordings).absolute(), output.absolute(), pattern)
     if pattern is not None:
@@ -97,7 +99,7 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
             continue  # a pipe or a device
         unit = printable(path.relative_to(folder).as_posix())
         if pattern is not None:
-            # A pattern with a folder is matched with the path, others with the name.
+            # A pattern with a slash is compared with the path, other patterns with the file name.
             if fnmatchcase(unit if "/" in pattern else path.name, pattern):
                 paths[unit] = path
         elif path.is_dir() or _is_recording(path):
@@ -116,8 +118,10 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
 
 
 def _walk(folder: Path, output: Path) -> Iterator[Path]:
-    """Yield all files below a folder, and folders that are one recording, without hidden files and outputs of
-    fleets."""
+    """Yield all files below a folder, and subfolders that are a recording.
+
+    Hidden files and output folders of fleets are left out.
+    """
     signs = {reader.folder_sign for reader in registered()} - {""}
     for name, folders, files in os.walk(folder, onerror=_raise_unreadable):
         here = Path(name)
@@ -132,12 +136,12 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
 
 
 def _raise_unreadable(error: OSError) -> None:
-    """Raise an error for a folder that cannot be listed, because its units would be left out.
+    """Raise an error for a folder that cannot be listed, because its units would be missing from the fleet.
 
     Raises
     ------
     OptionError
-        With the folder and the reason.
+        Always; it states the folder and the reason.
     """
     raise OptionError(
         f"the folder {error.filename} cannot be read: {error.strerror}",
@@ -148,12 +152,12 @@ def _raise_unreadable(error: OSError) -> None:
 
 
 def _is_recording(path: Path) -> bool:
-    """Return whether a file is a recording, by its name or content; a text file needs a known extension.
+    """Return whether a file is a recording, judged by its name or content. A text file needs a known extension.
 
     A file that cannot be opened is treated as a recording, so that the reason is reported.
     """
     for reader in registered():
-        # The file that marks a folder as a recording is not one itself, and .yaml may be anything.
+        # The file that marks a folder as a recording is not a recording itself. A .yaml file may contain anything.
         if path.suffix.lower() in set(reader.extensions) - {Path(reader.folder_sign).suffix}:
             return True
     try:
@@ -166,7 +170,7 @@ def _is_recording(path: Path) -> bool:
 
 
 def _named(paths: Sequence[Path]) -> dict[str, Path]:
-    """Name recordings by their paths below the folder that they have in common."""
+    """Name recordings by their paths relative to the deepest folder that contains all of them."""
     if not paths:
         return {}
     try:
@@ -183,7 +187,7 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
 
 
 def _check_names(units: Mapping[str, Path]) -> None:
-    """Check that each name of a unit is a path inside the output folder, and that no two units have the same path."""
+    """Check that the name of each unit is a valid path inside the output folder, and that the files do not collide."""
     for unit in units:
         parts = PurePosixPath(unit)
         if not unit or "\0" in unit or parts.is_absolute() or ".." in parts.parts or parts.as_posix() != unit:

@@ -1,4 +1,4 @@
-"""Calibrate many recordings on one machine or a cluster, and continue an interrupted run."""
+"""Calibrate many recordings on one machine or on a cluster. An interrupted run can be continued."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Progress = Callable[[int, int, str], None]
-"""Progress callback: called with the number of units done, the number of all units, and the last unit."""
+"""Progress callback, which is called with the number of finished units, the number of all units, and a text about the
+last unit."""
 
 
 def fleet(
@@ -60,47 +61,52 @@ def fleet(
     retries: int = 2,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Calibrate the recordings of many units, and collect their numbers in one table.
+    """Calibrate the recordings of many units, and collect the estimated noise parameters in one table.
 
-    The calibration of each unit is written as soon as it is finished. A second run with the same output calibrates only
-    units that failed, that are new, or whose recording or options changed. A unit that fails has a row with the reason
-    and does not stop the others. Errors of a network file system or a lost worker are retried.
+    The calibration of each unit is written as soon as it is finished. A second run with the same output folder
+    calibrates only units that failed, new units, and units whose recording or options changed. If a unit fails, its row
+    in the table states the reason, and the other units are still calibrated. After an error of a network file system or
+    the loss of a worker, the unit is tried again.
 
     Parameters
     ----------
     recordings : folder, sequence of paths, or mapping of unit to path
-        For a folder, all files below it that a reader recognizes by name or content, without hidden files. The name of
-        a unit is its path in the folder. Each inertial recording of a file is a unit, named "log.bin/IMU_1"; if a
-        file has recordings of all six axes, only these are used.
+        For a folder, all files below it that a reader recognizes by name or content, except hidden files. The name of a
+        unit is its path in the folder. If a file contains several inertial recordings, each one is a unit with a name
+        such as "log.bin/IMU_1". If some of them have all six axes, only these are used.
     output : path
-        Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
+        Folder for fleet.json, fleet.parquet, and a file units/<unit>.json for each unit, which `Calibration.load` can
+        read.
     within, robust, weighting, criterion, confidence, efficiency, draws, rng, against, axes
-        As for `calibrate`, for every unit. From a Generator, one integer is drawn for all units. A later run with
-        another integer calibrates all units again. `against` must be text, because units have different lengths.
+        As for `calibrate`; they apply to every unit. If `rng` is a Generator, one seed for all units is drawn from it.
+        A later run with another seed calibrates all units again. `against` must be text, because arrays would have to
+        fit the length of every recording.
     reading : mapping or ReadOptions, optional
-        Arguments of `read` for every recording: {"rate": 100.0, "units": {"gyro": "deg/s"}}.
+        Arguments of `read` for every recording, such as {"rate": 100.0, "units": {"gyro": "deg/s"}}.
     pattern : str, optional
-        Files of the folder to use instead: "*.csv" is matched with the names, "lot 7/*.csv" with the paths.
+        Pattern of the files in the folder to use, in place of all recognized files. "*.csv" is compared with the file
+        names, "lot 7/*.csv" with the paths.
     scheduler : str or distributed.Client, optional
         Address of a Dask scheduler, or a client. The workers need gmwm and access to the recordings under the same
-        paths. The scheduler decides how many lost workers end a job.
+        paths. The settings of the scheduler decide after how many lost workers a unit fails.
     workers : int, optional
         Number of processes to start on this machine; by default one for each processor if Dask is installed. A script
-        must then start its work under `if __name__ == "__main__":`. 0 uses only this process.
+        must then call this function under `if __name__ == "__main__":`. With 0, all units are calibrated in the present
+        process.
     retries : int
         Number of retries after an error of the operating system.
     progress : function of (done, all, text), optional
-        Called after each unit in the calling thread.
+        Function that is called after each unit, in the calling thread.
 
     Returns
     -------
     Fleet
-        With `table`, `failed`, `statistics`, `outliers` and `remarks`; `fleet["unit"]` is the Calibration of one unit.
+        The fleet, with the table and the statistics of all units. `fleet["unit"]` is the Calibration of one unit.
 
     Raises
     ------
     OptionError, UnitError, ModelError
-        If an option has an invalid value; raised before any calibration.
+        If an option has an invalid value. The error is raised before any calibration.
     MissingDependencyError
         If a scheduler or workers are given and Dask is not installed.
 
@@ -147,7 +153,7 @@ def calibrate_fleet(
     retries: int = 2,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Calibrate a fleet with options that are already checked; see `fleet`."""
+    """Calibrate a fleet; see `fleet`. The options are already checked."""
     _check_axes(options.wanted)
     if reading.format is not None:
         find_reader(Path(), reading.format)
@@ -159,7 +165,7 @@ def calibrate_fleet(
         raise OptionError(argument="output", expected="a folder", got=str(folder))
     run = _Run(folder, found, progress)
     jobs = run.jobs(unit_options)
-    # Nothing is written before the scheduler answers.
+    # Nothing is written before the connection to the scheduler is established.
     with _outcomes(jobs, scheduler, workers, retries) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
         if others := foreign_units(folder, found.paths):
@@ -184,7 +190,7 @@ def calibrate_fleet(
 
 
 class _Run:
-    """One run of a fleet: the rows kept from earlier runs, and the new ones."""
+    """One run of a fleet, which collects the table rows of units from earlier runs and of new calibrations."""
 
     def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:
         self.folder, self.paths, self.progress, self.topics = folder, found.paths, progress, found.topics
@@ -192,7 +198,7 @@ class _Run:
         self.kept = self.done = 0
 
     def jobs(self, options: UnitOptions) -> list[Job]:
-        """Return the jobs of units that are not finished."""
+        """Return a job for each unit that is not finished, and keep the rows of finished units."""
         jobs = []
         for unit, path in self.paths.items():
             own = options.with_topic(self.topics.get(unit))
@@ -206,7 +212,7 @@ class _Run:
         return jobs
 
     def take(self, outcome: Outcome) -> None:
-        """Store the outcome of a unit."""
+        """Store the outcome of a unit in the output folder and in the table."""
         unit = outcome.unit
         if outcome.document is None:
             remove_unit(self.folder, unit)
@@ -218,7 +224,7 @@ class _Run:
         self._tell(unit if outcome.document is not None else f"{unit}: failed")
 
     def table(self) -> Any:
-        """Return the table of all units in their order, including units that this run did not reach."""
+        """Return the table of all units in their order. Units that this run did not reach have the status "failed"."""
         missing = f"the run ended before this unit. {RUN_AGAIN}"
         return as_table(
             row
@@ -228,7 +234,7 @@ class _Run:
 
     @contextmanager
     def telling(self) -> Iterator[None]:
-        """Write the table at the end, also after an error or Ctrl-C."""
+        """Write the table when the block ends, also after an error or Ctrl-C."""
         try:
             yield
         finally:
@@ -243,7 +249,7 @@ class _Run:
 def _outcomes(
     jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int
 ) -> Iterator[Iterable[Outcome]]:
-    """Yield the outcomes of the jobs, from this process or a cluster."""
+    """Provide an iterator over the outcomes of the jobs, which run in this process or on a cluster."""
     alone = (
         scheduler is None and workers is None and (len(jobs) < 2 or processors() == 1 or not find_spec("distributed"))
     )
@@ -256,15 +262,15 @@ def _outcomes(
     with ExitStack() as stack:
         stack.enter_context(allowing_lost_workers(retries))
         client = stack.enter_context(connected(scheduler, workers))
-        # A worker runs one job for each of its threads, so the axes of a unit are calibrated one after the other.
+        # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
         outcomes = on_cluster([Job(job.unit, job.path, job.options, threads=1) for job in jobs], client, retries)
-        # Closed before the client, so that jobs that have not started are cancelled.
+        # The iterator is closed before the client, so that jobs that have not started are cancelled.
         stack.callback(outcomes.close)
         yield outcomes
 
 
 def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:
-    """Convert a mapping to the options of `read`; None means the default."""
+    """Convert a mapping to the options of `read`. None stands for the defaults."""
     if isinstance(reading, ReadOptions):
         return reading
     if reading is not None and not isinstance(reading, Mapping):
@@ -277,7 +283,7 @@ def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOption
 
 
 def _check_axes(names: tuple[str, ...] | None) -> None:
-    """Check the names of axes and sensors."""
+    """Check that names are axes or sensors."""
     known = (*AXES, *SI_UNIT)
     if unknown := [name for name in names or () if name not in known]:
         raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=unknown[0])

@@ -1,4 +1,4 @@
-"""Remarks on a fleet and its statistics."""
+"""Create the remarks on a fleet and its statistics."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
 
 LEAST = 3
-"""Smallest number of units for a spread and the prediction range of another unit. With two units, the 95 % confidence
-interval of the spread is 0.45 to 32 times its estimate."""
+"""Smallest number of units from which the spread between units and the range for a further unit are estimated. With two
+units, the 95 % confidence interval of the spread would be 0.45 to 32 times its estimate."""
 MUCH = 0.5
-"""Share of estimation error in the variance above which it dominates: more than one half."""
+"""A remark is made if estimation errors are more than this share of the variance of the estimates."""
 REJECTED = 0.05
-"""Level of the goodness-of-fit tests of all axes of a fleet together."""
+"""Significance level of the goodness-of-fit tests of all axes of a fleet together."""
 
 
 def remarks_of(found: FleetStatistics) -> list[Remark]:
-    """Make all remarks on the statistics of a fleet, the most severe first."""
+    """Return all remarks on the statistics of a fleet, the most severe first."""
     return sorted_remarks(_remarks(found))
 
 
 def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
-    """Report failed units, rejected models and outliers in the samples, from the table of a fleet."""
+    """Yield remarks on failed units, rejected models and outlying samples, from the table of a fleet."""
     if failed:
         yield Remark.of("units-failed", failed=failed, units=units)
     if "p_value" in table.columns:
@@ -71,7 +71,7 @@ def _of_outliers(found: FleetStatistics, single: Sequence[FleetNumber]) -> Itera
         yield Remark.of("units-outlying", unit, count=len(units))
     if not units and any(row.searched for row in single):
         yield Remark.of("no-outlier-units", size=found.size)
-    # As many outliers as a tenth of the units: the search ended at its limit (outlier_units.SHARE).
+    # If a tenth of the units are outliers, the search ended at its limit (outlier_units.SHARE).
     many = [row for row in single if row.outliers and row.outliers >= max(2, 0.1 * row.units)]
     yield from _each("many-outliers", many, single)
 
@@ -88,7 +88,7 @@ def _of_limits(rows: Sequence[FleetNumber]) -> Iterator[Remark]:
 
 
 def _each(code: str, rows: Iterable[FleetNumber], every: Iterable[FleetNumber], **facts: str | int) -> Iterator[Remark]:
-    """Yield one remark for each group of numbers with the same axes."""
+    """Yield one remark for each group of parameters that concern the same axes."""
     for subject in _groups(rows, every):
         yield Remark.of(code, subject, **facts)
 
@@ -109,8 +109,10 @@ def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:
 
 
 def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[str]:
-    """Return names of numbers, such as "Q, N of gyro" and "K of gyro_y"; a sensor means all its axes that have the
-    number."""
+    """Return names of groups of parameters, such as "Q, N of gyro" and "K of gyro_y".
+
+    "gyro" stands for all axes of the gyroscope that have the parameter.
+    """
     axes: dict[str, list[str]] = {}
     complete: dict[str, list[str]] = {}
     for found, given in ((axes, rows), (complete, every)):

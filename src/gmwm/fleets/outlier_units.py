@@ -1,4 +1,4 @@
-"""Find outliers among units: Rosner's procedure for numbers with different standard errors."""
+"""Find outliers among units by Rosner's procedure, extended to estimates with different standard errors."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.random_effects import effects
 
 FEWEST = 8
-"""Smallest number of units for the search for outliers (tests/fleets/test_statistics.py checks its size at this
-number)."""
+"""Smallest number of units for the search for outliers. tests/fleets/test_statistics.py checks the rate of false alarms
+with this number."""
 SHARE, MOST = 0.1, 100
-"""Largest share and largest number of units that are tested as outliers. More units are another type."""
+"""Largest share and largest number of units that are tested as outliers. A larger group of deviating units would be
+another type of unit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deviants:
-    """The units with the largest distances from the others of their sample.
+    """For each of m samples, the k units with the largest distances from the remaining units.
 
     Attributes
     ----------
     places : (m, k) array of int
-        Indices of the units; −1 beyond the number that was tested.
+        Indices of the units, in the order of removal; −1 if fewer units were tested.
     distance : (m, k) array
-        t statistic of each unit against the remaining ones.
+        t statistic of each unit relative to the remaining units.
     pvalue : (m, k) array
-        Probability of as many outliers in a sample without any.
+        p-value of each unit, for a sample without outliers.
     """
 
     places: NDArray[np.int64]
@@ -37,8 +38,8 @@ class Deviants:
 
 
 def looked_for(count: Vector) -> NDArray[np.int64]:
-    """Return the number of outliers that are tested for among `count` units: a tenth, at least one, and none if there
-    are few units.
+    """Return how many of `count` units are tested as outliers: a tenth of them, but at least one, and none of few
+    units.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
     [0, 1, 2, 100]
@@ -47,19 +48,22 @@ def looked_for(count: Vector) -> NDArray[np.int64]:
 
 
 def deviants(x: Matrix, s2: Matrix) -> Deviants:
-    """Remove the farthest unit repeatedly, and test each against the remaining ones.
+    """Remove the farthest unit repeatedly, and test each removed unit against the remaining ones.
+
+    For unit i with the estimate x_i and the standard error s_i, the statistic is
 
         t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i²
 
-    is compared with the t distribution with ν_i degrees of freedom (Satterthwaite), at most n − 2. The p-value is
-    multiplied by the number n of units from which the unit was the farthest. If all s_i are zero, ν_i = n − 2, and this
-    is Rosner's generalised ESD procedure: all units up to the last one with a p-value below the level are outliers. For
-    this, the p-value of each unit is the smallest of its own and of the p-values of the units removed after it.
+    where μ̂_{−i} and τ̂²_{−i} are the estimated mean and variance between the remaining units. It is compared with the
+    t distribution with ν_i degrees of freedom (Satterthwaite's approximation), at most n − 2. Because the unit is the
+    farthest of the n units that were left, its p-value is multiplied by n. The p-value of each unit is then replaced by
+    the smallest one of itself and of the units removed after it, so that all units up to the last significant one are
+    outliers. If all s_i are zero, this is Rosner's generalised ESD procedure with ν_i = n − 2.
 
     Parameters
     ----------
     x, s2 : (m, n) arrays
-        Numbers and the squares of their standard errors, which are positive; NaN in `x` for a missing number.
+        Estimates of n units and their squared standard errors, which are positive. A missing estimate is NaN in `x`.
 
     References
     ----------
@@ -76,7 +80,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
     for k in range(shape[1]):
         rows = np.flatnonzero(wanted > k)
         here, here2 = left[rows], s2[rows]
-        # The distance from all units, itself included, is enough to find the farthest one.
+        # To find the farthest unit, the distance from the mean of all units (including this one) is sufficient.
         size2 = spread2[rows, None] + here2 - error[rows, None] ** 2
         scaled = np.abs(here - mean[rows, None]) / np.sqrt(np.maximum(size2, np.finfo(float).tiny))
         far = np.nanargmax(scaled, axis=1)
@@ -89,7 +93,8 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
         size2 = others.spread2 + error2 + others.error**2
         distance[rows, k] = (value - others.mean) / np.sqrt(size2)
         scatter = others.spread2_variance * (1 + others.error2_slope) ** 2
-        # For a unit with a large error, Satterthwaite's formula exceeds n − 2, which relies on τ̂² of few units.
+        # For a unit with a large standard error, Satterthwaite's formula gives more than n − 2, although τ̂² comes from
+        # few units.
         freedom = np.minimum(2 * size2**2 / scatter, count - 2)
         chance = 2 * t.sf(np.abs(distance[rows, k]), freedom)
         pvalue[rows, k] = np.minimum(1.0, count * chance)

@@ -1,4 +1,4 @@
-"""The result of `fleet`: the table, the calibrations and the statistics of many units."""
+"""Result of `fleet`: the table, the calibrations and the statistics of many units."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fleet(Summarised):
-    """Many calibrated units; `fleet["unit"]` reads the Calibration of one unit.
+    """A fleet of calibrated units. `fleet["unit"]` loads the Calibration of one unit.
 
     Attributes
     ----------
     folder : Path
-        The folder with fleet.json, fleet.parquet and units/<unit>.json.
+        Output folder, with fleet.json, fleet.parquet and a file units/<unit>.json for each unit.
     paths : mapping of unit to path
-        The recordings.
+        Recording of each unit.
     table : polars.DataFrame
         A row for each unit and axis: `unit`, `axis`, `status` ("calibrated" or "failed"), `reason`, `file`, `sha256`,
         `samples`, `rate` (Hz), `duration` (s), `model`, `p_value` (of the fit), `robust`, `contaminated`, `certified`,
-        `cautions` (their number); and for each number of the datasheets N, N_low, N_high, N_unit in SI units. A number
-        with only an upper limit has no value, the low end 0 and the limit as high end, infinite if there is none. A
-        unit that failed completely has one row without an axis.
+        `cautions` (number of cautions); and for each datasheet parameter, such as N, the columns N, N_low, N_high and
+        N_unit in SI units. If only an upper limit is known, the value is missing, the low end is 0, and the high end is
+        the limit (infinite if there is none). A unit that failed completely has one row without an axis.
     settings : CalibrationOptions
-        The options of the calibrations.
+        Options of the calibrations.
     left_out : tuple of str
-        Files in the folder of recordings that are not recordings.
+        Files in the input folder that are not recordings.
     kept, done : int
-        Number of units calibrated by earlier runs and by this run. For a loaded fleet, all units are kept.
+        Number of units calibrated by earlier runs, and by this run. For a loaded fleet, `done` is 0.
     reading : mapping
         Arguments of `read` that differ from its defaults.
     """
@@ -72,14 +72,14 @@ class Fleet(Summarised):
 
     @cached_property
     def statistics(self) -> FleetStatistics:
-        """Typical value, spread, outliers and differences between axes, for each number."""
+        """Statistics of each noise parameter: typical value, spread, outliers and differences between axes."""
         from gmwm.fleets.statistics import fleet_statistics
 
         return fleet_statistics(self.table, confidence=self.settings.confidence)
 
     @property
     def outliers(self) -> Any:
-        """The values of units that differ from the values of the other units."""
+        """The values that differ from the values of the other units by more than chance explains."""
         return self.statistics.outliers
 
     @property
@@ -108,17 +108,17 @@ class Fleet(Summarised):
         return unit in self.paths and unit not in self.failed
 
     def summary(self) -> str:
-        """Counts, failed units, tables, outliers and remarks."""
+        """Describe the fleet in text: number of units, failed units, tables, outliers and remarks."""
         from gmwm.fleets import summary_text
 
         return summary_text.summary(self)
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the datasheet numbers of all units, axis by axis, in ascending order.
+        """Draw the datasheet parameters of all units in ascending order, for each axis.
 
-        Up to 40 units are dots with their confidence intervals; more units are a curve. The shaded region holds the
-        true number of a further unit, and the line across it is the typical unit. Outlying units are stars with their
-        names. Upper limits are triangles.
+        Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
+        value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
+        are outlying units, and triangles are upper limits.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Fleet(Summarised):
         Raises
         ------
         OptionError
-            If there is nothing to draw, or the picture cannot be written to `path`.
+            If there is nothing to draw, or if the picture cannot be written to `path`.
         """
         from gmwm.plots.fleet import plot_fleet
 
@@ -140,12 +140,12 @@ class Fleet(Summarised):
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
-        """Load the fleet in a folder that `gmwm.fleet` or `gmwm fleet` wrote.
+        """Load a fleet from an output folder of `gmwm.fleet` or of the command `gmwm fleet`.
 
         Raises
         ------
         ReadError
-            If the folder is not the output folder of a fleet, has another version, or no run was completed.
+            If the folder is not the output folder of a fleet, if it has another version, or if no run was completed.
         """
         where = Path(folder)
         facts = read_facts(where)

@@ -1,4 +1,4 @@
-"""The rows of the table of a fleet: one for each unit and axis, as numbers and strings."""
+"""Make the rows of the table of a fleet, one for each unit and axis, from calibrations."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from gmwm.remarks import Severity
 
 Row = dict[str, Any]
 PROVEN = 1e-3
-"""Largest relative gap of the objective to its lower bound for a certified fit (docs/validation/optimum.md)."""
+"""A fit is certified if the relative gap between its objective and the proven lower bound is at most this
+(docs/validation/optimum.md)."""
 _INFINITE = "Infinity"
 
 
 def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
-    """Return a row for each axis, including axes that could not be calibrated.
+    """Return a table row for each axis of a unit, including axes that could not be calibrated.
 
-    A number has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high`, `<symbol>_unit`, in SI units. A number with
-    only an upper limit has no value, and the limit in `<symbol>_high`.
+    Each datasheet parameter has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high` and `<symbol>_unit`, in SI
+    units. If only an upper limit is known, the value is None and the limit is in `<symbol>_high`.
     """
     base: Row = {
         "unit": unit,
@@ -34,12 +35,12 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
 
 
 def failed_row(unit: str, path: str, reason: str) -> Row:
-    """Return the row of a unit that could not be calibrated."""
+    """Return the table row of a unit that could not be calibrated."""
     return {"unit": unit, "file": printable(path), "status": "failed", "reason": printable(reason)}
 
 
 def plain(row: Row) -> Row:
-    """Return a row for JSON: an infinite limit becomes a string.
+    """Return a row for JSON, with infinite limits replaced by a string.
 
     >>> from_plain(plain({"N": 1.0, "N_high": math.inf}))
     {'N': 1.0, 'N_high': inf}
@@ -48,7 +49,7 @@ def plain(row: Row) -> Row:
 
 
 def from_plain(row: Mapping[str, Any]) -> Row:
-    """Restore a row from the output of `plain`."""
+    """Restore a row from the result of `plain`."""
     return {name: math.inf if value == _INFINITE else value for name, value in row.items()}
 
 

@@ -1,4 +1,4 @@
-"""The samples in the table of a fleet: each number of each axis over all units, as logarithms."""
+"""Read the table of a fleet as statistical samples: each parameter of each axis over all units, as logarithms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,24 @@ _NEEDED = ("unit", "axis", "status", "model")
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One number of one axis over all units: logarithms `x` (values for R), NaN for units that are not compared."""
+    """One parameter of one axis over all n units.
+
+    Attributes
+    ----------
+    axis, symbol, unit : str
+        Axis, symbol of the parameter and SI unit.
+    model : str or None
+        Noise model of the compared units; None if units with different models are compared.
+    x, s2 : (n,) arrays
+        Logarithms of the estimates (for R, the estimates), and their squared standard errors. NaN in `x` for units that
+        are not compared.
+    value, low, high : (n,) arrays
+        Estimates and confidence limits.
+    limited : (n,) array of bool
+        Units with only an upper limit.
+    left_out : int
+        Number of units with the parameter that are not compared and have no upper limit.
+    """
 
     axis: str
     symbol: str
@@ -39,12 +56,12 @@ class Sample:
     left_out: int
 
     def back(self, x: float) -> float | None:
-        """Return the number for a logarithm; None for NaN."""
+        """Convert a logarithm to the value of the parameter (for R, return it unchanged). NaN becomes None."""
         return (x if self.symbol == SIGNED else float(np.exp(x))) if np.isfinite(x) else None
 
 
 class Reading:
-    """The table of a fleet as arrays (axes, units): one row for each axis, one column for each unit."""
+    """The table of a fleet as arrays with a row for each axis and a column for each unit."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
         import polars
@@ -82,7 +99,7 @@ class Reading:
         return found
 
     def samples(self) -> list[Sample]:
-        """Return every number of every axis that some unit has."""
+        """Return a sample for each parameter of each axis that at least one unit has."""
         by_axis: dict[str, list[Sample]] = {axis: [] for axis in self.axes}
         for symbol in self.symbols:
             value, low, high = (self._numbers(symbol + end) for end in ("", "_low", "_high"))
@@ -139,5 +156,5 @@ class Reading:
 
 
 def _commonest(names: NDArray[Any]) -> str:
-    """Return the most frequent name; the first of several."""
+    """Return the most frequent name, or the first of several equally frequent names."""
     return str(Counter(names.tolist()).most_common(1)[0][0])

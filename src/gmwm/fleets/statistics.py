@@ -1,4 +1,4 @@
-"""Statistics of a fleet from its table: each number over the units, outliers, and differences between axes."""
+"""Compute the statistics of a fleet from its table: values over the units, outliers, and differences between axes."""
 
 from __future__ import annotations
 
@@ -24,35 +24,37 @@ if TYPE_CHECKING:
     import polars
 
 _FEW = 3
-"""Ratio of units with only an upper limit to units with a value from which the units with a value are named (a
-convention)."""
+"""If the units with only an upper limit are at least this number of times as many as the units with a value, a remark
+names the units with a value. The number is a convention."""
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
-    """Compute the typical values and the spread of a fleet, and find outliers and differences between axes.
+    """Compute typical values and spreads of the noise parameters of a fleet, and find outliers and axes that differ.
 
-    The estimates x_i of a number (logarithms, except for R, which has a sign) differ between units and have estimation
-    errors:
+    For each parameter, x_i is the logarithm of the estimate for unit i (or the estimate itself for R, which has a
+    sign). The estimates differ between units, and they have estimation errors:
 
         x_i ~ N(μ, τ² + s_i²),   s_i from the width of the confidence interval of unit i.
 
-    τ² is estimated by the method of Paule and Mandel, with limits by the Q-profile. μ has the confidence interval
-    μ̂ ± t_{n−1}/√Σ w. The prediction for a further unit uses the confidence distribution of τ². Outliers are found by
-    Rosner's procedure, extended to unequal s_i, in each number of each axis with at least 8 units. All p-values are
-    adjusted by Holm's method, so the probability of any false alarm in a healthy fleet is `size`. Location, spread and
-    prediction leave out the outliers. Hotelling's test of differences within units shows whether the axes differ.
+    The variance τ² between units is estimated by the method of Paule and Mandel, with confidence limits by the
+    Q-profile method. The mean μ has the confidence interval μ̂ ± t_{n−1}/√Σ_i w_i with the weights w_i = 1/(τ̂² +
+    s_i²). The prediction for a further unit uses the confidence distribution of τ². Outliers are found by Rosner's
+    procedure, extended to unequal s_i, for each parameter and axis with at least 8 units. All p-values are adjusted by
+    Holm's method, so the probability of any false alarm in a healthy fleet is `size`. The outliers are left out of the
+    typical value, the spread and the prediction. Hotelling's test of differences within units shows whether the axes
+    differ.
 
-    Units with only an upper limit are counted but not compared. An upper limit of R means that R is near zero; it is
-    compared as 0 with the standard error of the limit. Numbers other than Q, N, B, K and R depend on the model; they
-    are compared between the units with the most frequent model.
+    Units with only an upper limit are counted but not compared. For R, an upper limit means that the value is near
+    zero, so it is compared as 0 with the standard error that belongs to the limit. Parameters other than Q, N, B, K and
+    R depend on the noise model and are compared only between the units with the most frequent model.
 
     Parameters
     ----------
     table : polars DataFrame
-        A row for each unit and axis, as in `Fleet.table`: unit, axis, status, model, and for each number N the columns
-        N, N_low, N_high in SI units, and N_unit.
+        A table with a row for each unit and axis, such as `Fleet.table`. It has the columns unit, axis, status and
+        model, and for each parameter, such as N, the columns N, N_low, N_high (in SI units) and N_unit.
     confidence : float
-        Level of the confidence intervals in the table and of those in the result.
+        Confidence level of the intervals in the table and in the result.
     size : float
         Probability of any false alarm in a fleet of healthy units.
 
@@ -63,7 +65,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     Raises
     ------
     OptionError
-        If `confidence` is not from 0.5 to below 1, or `size` not between 0 and 1.
+        If `confidence` is not from 0.5 to below 1, or `size` is not between 0 and 1.
     DataError
         If a column is missing, or an axis of a unit has two rows.
 
@@ -128,7 +130,10 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
 def _outliers(
     read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
 ) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
-    """Return the outliers, which become NaN in `kept`, and the samples that were searched."""
+    """Return the outliers, and the mask of the samples in which outliers were searched.
+
+    The outliers are set to NaN in `kept`.
+    """
     searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
     if not np.any(searched):
         return (), searched
@@ -173,7 +178,7 @@ def _outliers(
 def _rows(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
 ) -> list[FleetNumber]:
-    """Return a row for each number of each axis."""
+    """Return the statistics of each parameter of each axis."""
     rows = _described(read, samples, x=x, kept=kept, s2=s2)
     made = []
     for k, (sample, row) in enumerate(zip(samples, rows, strict=True)):
@@ -189,7 +194,10 @@ def _rows(
 
 
 def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
-    """Return, for each sensor, a row for each number that several axes with the same noise model have."""
+    """Return the statistics of each parameter over all axes of a sensor, if they can be compared.
+
+    At least two axes must have the parameter, with the same unit and the same noise model if it depends on the model.
+    """
     groups: dict[tuple[str, str], list[int]] = {}
     for k, sample in enumerate(samples):
         if sensor := sensor_of(sample.axis):
@@ -212,7 +220,10 @@ def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix,
 def _described(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
-    """Compute location, spread and prediction of samples (m, n); the axes of a unit are dependent."""
+    """Compute typical value, spread and prediction for samples (m, n).
+
+    `axes` is the number of axes in each sample. The values of one unit on several axes are treated as dependent.
+    """
     from scipy.stats import t
 
     at = effects(kept, s2)
@@ -263,8 +274,10 @@ def _described(
 
 
 def _clustered(x: Matrix, s2: Matrix, axes: int) -> Vector:
-    """Compute the standard error of μ̂ for dependent axes of a unit: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ
-    w."""
+    """Compute the standard error of μ̂ if the axes of a unit are dependent.
+
+    It is √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w, with weights w for the n units and their axes.
+    """
     at = effects(x, s2)
     w = np.where(np.isfinite(x), 1 / (at.spread2[:, None] + s2), 0.0)
     pulls = (w * np.where(np.isfinite(x), x - at.mean[:, None], 0.0)).reshape(x.shape[0], axes, -1).sum(axis=1)

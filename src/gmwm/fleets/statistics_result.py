@@ -1,4 +1,4 @@
-"""The result of the statistics of a fleet: its numbers, the outliers, and the differences between axes."""
+"""Statistics of a fleet: values over the units, outliers, and differences between axes."""
 
 from __future__ import annotations
 
@@ -15,51 +15,55 @@ if TYPE_CHECKING:
     import polars
 
 SIGNED = "R"
-"""Symbol of the rate ramp, which has a sign and is compared directly; all other numbers are compared as logarithms."""
+"""Symbol of the rate ramp. It has a sign, so its values are compared; of all other parameters, logarithms are
+compared."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FleetNumber:
-    """The statistics of one number of an axis, or of all axes of a sensor, over the units of a fleet.
+    """Statistics of one noise parameter of an axis, or of all axes of a sensor, over the units of a fleet.
 
-    Values are in `unit`. The typical value, the spread and the prediction leave out the outliers. The median and the
-    quantiles include all estimates.
+    Values are in `unit`. The typical value, the spread and the prediction are computed without the outliers. The median
+    and the quantiles include all estimates.
 
     Attributes
     ----------
     axis : str
-        "gyro_x", or "gyro" for all axes of the sensor together.
+        Name of the axis, such as "gyro_x", or of the sensor, such as "gyro", for all its axes together.
     symbol, unit : str
-        Symbol of the number in a datasheet, and its SI unit.
+        Symbol of the parameter in a datasheet, and its SI unit.
     units : int
-        Number of units that are compared, because they have a value with a confidence interval.
+        Number of units that are compared: those that have a value with a confidence interval.
     limited : int
-        Number of units with only an upper limit. They are not among `units`, except for R, where they are zero ± limit.
+        Number of units with only an upper limit. They do not count in `units`, except for R, where they have the value
+        zero ± limit.
     left_out : int
-        Number of units with another model or unit, a fixed value or no confidence interval.
+        Number of units that are not compared, because they have another model or unit, a fixed value or no confidence
+        interval.
     model : str or None
-        The model of the units, if the number is compared only within one model.
+        Noise model of the compared units, if the parameter is compared only between units with the same model;
+        otherwise None.
     median, quantile_05, quantile_95 : float or None
-        Median and quantiles of the estimates.
+        Median, 5 % quantile and 95 % quantile of the estimates.
     typical, typical_low, typical_high : float or None
-        exp μ̂ (μ̂ for R) and its confidence limits.
+        Typical value, exp μ̂ (for R, μ̂), and its confidence limits.
     spread, spread_low, spread_high : float or None
-        Standard deviation τ̂ between the units without estimation error, and its confidence limits, of the logarithm
-        (0.1 is 10 %; for R in `unit`).
+        Standard deviation τ̂ between units, without estimation errors, and its confidence limits. It is the standard
+        deviation of the logarithm, so 0.1 is 10 % (for R, it is in `unit`).
     error : float or None
-        Median standard error of one unit, on the same scale.
+        Median of the standard errors of single units, on the same scale as `spread`.
     error_share : float or None
         error² / (spread² + error²), the share of estimation error in the variance of the estimates.
     predicted_low, predicted_high : float or None
-        Prediction limits for the true number of a further unit.
+        Prediction limits for the true value of a further unit.
     searched : bool
-        Whether outliers were searched for, which needs at least 8 units of one axis.
+        Whether outliers were searched. The search needs at least 8 units and is made for single axes only.
     outliers : int
         Number of outliers.
     below : tuple of str
         Units whose upper limit is below `predicted_low`.
     shown_by : tuple of str
-        The units with a value, if nearly all others have only an upper limit.
+        The units with a value, if most other units have only an upper limit.
     """
 
     axis: str
@@ -89,28 +93,28 @@ class FleetNumber:
 
     @property
     def signed(self) -> bool:
-        """Whether the number can be negative, so that its value is compared and not its logarithm."""
+        """Whether the parameter can be negative, so that its values are compared instead of their logarithms."""
         return self.symbol == SIGNED
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutlierUnit:
-    """A number of a unit that differs from the numbers of the other units by more than chance.
+    """A value of a unit that differs from the values of the other units by more than chance explains.
 
     Attributes
     ----------
     unit, axis, symbol : str
-        The unit, the axis and the number.
+        Name of the unit and of the axis, and symbol of the parameter.
     value, low, high, typical : float
-        The number with its confidence interval, and the typical value of the others, in `si`.
+        The value with its confidence limits, and the typical value of the other units, in `si`.
     si : str
-        SI unit.
+        SI unit of the values.
     times : float or None
-        value / typical; None for R.
+        Ratio value / typical; None for R.
     distance : float
-        Distance from the others, in standard deviations between units with estimation error.
+        Distance from the other units, divided by its standard deviation (spread between units and estimation errors).
     pvalue : float
-        Probability of such a distance in a healthy fleet, among all units, axes and numbers.
+        Probability of such a distance for any unit, axis and parameter of a healthy fleet.
     """
 
     unit: str
@@ -128,20 +132,20 @@ class OutlierUnit:
 
 @dataclass(frozen=True, kw_only=True)
 class AxisDifference:
-    """Test whether the axes of a sensor differ in one number, with differences within each unit.
+    """Result of the test whether the axes of a sensor differ in one noise parameter, from differences within units.
 
     Attributes
     ----------
     sensor, symbol, unit : str
-        The sensor, the number and its SI unit.
+        Name of the sensor, symbol of the parameter and its SI unit.
     units : int
-        Number of units in which all axes have the number.
+        Number of units in which all axes have a value.
     relative : mapping of axis to float
-        Ratio of the mean of the axis to the mean of all axes (geometric means; for R the difference).
+        Ratio of the geometric mean of each axis to the geometric mean of all axes. For R, the difference of the means.
     pvalue, adjusted : float
-        p-value of Hotelling's test, and adjusted for the number of tests (Holm).
+        p-value of Hotelling's test, and the p-value adjusted for the number of tests by Holm's method.
     differs : bool
-        Whether `adjusted` is at most the size of the test.
+        Whether `adjusted` is at most the significance level.
     """
 
     sensor: str
@@ -156,18 +160,19 @@ class AxisDifference:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FleetStatistics(Summarised):
-    """The statistics of a fleet of units.
+    """Statistics of the noise parameters of a fleet of units.
 
     Attributes
     ----------
     rows : tuple of FleetNumber
-        The statistics by sensor and number; the row of all axes comes before the rows of single axes.
+        Statistics of each parameter, sorted by sensor and parameter. The row for all axes comes before the rows for
+        single axes.
     outliers : tuple of OutlierUnit
-        The smallest p-value first.
+        Outlying values, sorted by p-value.
     differences : tuple of AxisDifference
-        The differences for each sensor with several axes and each number.
+        Tests of the differences between axes, for each parameter of each sensor with several axes.
     confidence : float
-        Level of confidence intervals and predictions.
+        Confidence level of intervals and predictions.
     size : float
         Probability of any outlier in a healthy fleet.
     units : int
@@ -186,7 +191,7 @@ class FleetStatistics(Summarised):
         self._places.update({(row.axis, row.symbol): k for k, row in enumerate(self.rows)})
 
     def __getitem__(self, name: str) -> FleetNumber:
-        """Return the number "gyro_x.N", or "gyro.N" for all axes."""
+        """Return the statistics of a parameter, such as "gyro_x.N", or "gyro.N" for all axes."""
         axis, _, symbol = name.rpartition(".")
         if (axis, symbol) not in self._places:
             raise KeyError(f"{name}; there are {', '.join(f'{axis}.{symbol}' for axis, symbol in self._places)}")
@@ -199,18 +204,18 @@ class FleetStatistics(Summarised):
 
     @property
     def table(self) -> polars.DataFrame:
-        """Return the rows as a table in SI units."""
+        """The rows as a Polars data frame in SI units."""
         import polars
 
         rows = [asdict(row) | {name: list(getattr(row, name)) for name in ("below", "shown_by")} for row in self.rows]
         return polars.DataFrame(rows, infer_schema_length=None)
 
     def summary(self) -> str:
-        """Write tables, outliers and remarks in datasheet units, at most 80 columns wide."""
+        """Write the tables, outliers and remarks in datasheet units, with at most 80 characters per line."""
         return statistics_text(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the statistics as numbers, lists and strings, ready for JSON."""
+        """Return the statistics as numbers, lists and strings for JSON."""
         named = ("rows", "outliers", "differences")
         return {
             "units": self.units,

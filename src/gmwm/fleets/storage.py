@@ -1,4 +1,4 @@
-"""The files in the folder of a fleet, and the list of finished units."""
+"""Read and write the files in the output folder of a fleet, and find finished units."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ from gmwm.fleets.unit_job import PART, UnitOptions, stamp_of
 
 FORMAT = "gmwm-fleet"
 VERSION = 1
-"""Version of fleet.json. gmwm reads this version only; a new key alone does not change the version."""
+"""Version of the format of fleet.json. gmwm reads only this version. Adding a key does not change the version."""
 TABLE = "fleet.parquet"
 UNITS = "units"
 
 
 def unit_file(folder: Path, unit: str) -> Path:
-    """Return the file of the calibration of a unit."""
+    """Return the path of the file with the calibration of a unit."""
     return folder / UNITS / f"{unit}.json"
 
 
 def write_unit(folder: Path, unit: str, document: str) -> None:
-    """Write the calibration of a unit; an error leaves an existing file unchanged."""
+    """Write the calibration of a unit. If an error occurs, an existing file is unchanged."""
     file = unit_file(folder, unit)
     file.parent.mkdir(parents=True, exist_ok=True)
     write_text(file, document)
 
 
 def remove_unit(folder: Path, unit: str) -> None:
-    """Remove the calibration that an earlier run stored for a unit that has now failed, because it is out of date."""
+    """Remove the outdated calibration of a unit that an earlier run stored and that has now failed."""
     unit_file(folder, unit).unlink(missing_ok=True)
 
 
 def foreign_units(folder: Path, units: Mapping[str, Path]) -> list[str]:
-    """Return the units with a result in the folder that are not in this fleet."""
+    """Return the names of units that have a result in the folder but are not in this fleet."""
     inside = folder / UNITS
     found = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
     return sorted(unit for unit in found if unit not in units)
 
 
 def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> list[Row] | None:
-    """Return the rows of a finished unit; None if the unit must be calibrated.
+    """Return the table rows of a finished unit, or None if the unit must be calibrated.
 
     A unit is finished if it was calibrated with the same options from the same recording.
     """
@@ -66,11 +66,11 @@ def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> 
             return None
         return [from_plain(row) | {"unit": unit, "file": printable(str(path))} for row in made["rows"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ReadError):
-        return None  # missing, incomplete, or another file
+        return None  # the file is missing, incomplete, or of another kind
 
 
 def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) -> bool:
-    """Return whether a recording is unchanged: by size and time, or by its content if only the time differs."""
+    """Return whether a recording is unchanged. If only its modification time differs, the checksums are compared."""
     stamp = stamp_of(path)
     if stamp["size"] != made["size"]:
         return False
@@ -81,7 +81,7 @@ def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) 
 
 
 def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
-    """Write the units and the options of the fleet."""
+    """Write fleet.json, with the units and the options of the fleet."""
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -95,12 +95,12 @@ def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
 
 
 def read_facts(folder: Path) -> Mapping[str, Any]:
-    """Read the file that `write_facts` wrote.
+    """Read fleet.json.
 
     Raises
     ------
     ReadError
-        If the folder is not the output folder of a fleet, or if its files have another version.
+        If the folder is not the output folder of a fleet, or if its file has another version.
     """
     file = folder / FILE
     if not file.is_file():
@@ -144,5 +144,5 @@ _PARTS: Mapping[str, tuple[type, str]] = {
     "left_out": (list, "a list of strings"),
     "reading": (Mapping, "an object"),
 }
-"""Parts of fleet.json that are read, with their types."""
+"""Keys of fleet.json that are read, with the type of their values and its description in errors."""
 _TEXTS = ("units", "left_out")

@@ -1,4 +1,4 @@
-"""The summary of a fleet: counts, a table for each sensor, outliers, and remarks."""
+"""Write the summary of a fleet: number of units, a table for each sensor, outliers, and remarks."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _NONE = "–"
 
 
 LISTED = 10
-"""Number of failed units and of outliers in a summary."""
+"""Largest number of failed units and of outliers that a summary lists."""
 
 
 class FleetLike(Protocol):
-    """Protocol for the data of a fleet that the summary uses."""
+    """Protocol of a fleet as the summary uses it."""
 
     @property
     def units(self) -> Sequence[str]:
-        """All units."""
+        """Names of all units."""
         ...
 
     @property
@@ -60,7 +60,7 @@ class FleetLike(Protocol):
 
 
 def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
-    """Write counts, failures, tables, outliers and remarks, at most 80 columns wide."""
+    """Write the number of units, failures, tables, outliers and remarks, with at most 80 characters per line."""
     parts = [wrapped(_head(fleet))]
     if fleet.failed:
         parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *_failures(fleet.failed)])
@@ -69,7 +69,7 @@ def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -> str:
-    """Write tables, outliers and remarks, at most 80 columns wide."""
+    """Write the tables, outliers and remarks of statistics, with at most 80 characters per line."""
     head = wrapped(f"Fleet of {counted(found.units, 'calibrated unit')}")
     parts = [head, *_parts(found, found.remarks, dialect)]
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
@@ -111,7 +111,7 @@ def _by_sensor(rows: Iterable[FleetNumber]) -> dict[str, list[FleetNumber]]:
     names = [row.axis for row in rows]
     for row in rows:
         sensor = sensor_of(row.axis)
-        # "gyro", which means gyro_x, gyro_y and gyro_z, is its own sensor.
+        # "gyro" stands for gyro_x, gyro_y and gyro_z, and is itself the name of a sensor.
         whole = any(sensor_of(name) == row.axis for name in names)
         sensors.setdefault(row.axis if whole or not sensor else sensor, []).append(row)
     return sensors
@@ -149,7 +149,7 @@ def _value(value: float | None, factor: float) -> str:
 
 
 def _spread(row: FleetNumber, factor: float) -> str:
-    """Format the spread between units, or its upper limit if it is not distinguished from zero."""
+    """Format the spread between units, or its upper limit if it is not significantly different from zero."""
     if row.spread is None or row.spread_low is None or row.spread_high is None:
         return _NONE
     measured = row.spread_low > 0
@@ -163,7 +163,7 @@ def _spread(row: FleetNumber, factor: float) -> str:
 
 
 def _span(low: float | None, high: float | None, factor: float) -> str:
-    """Format both ends of a range, with enough digits to show its width."""
+    """Format the two ends of a range, with enough digits to show its width."""
     if low is None or high is None:
         return _NONE
     low, high = factor * low, factor * high
@@ -175,7 +175,9 @@ def _span(low: float | None, high: float | None, factor: float) -> str:
 
 
 def shown_unit(si: str) -> tuple[str, float]:
-    """Return the usual datasheet unit of a number and the factor from SI to it; the SI unit if there is none.
+    """Return the usual datasheet unit for an SI unit, and the factor from SI to it.
+
+    If there is no datasheet unit, the SI unit and 1 are returned.
 
     >>> shown_unit("rad/s/√Hz")[0], shown_unit("s")
     ('deg/√h', ('s', 1.0))
@@ -212,7 +214,7 @@ def _times(ratio: float) -> str:
 def _difference(one: AxisDifference) -> str:
     chance = "p < 0.001" if one.adjusted < 0.001 else f"p = {one.adjusted:.3f}"
     unit, factor = shown_unit(one.unit)
-    # For a number with a sign, the difference to the mean is given instead of the ratio.
+    # For a parameter with a sign, the text states the difference from the mean instead of the ratio.
     if any(value <= 0 for value in one.relative.values()):
         apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in one.relative.items())
     else:

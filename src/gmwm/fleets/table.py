@@ -1,4 +1,4 @@
-"""The table of a fleet: its columns and its Parquet file."""
+"""Make the table of a fleet, and read and write its Parquet file."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 TEXTS = ("unit", "axis", "status", "reason", "file", "sha256")
-"""Columns that name a row; the columns of the recording, the model and the numbers follow."""
+"""Text columns that identify a row. The columns of the recording, the model and the parameters follow them."""
 LIMITS = ("", "_low", "_high", "_unit")
-"""Suffixes of the columns of a number."""
+"""Suffixes of the four columns of a parameter."""
 RUN_AGAIN = "Run the fleet again: finished units are not repeated."
 """Advice for a run that was not completed."""
 
 
 def as_table(rows: Iterable[Row]) -> DataFrame:
-    """Make the table of some rows: fixed columns, and four columns for each number of any unit."""
+    """Make the table from rows, with fixed columns and four columns for each parameter that any row has."""
     import polars as pl
 
     given = list(rows)
@@ -39,14 +39,14 @@ def as_table(rows: Iterable[Row]) -> DataFrame:
 
 
 def symbols_of(rows: Iterable[Row]) -> list[str]:
-    """Return the symbols of all numbers in some rows, in datasheet order."""
+    """Return the symbols of all parameters that rows contain, in datasheet order."""
     each = [[name.removesuffix("_unit") for name in row if name.endswith("_unit")] for row in rows]
-    # Many rows have the same model, so each order of symbols is used once.
+    # Many rows have the same symbols, so each distinct list of symbols is used once.
     return in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))])
 
 
 def write_table(table: DataFrame, path: Path) -> None:
-    """Write the table to a Parquet file; an error leaves an existing file unchanged."""
+    """Write the table to a Parquet file. If an error occurs, an existing file is unchanged."""
     with written_whole(path) as temporary:
         table.write_parquet(temporary)
 
@@ -57,7 +57,7 @@ def read_table(path: Path) -> DataFrame:
     Raises
     ------
     ReadError
-        If the file does not exist or is not the table of a fleet.
+        If the file does not exist, or is not the table of a fleet.
     """
     import polars as pl
 

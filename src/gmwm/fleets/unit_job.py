@@ -23,33 +23,34 @@ from gmwm.remarks import Remark
 from gmwm.signals import Imu
 
 PART = "fleet"
-"""Key in the document of a unit for its recording, its options and its rows of the table."""
+"""Key in the JSON document of a unit under which the size and time of its recording, its options and its table rows are
+stored."""
 _FINAL = frozenset({errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ELOOP})
-"""Errors of the operating system that a retry does not remove."""
-# The warning filters of Python are shared by all threads of a process, and a worker may have several.
+"""Error numbers of the operating system for which a retry is useless."""
+# All threads of a process share Python's warning filters, and a worker may have several threads.
 _WARNINGS = threading.Lock()
 
 
 @dataclass(frozen=True)
 class UnitOptions:
-    """The options for every unit: how its recording is read and calibrated."""
+    """Options of a unit: how to read its recording, and how to calibrate it."""
 
     calibration: CalibrationOptions
     reading: ReadOptions
 
     def with_topic(self, topic: str | None) -> UnitOptions:
-        """Return the options for one recording of a file that holds several."""
+        """Return the options for one recording of a file with several recordings; None leaves them unchanged."""
         return self if topic is None else replace(self, reading=replace(self.reading, topic=topic))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the options as numbers, lists and strings, after a round trip through JSON."""
+        """Return the options as numbers, lists and strings for JSON."""
         axes = None if self.calibration.wanted is None else list(self.calibration.wanted)
         return {"settings": self.calibration.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
 
 
 @dataclass(frozen=True)
 class Job:
-    """One unit to calibrate, with the number of threads for its axes."""
+    """One unit to calibrate, with its recording, its options and the number of threads for its axes."""
 
     unit: str
     path: str
@@ -59,9 +60,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a job: the document of the unit and its rows of the table, or the reason of the failure.
+    """Result of a job: the JSON document and the table rows of a unit, or the reason of its failure.
 
-    `passing` means that a retry may succeed.
+    `passing` is true if a retry may succeed.
     """
 
     unit: str
@@ -72,7 +73,7 @@ class Outcome:
 
 
 def calibrate_unit(job: Job) -> Outcome:
-    """Calibrate a unit. Every error except Ctrl-C is an outcome."""
+    """Calibrate a unit. Every error except Ctrl-C is returned as an outcome."""
     try:
         found, made = _calibrated(job)
         rows = rows_of(job.unit, job.path, found)
@@ -87,9 +88,10 @@ def calibrate_unit(job: Job) -> Outcome:
 
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
-    """Return the calibration, and the recording and the options that it was made from."""
+    """Return the calibration of a unit, and the options and the size and time of the recording that it was made
+    from."""
     path, options = Path(job.path), job.options
-    stamp = stamp_of(path)  # before reading, so that the next run sees a later change
+    stamp = stamp_of(path)  # taken before the file is read, so that the next run notices a later change
     recording, warned = _read(path, options.reading)
     found = calibrate_recording(recording, options.calibration, threads=job.threads).of_file(path)
     new = tuple(remark for remark in warned if remark not in found.recording_remarks)
@@ -98,7 +100,7 @@ def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]:
-    """Return the recording, as a stream if it is large, and the remarks from reading it."""
+    """Return the recording of a unit, as a stream if it is large, and the remarks that reading it produced."""
     chunked = is_large(path) and options.gaps == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
@@ -108,7 +110,7 @@ def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]
 
 
 def stamp_of(path: Path) -> dict[str, int]:
-    """Return size and time of the last change of a recording, or of all files of a folder."""
+    """Return the size and the modification time of a recording. For a folder, all its files are included."""
     files = [path] if not path.is_dir() else [file for file in path.rglob("*") if file.is_file()]
     found = [file.stat() for file in files]
     return {
@@ -118,7 +120,7 @@ def stamp_of(path: Path) -> dict[str, int]:
 
 
 def _is_passing(error: BaseException | None) -> bool:
-    """Return whether the operating system, such as a network file system, caused the error, so that it may pass."""
+    """Return whether an error of the operating system, for example of a network file system, may be temporary."""
     while error is not None:
         if isinstance(error, OSError) and not isinstance(error, gzip.BadGzipFile) and error.errno is not None:
             return error.errno not in _FINAL

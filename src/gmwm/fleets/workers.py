@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from distributed import Future
 
 WINDOW = 4
-"""Number of submitted jobs for each thread of the cluster, so that no thread waits and the scheduler stays small."""
+"""Number of submitted jobs per thread of the cluster. No thread has to wait, and the scheduler does not need to store
+all jobs."""
 _GONE = "the scheduler no longer answers"
 _AGAIN = "Run the fleet again: finished units are kept."
 
 
 def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
-    """Run the jobs in this process, one after the other; retries come last."""
+    """Run the jobs in this process one after the other, and yield their outcomes. Retries come last."""
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
     while waiting:
@@ -35,10 +36,11 @@ def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
 
 
 def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
-    """Run the jobs on the workers of a cluster; outcomes come in the order of completion.
+    """Run the jobs on the workers of a cluster, and yield their outcomes in the order of completion.
 
-    Dask repeats the jobs of a lost worker on another worker, and gives a job up after several lost workers. It does not
-    know which of the jobs of a worker caused its end, so these jobs are repeated at the end, one at a time.
+    Dask repeats the jobs of a lost worker on another worker, and gives up a job after several lost workers. It does not
+    know which of the jobs of a worker caused the loss. The given-up jobs are therefore repeated at the end, one at a
+    time.
     """
     suspects: list[Job] = []
 
@@ -67,7 +69,7 @@ def _through(
     on_lost: Callable[[Job, Exception], Outcome | None],
     window: Callable[[], int],
 ) -> Iterator[Outcome]:
-    """Run all jobs on the cluster, with a limited number at a time."""
+    """Run jobs on the cluster, with a limited number at a time, and yield their outcomes."""
     import distributed
 
     waiting = deque(jobs)
@@ -93,18 +95,18 @@ def _through(
             elif outcome is not None:
                 yield outcome
             fill()
-    except Exception as error:  # of the client; an error of a unit is an outcome
+    except Exception as error:  # an error of the client; errors of units are outcomes
         if client.status == "running" and not isinstance(error, OSError):
             raise
         raise GmwmError(_GONE, advice=_AGAIN) from error
     finally:
-        # After an error or Ctrl-C, nothing new is started. The scheduler may be gone.
+        # After an error or Ctrl-C, cancel the submitted jobs. The scheduler may no longer exist.
         with suppress(Exception):
             client.cancel(list(running))
 
 
 def _outcome(future: Future[Any], job: Job, on_lost: Callable[[Job, Exception], Outcome | None]) -> Outcome | None:
-    """Return the outcome of a future; an error of the cluster itself ends the fleet."""
+    """Return the outcome of a finished job. An error of the cluster itself is raised and stops the run."""
     from distributed import KilledWorker
 
     if future.status == "cancelled":
@@ -113,14 +115,14 @@ def _outcome(future: Future[Any], job: Job, on_lost: Callable[[Job, Exception], 
         found: Outcome = future.result()
     except KilledWorker as error:
         return on_lost(job, error)
-    except Exception as error:  # calibrate_unit raises none, so the job could not be started or its result not sent
+    except Exception as error:  # not from calibrate_unit: the job could not be started, or its result could not be sent
         return Outcome(job.unit, reason=f"{type(error).__name__}: {error}")
     return found
 
 
 @contextmanager
 def allowing_lost_workers(retries: int) -> Iterator[None]:
-    """Let a scheduler that starts in the block give a job up after more than `retries` lost workers."""
+    """Make a scheduler that starts inside the block give up a job after more than `retries` lost workers."""
     import dask
 
     with dask.config.set({"distributed.scheduler.allowed-failures": retries}):
