@@ -1,4 +1,4 @@
-"""Export the noise of a calibrated unit to filters, simulators, spreadsheets and papers."""
+"""Export the noise of a calibrated unit to files for filters, simulators, spreadsheets and papers."""
 
 from gmwm.exporters import airsim as airsim
 from gmwm.exporters import autopilots as autopilots

@@ -1,4 +1,4 @@
-"""AirSim: the IMU in settings.json."""
+"""Export for AirSim: the entry of the IMU in settings.json."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from gmwm.units import STANDARD_GRAVITY
 
 _DEGREE = math.pi / 180
 TIMES = {"gyro": 500.0, "accel": 800.0}
-"""Times τ (s) of the simulator's default. Only the ratio of bias stability and √τ has an effect."""
+"""Times τ (s) that AirSim uses by default. Only the ratio of bias stability to √τ affects the simulation."""
 
 
 @register
 class AirSim(JsonFile):
-    """AirSim: N, and a bias that is a random walk with K = bias stability / √τ.
+    """AirSim, with white noise N and a bias that is a random walk with K = bias stability / √τ.
 
     Source: `ImuSimpleParams.hpp` and `ImuSimple.hpp` of AirSim.
     """
@@ -33,7 +33,7 @@ class AirSim(JsonFile):
     usage = ("Copy the entry Imu into the Sensors of your vehicle.",)
 
     def content(self, noise: Noise) -> Mapping[str, Any]:
-        """Return the entry Sensors."""
+        """Return the entry "Sensors" of the settings."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         root = {sensor: math.sqrt(time) for sensor, time in TIMES.items()}
         return {

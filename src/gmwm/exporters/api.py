@@ -1,4 +1,4 @@
-"""Write the noise of a calibrated unit as files for other programs."""
+"""Write the noise of a calibrated unit to files for other programs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def export(
     rate: float | None = None,
     duration: float | None = None,
 ) -> str:
-    """Return the noise of a unit in the format of another program: see `Calibration.export`."""
+    """Return the noise of a unit in the format of another program; see `Calibration.export`."""
     exporter = find_exporter(format)
     given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration}
     options = _options(exporter, given)
@@ -55,19 +55,19 @@ def export_all(
     rate: float | None = None,
     duration: float | None = None,
 ) -> tuple[dict[str, Path], dict[str, str]]:
-    """Export a calibration in every format; each format uses the options that apply to it.
+    """Export a calibration in every format. Each format uses the options that apply to it.
 
     Parameters
     ----------
     calibration, axes, inflation, horizon, rate, duration
-        As for `export`. For `axes="each"`, formats with one number for a sensor use their default.
+        As for `export`. With `axes="each"`, formats with one number per sensor use their default rule.
     folder : path
-        An existing folder. Each file has the name of its format.
+        An existing folder. Each file is named after its format.
 
     Returns
     -------
     mapping of format to Path, mapping of format to str
-        The files, and the reason for each format that was not written.
+        The written files, and the reason for each format that was not written.
     """
     written: dict[str, Path] = {}
     reasons: dict[str, str] = {}
@@ -91,7 +91,7 @@ def export_all(
 
 
 def require_extension(format: str, path: str | os.PathLike[str], argument: str = "path") -> None:
-    """Raise an OptionError if a file has the extension of another format."""
+    """Raise an OptionError if the extension of a file does not belong to the format."""
     wanted, found = find_exporter(format).extension, Path(path).suffix.lower()
     if found and found != wanted and {found, wanted} != {".yml", ".yaml"}:
         raise OptionError(
@@ -102,7 +102,7 @@ def require_extension(format: str, path: str | os.PathLike[str], argument: str =
 
 
 def export_formats() -> dict[str, str]:
-    """Return the formats that `export` writes: the name and the program of each.
+    """Return the formats that `export` can write, as a mapping from the name of the format to the program.
 
     >>> export_formats()["kalibr"]
     'Kalibr (imu.yaml)'

@@ -1,4 +1,4 @@
-"""PX4 and ArduPilot: lower bounds of the noise parameters of their filters."""
+"""Export for PX4 and ArduPilot: lower bounds for the noise parameters of their filters."""
 
 from __future__ import annotations
 
@@ -11,17 +11,21 @@ from gmwm.exporters.text import limit_mark, written
 
 
 class _Floor(TwoNumbers):
-    """Lower bounds for a filter with the step Δt. The filter adds (Δt p)² to the variances, so p = N/√Δt or K/√Δt."""
+    """Base of formats with lower bounds for the noise parameters p of a filter with the time step Δt.
+
+    In each step, the filter adds (Δt p)² to its variances, so p = N/√Δt or p = K/√Δt.
+    """
 
     takes = frozenset({"axes", "inflation", "horizon"})
     step: ClassVar[float]
-    """Step of the filter Δt (s)."""
+    """Time step Δt of the filter (s)."""
     keys: ClassVar[tuple[str, str, str, str]]
-    """Keys of the noise of gyroscopes and accelerometers, and of their biases."""
+    """Names of the parameters: noise of gyroscopes, noise of accelerometers, and the same for their biases."""
     row: ClassVar[str]
+    """Template of a line of the file."""
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return four comment lines, so that loading the file changes nothing."""
+        """Return the four parameters as comment lines, so that loading the file changes nothing."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         factor = 1 / math.sqrt(self.step)
         found = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
@@ -47,7 +51,7 @@ _ARDUPILOT = ("EK3_GYRO_P_NSE", "EK3_ACC_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ABIAS_P
 
 @register
 class Px4(_Floor):
-    """Lower bounds of the noise parameters of PX4.
+    """Lower bounds for the noise parameters of PX4.
 
     Source: `EKF/covariance.cpp` and the parameters of the module ekf2 of PX4; EKF2_PREDICT_US is 10 ms.
     """
@@ -57,14 +61,14 @@ class Px4(_Floor):
     extension = ".params"
     step = 0.010
     keys = _PX4
-    # Vehicle, component, name, value, type 9 (a float), between tabs.
+    # The columns are vehicle, component, name, value and type 9 (a float), separated by tabs.
     row = "1\t1\t{key}\t{value}\t9"
     meaning = _meaning(0.010, _PX4)
 
 
 @register
 class ArduPilot(_Floor):
-    """Lower bounds of the noise parameters of ArduPilot.
+    """Lower bounds for the noise parameters of ArduPilot.
 
     Source: `AP_NavEKF3_core.cpp` and `.h` of ArduPilot; EKF_TARGET_DT is 12 ms.
     """

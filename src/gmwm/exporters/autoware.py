@@ -1,4 +1,4 @@
-"""Autoware: imu_corrector.param.yaml."""
+"""Export for Autoware: imu_corrector.param.yaml."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 @register
 class Autoware(Exporter):
-    """Autoware imu_corrector: it subtracts the offsets of the gyroscopes, and writes the squares of the standard
-    deviations into the covariances of the messages.
+    """The node imu_corrector of Autoware, with gyroscope offsets and standard deviations.
+
+    The node subtracts the offsets, and writes the squared standard deviations into the covariances of its messages.
 
     Source: `imu_corrector_core.cpp` and `imu_corrector.param.yaml` of Autoware.
     """
@@ -34,7 +35,7 @@ class Autoware(Exporter):
     per_axis = True
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the parameters of the node."""
+        """Return the YAML file with the parameters of the node."""
         gyro, accel = (axes_of(calibration, quantity) for quantity in ("gyro", "accel"))
         if not gyro or not accel:
             raise sensor_missing(calibration, "accel" if gyro else "gyro", self.name)
@@ -63,7 +64,7 @@ class Autoware(Exporter):
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return warnings of the calibration, and remarks on what the standard deviations leave out."""
+        """Return cautions of the calibration, and remarks on noise that the standard deviations do not include."""
         found = [*cautions(calibration), *unknown(calibration, ("gyro",))]
         for axis, fit in calibration.items():
             if terms := terms_without_variance(fit):

@@ -1,4 +1,4 @@
-"""Basalt: the IMU in calibration.json."""
+"""Export for Basalt: the entries of the IMU in calibration.json."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from gmwm.exporters.jsonfile import JsonFile
 
 @register
 class Basalt(JsonFile):
-    """Basalt: continuous-time densities of each axis, and static biases: calibrated = (I + scale) raw − bias.
+    """Basalt, with continuous-time noise densities of each axis and constant biases.
+
+    Basalt computes calibrated = (I + scale) raw − bias.
 
     Source: `calibration.hpp` and `calib_bias.hpp` of basalt-headers.
     """
@@ -34,7 +36,7 @@ class Basalt(JsonFile):
     )
 
     def content(self, noise: Noise) -> Mapping[str, Any]:
-        """Return the keys of the IMU."""
+        """Return the document with the keys of the IMU."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         return {
             "value0": {

@@ -1,8 +1,8 @@
-"""Base class of exporters, base of the exporters with two numbers for each sensor, and the registry of formats.
+"""Base class of exporters, base class of formats with two noise parameters per sensor, and registry of formats.
 
-Each format is one file of this folder: a subclass of `Exporter` under `@register`. The head of every file states what
-its numbers are: the unit, continuous or discrete, the axes, the inflation, the horizon, the models, the source, and
-which numbers are upper limits.
+Each format is a subclass of `Exporter` with the decorator `@register`. The head of every exported file describes its
+numbers: units, continuous or discrete time, axes, inflation factor, horizon, noise models, the recording, and which
+numbers are upper limits.
 """
 
 from __future__ import annotations
@@ -35,26 +35,27 @@ if TYPE_CHECKING:
     from gmwm.calibration.rest import BiasAtRest
 
 HORIZON = 1.0
-"""Default horizon (s): the usual interval between two fixes of a satellite receiver, or between tens of images."""
+"""Default horizon (s). It is the usual interval between position fixes of a satellite receiver. A camera takes tens of
+images in this time."""
 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Options of a file.
+    """Options of an exported file.
 
     Parameters
     ----------
     axes : "worst", "mean" or "each"
         How the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis.
     inflation : float
-        Factor for standard deviations and densities; variances grow by its square.
+        Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its square.
     horizon : float
-        T_h (s) of `effective_noise`.
+        Horizon T_h (s) for which noise counts as white noise N or as random walk K; see `effective_noise`.
     rate : float or None
-        Sampling rate (Hz) of the consumer; None for the rate of the recording.
+        Sampling rate (Hz) in the program that reads the file; None for the rate of the recording.
     duration : float or None
-        Longest averaging time (s) at which a Gauss-Markov bias is fitted; None for an hour, or for the length of a
-        shorter recording.
+        Longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour, or for the length of the
+        recording if it is shorter.
     """
 
     axes: Rule
@@ -65,21 +66,22 @@ class ExportOptions:
 
 
 class Exporter(ABC):
-    """A file format.
+    """A file format for another program.
 
     Attributes
     ----------
     name : str
-        The name for `calibration.export(…, format=)`.
+        Name of the format for `calibration.export(…, format=)`.
     title : str
-        The program or purpose that the file is for.
+        Program or purpose of the file.
     extension : str
         Extension of the file, with the dot.
     default_axes : "worst", "mean" or "each"
+        Default of the option `axes`.
     takes : frozenset of str
-        The options that the format uses: "axes", "inflation", "horizon", "rate", "duration".
+        Options that the format uses, out of "axes", "inflation", "horizon", "rate" and "duration".
     both : bool
-        Whether the format needs gyroscopes and accelerometers.
+        Whether the format needs both gyroscopes and accelerometers.
     per_axis : bool
         Whether the format allows different numbers for the axes of a sensor.
     """
@@ -99,11 +101,12 @@ class Exporter(ABC):
         Raises
         ------
         DataError
-            If a sensor that the consumer needs was not calibrated, or the data do not determine an upper limit.
+            If a sensor that the format needs was not calibrated, or if the data do not determine a needed upper limit.
         """
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return the remarks in the file: warnings of the calibration, and what this format leaves out."""
+        """Return the remarks that the file contains: cautions of the calibration, and noise that the format leaves
+        out."""
         return tuple(cautions(calibration))
 
 
@@ -126,7 +129,7 @@ def registered() -> tuple[Exporter, ...]:
 
 
 def find_exporter(format: str) -> Exporter:
-    """Return the format with a name.
+    """Return the exporter of the format with a given name.
 
     Raises
     ------
@@ -139,14 +142,25 @@ def find_exporter(format: str) -> Exporter:
 
 
 def title_line(exporter: Exporter) -> str:
-    """Return the first line of a head: the program that reads the file, and the version of gmwm."""
+    """Return the first line of the head of a file, with the program that reads the file and the version of gmwm."""
     return f"Noise of an IMU for {exporter.title}. Written by gmwm {metadata.version('gmwm')}."
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The numbers of a unit under the options of one file, the ROS topic of its recording ("" if unknown), and the bias
-    at rest of each axis that has one."""
+    """The noise parameters of a unit for the options of one file.
+
+    Attributes
+    ----------
+    gyro, accel : SensorNoise or None
+        Noise parameters of the gyroscopes and the accelerometers; None for a sensor that was not calibrated.
+    options : ExportOptions
+        Options of the file.
+    topic : str
+        ROS topic of the recording; an empty string if it is unknown.
+    rest : mapping of axis to BiasAtRest
+        Bias at rest of the axes for which it is known.
+    """
 
     gyro: SensorNoise | None
     accel: SensorNoise | None
@@ -161,38 +175,38 @@ class Noise:
 
     @property
     def rate(self) -> float:
-        """Sampling rate (Hz) for discrete-time values; by default the rate of the gyroscopes."""
+        """Sampling rate (Hz) for discrete-time values; by default the rate of the first calibrated sensor."""
         return self.sensors[0].rate if self.options.rate is None else self.options.rate
 
     @property
     def written_rate(self) -> str:
-        """The rate as text for a file."""
+        """The sampling rate as text for a file."""
         return written_rate(self.rate)
 
     def of(self, quantity: Quantity) -> SensorNoise:
-        """Return a sensor that the format requires."""
+        """Return the noise parameters of a sensor that the format requires."""
         found = self.gyro if quantity == "gyro" else self.accel
         assert found is not None
         return found
 
 
 class TwoNumbers(Exporter):
-    """Base of formats with two parameters for each sensor: white noise N and a random walk K of the bias.
+    """Base class of formats with two noise parameters per sensor: white noise N, and random walk K of the bias.
 
     Attributes
     ----------
     comment : str
-        Mark of a comment line.
+        Characters that start a comment line.
     first : str
-        A line that must come first; "" for none.
+        Line that the file must start with; an empty string for none.
     meaning : tuple of str
-        The unit of each key, and whether it is continuous or discrete.
+        Sentences that state the unit of each key, and whether it is in continuous or discrete time.
     usage : tuple of str
-        How to use the file.
+        Sentences on how to use the file.
     flicker : str
-        The consumer's parameter for flicker noise; "" if it has none.
+        Name of the program's parameter for flicker noise; an empty string if it has none.
     biases_of : tuple of "gyro" or "accel"
-        The sensors whose bias at rest is in the file.
+        Sensors whose bias at rest is in the file.
     """
 
     takes = frozenset({"axes", "inflation", "horizon", "rate"})
@@ -209,19 +223,18 @@ class TwoNumbers(Exporter):
         """Return the lines below the head, in ASCII."""
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the head and the body."""
+        """Return the text of the file: the head as comments, and the body."""
         noise = self._noise(calibration, options)
         head = [self.first] if self.first else []
         head += commented(self.head(calibration, noise), self.comment)
         return "\n".join([*head, "", *self.body(noise)]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return warnings of the calibration, and remarks on upper limits and on terms that two numbers do not
-        describe."""
+        """Return cautions of the calibration, and remarks on upper limits and on terms that N and K do not describe."""
         return self._remarks(calibration, self._noise(calibration, options))
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """Return the paragraphs of the head."""
+        """Return the paragraphs of the head of the file."""
         options = noise.options
         first, last = paragraphs(self._remarks(calibration, noise))
         head = [title_line(self), recording(calibration), *first, *self.meaning]
@@ -269,7 +282,7 @@ class TwoNumbers(Exporter):
 
 
 def sensor_missing(calibration: Calibration, quantity: Quantity, format: str) -> GmwmError:
-    """Return the error that a format needs a sensor that was not calibrated."""
+    """Create the error for a format that needs a sensor that was not calibrated."""
     return DataError(
         f"the format needs gyroscopes and accelerometers, but this calibration has no {NAMES[quantity]}, "
         f"only {', '.join(calibration)}",
@@ -278,11 +291,11 @@ def sensor_missing(calibration: Calibration, quantity: Quantity, format: str) ->
 
 
 def topic_of(calibration: Calibration) -> str:
-    """Return the ROS topic that was calibrated; "" if the recording has no topic, or the name is not a ROS name."""
+    """Return the ROS topic of the calibrated recording, or an empty string if it has no valid topic name."""
     topics = {str(remark.facts["topic"]) for remark in calibration.recording_remarks if remark.code == "topic-read"}
     name = topics.pop() if len(topics) == 1 else ""
     return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
 
 
 QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
-"""The sensors, in the order of the files."""
+"""The sensors in the order in which files list them."""

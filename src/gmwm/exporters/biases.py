@@ -1,4 +1,4 @@
-"""The bias at rest in a file: the values of three axes, what the header says, and axes whose bias is unknown."""
+"""Biases at rest for exported files: values, text for the head, and remarks on unknown biases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def three(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> tuple[float, ...]:
-    """Return the biases (SI) of the x, y and z axes of a sensor; 0 for a bias that is not known."""
+    """Return the biases (SI) of the x, y and z axes of a sensor. A bias that is not known is 0."""
     known = {letter_of(axis): one.bias for axis, one in rest.items() if sensor_of(axis) == quantity}
     return tuple(known.get(letter) or 0.0 for letter in "xyz")
 
@@ -28,7 +28,7 @@ def known_axes(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> list[str]:
 
 
 def stated(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator[str]:
-    """Yield a sentence on the bias of each axis: its value, its standard error, and how it changes."""
+    """Yield a sentence on the bias of each axis, with its value, its standard error and the size of its changes."""
     for quantity in quantities:
         unit = SI_UNIT[quantity]
         for axis in sorted(known_axes(calibration.rest, quantity)):
@@ -42,7 +42,7 @@ def stated(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator
 
 
 def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator[Remark]:
-    """Yield a remark on the axes for which a file has 0 instead of a bias."""
+    """Yield a remark for each sensor with axes whose bias is not known, so that the file contains 0."""
     for quantity in quantities:
         known = set(known_axes(calibration.rest, quantity))
         letters = {letter_of(axis) for axis in known}
@@ -56,10 +56,10 @@ def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterato
 
 
 def prior(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> float | None:
-    """Return the standard deviation (SI) of the bias of a sensor before a filter has seen data; None if not known.
+    """Return the prior standard deviation (SI) of the bias of a sensor for a filter, or None if it is not known.
 
-    It is the root sum of squares of the standard error of the bias, the rms of its changes at rest and, with several
-    recordings, its spread from one turn-on to the next. The result is the largest value of the axes.
+    For each axis, it is the root sum of squares of the standard error of the bias, the RMS of its changes at rest and,
+    if it is known, its spread between turn-ons. The largest value of the three axes is returned.
     """
     known = [rest[axis] for axis in known_axes(rest, quantity)]
     if len(known) < 3:

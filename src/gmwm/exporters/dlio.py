@@ -1,4 +1,4 @@
-"""DLIO: the biases of the IMU in dlio.yaml."""
+"""Export for DLIO: the biases of the IMU in dlio.yaml."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 @register
 class Dlio(Exporter):
-    """DLIO: the biases at rest. DLIO has no noise parameters; it subtracts the biases: corrected = sm · raw − bias.
+    """DLIO, with the biases at rest.
+
+    DLIO has no noise parameters. It subtracts the biases: corrected = sm · raw − bias, with sm the scale matrix.
 
     Source: `cfg/dlio.yaml` and `odom.cc` of direct_lidar_inertial_odometry.
     """
@@ -26,7 +28,7 @@ class Dlio(Exporter):
     extension = ".yaml"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the intrinsics of the IMU."""
+        """Return the YAML file with the intrinsic parameters of the IMU."""
         if not known_axes(calibration.rest, "gyro"):
             raise DataError(
                 "dlio needs the biases of the gyroscopes, but this calibration has none",
@@ -50,5 +52,5 @@ class Dlio(Exporter):
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return warnings of the calibration, and the axes whose bias is not known."""
+        """Return cautions of the calibration, and remarks on axes whose bias is not known."""
         return (*cautions(calibration), *unknown(calibration, ("gyro", "accel")))

@@ -1,4 +1,4 @@
-"""FAST-LIO: the noise in its YAML file."""
+"""Export for FAST-LIO: the noise parameters in its YAML file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class FastLio(TwoNumbers):
-    """FAST-LIO: discrete variances. A step adds Δt² times these variances to the covariance.
+    """FAST-LIO, with discrete variances. A filter step of length Δt adds Δt² times these variances to the covariance.
 
     Source: `config/velodyne.yaml` and `IMU_Processing.hpp` of FAST-LIO.
     """
@@ -28,7 +28,7 @@ class FastLio(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return four keys."""
+        """Return the four keys of the file."""
         lines = [f"# for an IMU at {noise.written_rate} Hz", "mapping:"]
         gyro, accel = noise.of("gyro"), noise.of("accel")
         for key, number, unit in (

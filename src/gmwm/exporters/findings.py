@@ -1,4 +1,4 @@
-"""Remarks on a file: what it leaves out, which numbers are upper limits, and how terms are combined into N and K."""
+"""Create the remarks on an exported file: noise that it leaves out, upper limits, and replaced terms."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ if TYPE_CHECKING:
     from gmwm.exporters.base import Noise
 
 NEAR = 3.0
-"""Ratio of a correlation time to the horizon, or its inverse, below which a file has the remark `near-horizon`.
+"""A file has the remark `near-horizon` if a correlation time differs from the horizon by less than this factor.
 
 The value is a convention (tests/exporters/test_export.py)."""
 
 _TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
-"""Power of time in the unit of each number, for `noise_unit`."""
+"""Power of time in the unit of each parameter, for `noise_unit`."""
 
 
 def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
-    """Yield the remarks on the two numbers of each sensor.
+    """Yield the remarks on N and K of each sensor.
 
     Parameters
     ----------
     noise : Noise
+        Noise parameters of the unit.
     confidence : float
         Level of the confidence intervals of the calibration.
     """
@@ -51,7 +52,7 @@ def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
 
 
 def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
-    """Report the lines of an axis, which no number of the file contains."""
+    """Yield a remark for each sinusoid of an axis, because the parameters of the file do not include sinusoids."""
     unit = fit.wavelet_variance.unit or "u"
     for line in lines_of(fit):
         frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
@@ -59,7 +60,7 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
 
 
 def of_ramps(calibration: Calibration) -> Iterator[Remark]:
-    """Report rate ramps, which the matrices contain as known without error."""
+    """Yield a remark for each rate ramp, because the matrices treat its slope as known without error."""
     for axis, fit in calibration.items():
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
             if is_ramp(process, fit.wavelet_variance.rate):
@@ -67,14 +68,15 @@ def of_ramps(calibration: Calibration) -> Iterator[Remark]:
 
 
 def _replaced(axis: str, terms: tuple[str, ...], horizon: float) -> Remark:
-    """Report at which averaging time the replacement of some terms has the same Allan deviation as the terms."""
-    # The Allan deviation of a random walk grows as √t: a factor of 100 in time is one of 10.
+    """Return the remark that states at which averaging time replaced terms and their replacement have equal Allan
+    deviations."""
+    # The Allan deviation of a random walk grows as √t, so a factor of 100 in time changes it by a factor of 10.
     at, early, late = (Quantity(factor * horizon, "s") for factor in (1, 0.01, 100))
     return Remark.of("counted-at-horizon", axis, terms=terms, horizon=at, early=early, late=late)
 
 
 def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
-    """Report which numbers of a file are upper limits instead of measured values."""
+    """Yield remarks on the parameters of a file that are upper limits instead of measured values."""
     rule, level = noise.options.axes, Quantity(50 + 50 * confidence, "%")
     for sensor in noise.sensors:
         for symbol, power in _TIME_POWER.items():
@@ -96,9 +98,9 @@ def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
 
 
 def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Quantity) -> Iterator[Remark]:
-    """Yield a remark for each axis of a number that is computed from measured values and upper limits."""
+    """Yield a remark for each axis that contributes to a parameter computed from measured values and upper limits."""
     for axis, number in axes.items():
-        # An axis without the noise, for example without flicker noise, has the value zero.
+        # The value is zero for an axis whose model does not have this noise, for example flicker noise.
         if number.value > 0:
             yield Remark.of(
                 "upper-limit-among", axis, number=name, level=level,

@@ -1,4 +1,4 @@
-"""Gazebo: the noise of an IMU in SDF."""
+"""Export for Gazebo: the noise of an IMU in SDF."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 
 @register
 class Gazebo(GaussMarkov):
-    """Gazebo: standard deviation N√f of a sample, and a Gauss-Markov bias with the driving noise q = σ√(2/T).
+    """Gazebo, with the standard deviation N√f of a sample and a Gauss-Markov bias.
 
-    The bias of the simulator is b ← e^(−Δt/T) b + w, Var w = q² T (1 − e^(−2Δt/T))/2.
+    f is the sampling rate, and σ and T are the standard deviation and the correlation time of the bias. Its driving
+    noise is q = σ√(2/T).
+
+    In each step Δt, the simulator computes the bias as b ← e^(−Δt/T) b + w with Var w = q² T (1 − e^(−2Δt/T))/2.
 
     Source: SDFormat's description of noise, and `GaussianNoiseModel.cc` of Gazebo.
     """
@@ -38,14 +41,14 @@ class Gazebo(GaussMarkov):
     usage = ("Put this element into <sensor type='imu'>. Its update_rate must be the rate of stddev.",)
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Write the head as one XML comment."""
+        """Return the text of the file, with the head as one XML comment."""
         text = super().export(calibration, options)
         head, _, body = text.partition("\n\n")
         lines = "\n".join(f"  {unended(line.strip())}" for line in head.splitlines())
         return f"<!--\n{lines}\n-->\n{body}"
 
     def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
-        """Return an element for each axis."""
+        """Return the XML element "imu" with the noise of each axis."""
         names = {"gyro": "angular_velocity", "accel": "linear_acceleration"}
         lines = [f"<!-- stddev for {noise.written_rate} Hz -->", "<imu>"]
         for sensor in noise.sensors:

@@ -1,4 +1,4 @@
-"""Noise that was given instead of measured, and fits without a calibration, in the form that the exporters take."""
+"""Convert noise parameters that were given instead of measured, and single fits, to calibrations for the exporters."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from gmwm.units import SI_UNIT
 from gmwm.variance.result import WaveletVariance
 
 SECONDS = 3600.0
-"""Length (s) of a recording of given noise: the correlation time of a random walk in a program whose bias is a
-Gauss-Markov process."""
+"""Length (s) of the recording that given noise parameters are assumed to describe. A program with a Gauss-Markov bias
+gets this correlation time for a random walk."""
 
 
 def given_calibration(given: Given) -> Calibration:
-    """Return given noise as a calibration, whose numbers have no intervals.
+    """Return given noise parameters as a calibration without confidence intervals.
 
-    The weighting of its fits is "given". There are no data, so an exporter raises an error instead of writing
-    an upper limit from the data.
+    The weighting of its fits is "given". Because there are no data, an exporter raises an error if it needs an upper
+    limit.
 
     Parameters
     ----------
     given : Given
-        From `gmwm.importers.given_noise`.
+        Result of `gmwm.importers.given_noise`.
 
     Raises
     ------
     MissingTheoryError
-        If the wavelet variance of a process is unknown.
+        If a process does not define its wavelet variance.
 
     Examples
     --------
@@ -50,13 +50,14 @@ def given_calibration(given: Given) -> Calibration:
 
 
 def fitted_calibration(fits: Mapping[str, Fit], source: str = "") -> Calibration:
-    """Return fits as a calibration without intervals and tests, for formats that need only the models.
+    """Return fits as a calibration without intervals and tests, for formats that need only the noise models.
 
     Parameters
     ----------
     fits : mapping of axis to Fit
+        The fit of each axis.
     source : str
-        The recording.
+        Name of the recording.
     """
     axes = {axis: _uncompared(fit) for axis, fit in fits.items()}
     return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=source)
@@ -88,7 +89,7 @@ def _axis(axis: str, model: Model, rate: float) -> AxisCalibration:
 
 
 def _uncompared(fit: Fit) -> AxisCalibration:
-    """Return a fit as the calibration of an axis without other models."""
+    """Return a fit as the calibration of an axis without a ranking of other models."""
     ranking = Ranking(
         candidates=(), within=fit.model, general=fit, weighting=fit.weighting, weighting_matrix=fit.weighting_matrix,
         wavelet=np.diag(fit.wavelet_variance.variance**2), confidence=0.95,

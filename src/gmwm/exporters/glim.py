@@ -1,4 +1,4 @@
-"""GLIM: config_sensors.json."""
+"""Export for GLIM: config_sensors.json."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from gmwm.exporters.biases import three
 from gmwm.exporters.jsonfile import JsonFile
 
 FRAMES = 10.0
-"""Frames of the lidar per second (Hz): the usual rate of a spinning lidar."""
+"""Number of lidar frames per second (Hz). The value is the usual rate of a spinning lidar."""
 
 
 @register
 class Glim(JsonFile):
-    """GLIM: continuous-time densities N, the standard deviation of the change of both biases from one frame of the
-    lidar to the next, and the biases, first of the accelerometers.
+    """GLIM, with continuous-time noise densities N, one random walk for all biases, and the biases at rest.
+
+    The random walk is the standard deviation of the change of a bias between two lidar frames.
 
     Source: `config/config_sensors.json`, `odometry_estimation_imu.cpp` and `imu_integration.cpp` of GLIM.
     """
@@ -37,7 +38,7 @@ class Glim(JsonFile):
     )
 
     def content(self, noise: Noise) -> Mapping[str, Any]:
-        """Return the entry sensors."""
+        """Return the entry "sensors" of the configuration."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         return {
             "sensors": {

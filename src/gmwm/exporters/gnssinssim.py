@@ -1,4 +1,4 @@
-"""gnss-ins-sim: the dictionary of an IMU, in Python."""
+"""Export for gnss-ins-sim: a Python dictionary that describes an IMU."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ _DEGREE = math.pi / 180
 
 @register
 class GnssInsSim(GaussMarkov):
-    """gnss-ins-sim: constant bias, N, and a Gauss-Markov bias with σ and T of each axis.
+    """gnss-ins-sim, with the constant bias, N and a Gauss-Markov bias for each axis.
+
+    The Gauss-Markov bias has the standard deviation σ and the correlation time T.
 
     Source: `imu_model.py` and `pathgen.py` (`bias_drift`) of gnss-ins-sim.
     """
@@ -35,7 +37,7 @@ class GnssInsSim(GaussMarkov):
     usage = ("Pass the dictionary: imu_model.IMU(accuracy=imu_err, axis=6, gps=False).",)
 
     def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
-        """Return the dictionary."""
+        """Return the Python code of the dictionary."""
         lines = ["import numpy as np", "", "imu_err = {"]
         for name, walk, sensor, factor in (
             ("gyro", "arw", noise.of("gyro"), 1 / _DEGREE), ("accel", "vrw", noise.of("accel"), 1.0)

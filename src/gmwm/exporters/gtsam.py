@@ -1,4 +1,4 @@
-"""GTSAM: lines that set the noise of PreintegrationCombinedParams, in C++ and in Python."""
+"""Export for GTSAM: code that sets the noise of PreintegrationCombinedParams, in C++ and in Python."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ADVICE = ("Keep your covariances of the integration and of the initial bias: th
 
 
 class _Gtsam(TwoNumbers):
-    """GTSAM: four 3 × 3 covariances, continuous in time.
+    """Base of the formats for GTSAM, with four 3 × 3 continuous-time covariances.
 
     Source: `PreintegrationParams.h`, `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM.
     """
@@ -36,7 +36,7 @@ class _Gtsam(TwoNumbers):
 
 @register
 class GtsamCpp(_Gtsam):
-    """Write C++ for a `std::shared_ptr<gtsam::PreintegrationCombinedParams> params`."""
+    """C++ code for the variable `std::shared_ptr<gtsam::PreintegrationCombinedParams> params`."""
 
     name = "gtsam"
     title = "GTSAM, PreintegrationCombinedParams in C++"
@@ -44,7 +44,7 @@ class GtsamCpp(_Gtsam):
     comment = "//"
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return one assignment for each covariance."""
+        """Return one C++ assignment for each covariance."""
         return [
             f"params->{key} = gtsam::Vector3({_squares(numbers)}).asDiagonal();{_mark(numbers, '//')}"
             for key, numbers in self._four(noise)
@@ -53,14 +53,14 @@ class GtsamCpp(_Gtsam):
 
 @register
 class GtsamPython(_Gtsam):
-    """Write Python for `params` of the class `gtsam.PreintegrationCombinedParams`."""
+    """Python code for an object `params` of the class `gtsam.PreintegrationCombinedParams`."""
 
     name = "gtsam-python"
     title = "GTSAM, PreintegrationCombinedParams in Python"
     extension = ".py"
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return a function with one call for each covariance."""
+        """Return a Python function with one call for each covariance."""
         calls = [
             f"    params.set{key[0].upper()}{key[1:]}(np.diag([{_squares(numbers)}])){_mark(numbers, '#')}"
             for key, numbers in self._four(noise)

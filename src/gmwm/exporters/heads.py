@@ -1,4 +1,4 @@
-"""Paragraphs of a head: what each number includes, the datasheet, and how the numbers depend on the horizon."""
+"""Paragraphs of the head of a file: terms included in N and K, datasheet values, and dependence on the horizon."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ if TYPE_CHECKING:
     from gmwm.exporters.base import Noise
 
 HORIZONS = (0.1, 1.0, 10.0, 100.0)
-"""Horizons (s) of the sweep."""
+"""Horizons (s) for which the head lists N and K."""
 FAR, NEARER = 0.2, 2.0
-"""Error of N and K in the Allan deviation, and its ratio to that of two states, from which both are stated: a
-convention (tests/exporters/test_two_states.py)."""
+"""The head states the errors of N and K and of two Gauss-Markov states if the relative error of N and K in the Allan
+deviation is at least FAR, and at least NEARER times the error of two states. Both limits are conventions
+(tests/exporters/test_two_states.py)."""
 ALIKE = 5e-3
-"""Relative difference above which the number of a file and the number of the datasheet are shown side by side."""
+"""If N or K of the file differs from the datasheet by more than this relative amount, the head states both values."""
 _POWERS = {"N": 0.5, "K": -0.5}
 
 
 def models(noise: Noise, calibration: Calibration) -> list[str]:
-    """Return the model of each axis, the terms that each number includes, and the datasheet if its numbers differ."""
+    """Return a sentence for each axis: its model, the terms in N and K, and the datasheet values if they differ."""
     lines = []
     for sensor in noise.sensors:
         for one in sensor.axes:
@@ -38,7 +39,7 @@ def models(noise: Noise, calibration: Calibration) -> list[str]:
 
 
 def _beside(one: AxisNoise, sensor: SensorNoise, calibration: Calibration) -> str:
-    """Return N and K of the datasheet beside N and K of the file, before inflation, if they differ."""
+    """Return a sentence with N and K of the datasheet and of the file (before inflation), or "" if they agree."""
     sheet = calibration.datasheets[one.axis]
     texts: dict[str, list[str]] = {"Table": [], "here": []}
     differs = False
@@ -62,13 +63,14 @@ def _beside(one: AxisNoise, sensor: SensorNoise, calibration: Calibration) -> st
 
 
 def _unit(sensor: SensorNoise, power: float) -> tuple[str, float]:
-    """Return the unit of a number in datasheets and its factor to the SI unit."""
+    """Return the datasheet unit for a power of time, and the factor from the SI unit to it."""
     si = noise_unit(power, SI_UNIT[sensor.quantity])[0]
     return next(iter(datasheet_units(si).items()))
 
 
 def sweep(noise: Noise) -> list[str]:
-    """Return N and K (SI, before inflation) at horizons of 0.1 s to 100 s, of the axes that the file uses."""
+    """Return sentences with N and K (SI, before inflation) at horizons from 0.1 s to 100 s, for the axes of the
+    file."""
     lines = []
     for sensor in noise.sensors:
         si = [noise_unit(power, SI_UNIT[sensor.quantity])[0] for power in _POWERS.values()]
@@ -86,7 +88,8 @@ def sweep(noise: Noise) -> list[str]:
 
 
 def _two_states(one: AxisNoise) -> str:
-    """State the error of N and K, and that of two states, if these are much nearer to the model; otherwise ""."""
+    """Return a sentence with the errors of N and K and of two Gauss-Markov states, or "" if these are not much
+    better."""
     found = two_states(one.fit, one.use.horizon)
     if found is None or found.error_of_walk < max(FAR, NEARER * found.error):
         return ""
@@ -99,7 +102,7 @@ def _two_states(one: AxisNoise) -> str:
 
 
 def _measured(one: AxisNoise, horizon: float) -> tuple[str, str]:
-    """Return N and K at a horizon as text; "none" if the model has no such noise there."""
+    """Return N and K at a horizon as text, or "none" if the model has no such noise at this horizon."""
     known: dict[tuple[float, str], tuple[str, str]] = one.fit.__dict__.setdefault("_swept", {})
     key = horizon, one.use.flicker
     if key not in known:

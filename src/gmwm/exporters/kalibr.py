@@ -1,4 +1,4 @@
-"""Kalibr: imu.yaml for the camera-IMU calibration."""
+"""Export for Kalibr: imu.yaml for the camera-IMU calibration."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ CONTINUOUS = (
     "Units: continuous-time densities, one-sigma. Noise density N: gyroscope rad/s/√Hz, accelerometer m/s²/√Hz. "
     "Random walk K: gyroscope rad/s²/√Hz, accelerometer m/s³/√Hz.",
 )
-"""Units of Kalibr's four numbers, which other programs have adopted."""
+"""Units of Kalibr's four parameters, which other programs use too."""
 
 
 def four_numbers(noise: Noise) -> list[str]:
-    """Return the four keys, each with its unit."""
+    """Return four lines with Kalibr's keys, values and units."""
     lines = []
     for quantity, key, unit in (("accel", "accelerometer", "m/s"), ("gyro", "gyroscope", "rad/s")):
         sensor = noise.accel if quantity == "accel" else noise.gyro
@@ -30,7 +30,7 @@ def four_numbers(noise: Noise) -> list[str]:
 
 @register
 class Kalibr(TwoNumbers):
-    """Write four continuous-time noise densities, all of which must be positive.
+    """Kalibr, with four continuous-time noise densities, all of which must be positive.
 
     Source: `ConfigReader.py` of Kalibr, and its pages on the IMU noise model and on YAML formats.
     """
@@ -41,12 +41,12 @@ class Kalibr(TwoNumbers):
     meaning = CONTINUOUS
 
     def advice(self, noise: Noise) -> tuple[str, ...]:
-        """Return which values to replace."""
+        """Return a sentence on the ROS topic in the file."""
         if noise.topic:
             return ("rostopic is the topic that was calibrated.",)
         return ("Replace rostopic, which is a placeholder, by the topic of your recordings.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return Kalibr's keys."""
+        """Return the lines with Kalibr's keys."""
         topic = noise.topic or "/imu0"
         return [*four_numbers(noise), "", f"rostopic: {topic}", f"update_rate: {noise.written_rate}  # Hz"]

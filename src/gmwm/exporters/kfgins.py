@@ -1,4 +1,4 @@
-"""KF-GINS: imunoise in kf-gins.yaml."""
+"""Export for KF-GINS: the entry imunoise in kf-gins.yaml."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ _MILLIGAL = 1e-5
 
 @register
 class KfGins(GaussMarkov):
-    """KF-GINS: N, and a Gauss-Markov bias with σ and one correlation time T for all axes.
+    """KF-GINS, with N and a Gauss-Markov bias with σ for each axis, and one correlation time T for all axes.
 
-    The filter drives the bias with 2σ²/T. For a single slow Gauss-Markov term, σ and T are its own parameters.
+    The filter uses the spectral density 2σ²/T for the driving noise of the bias. If a model has a single slow
+    Gauss-Markov term, σ and T are the parameters of this term.
 
     Source: `dataset/kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp` of KF-GINS.
     """
@@ -36,7 +37,7 @@ class KfGins(GaussMarkov):
     usage = ("Keep gsstd and asstd of your file: a recording at rest does not show scale factors.",)
 
     def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
-        """Return five keys with three numbers each."""
+        """Return the entry with its five keys."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         sigmas = [[sigma for sigma, _ in of_sensor(sensor, found, noise)] for sensor in (gyro, accel)]
         time = next(iter(found.values())).time

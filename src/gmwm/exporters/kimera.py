@@ -1,4 +1,4 @@
-"""Kimera-VIO: the noise in ImuParams.yaml."""
+"""Export for Kimera-VIO: the noise parameters in ImuParams.yaml."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gmwm.exporters.kalibr import CONTINUOUS, four_numbers
 
 @register
 class Kimera(TwoNumbers):
-    """Write the four continuous-time noise densities of Kalibr and the sampling rate.
+    """Kimera-VIO, with the four continuous-time noise densities of Kalibr and the sampling rate.
 
     Source: `params/Euroc/ImuParams.yaml` of Kimera-VIO.
     """
@@ -26,5 +26,5 @@ class Kimera(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return Kimera's keys."""
+        """Return the lines with Kimera's keys."""
         return [f"rate_hz: {noise.written_rate}  # Hz", *four_numbers(noise)]

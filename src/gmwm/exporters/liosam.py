@@ -1,4 +1,4 @@
-"""LIO-SAM: the noise in params.yaml."""
+"""Export for LIO-SAM: the noise parameters in params.yaml."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class LioSam(TwoNumbers):
-    """Write four continuous-time noise densities, which LIO-SAM squares for GTSAM.
+    """LIO-SAM, with four continuous-time noise densities, which the program squares for GTSAM.
 
     Source: `config/params.yaml` and `imuPreintegration.cpp` of LIO-SAM.
     """
@@ -25,7 +25,7 @@ class LioSam(TwoNumbers):
     usage = ("Replace these keys in your params.yaml. For ROS 2, they are under /**: ros__parameters:.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return four keys."""
+        """Return the four keys of the file."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         return [
             "lio_sam:",

@@ -1,4 +1,4 @@
-"""Reduce the slow terms of a model to one Gauss-Markov bias, for programs that have such a bias."""
+"""Reduce the slow terms of a model to one Gauss-Markov bias, for programs with such a bias."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 Clusters = NDArray[np.int64]
 LONGEST = 3600.0
-"""Default duration (s) of the fit; a shorter recording has its own length."""
+"""Default of the longest averaging time (s) in the fit. For a shorter recording, its length is used."""
 POINTS = 25
-"""Number of averaging times of the least-squares fit, equidistant in the logarithm."""
+"""Number of averaging times in the least-squares fit, with equal distances in the logarithm."""
 _TRIED = 60
-"""Number of correlation times that are tried before the best one is refined."""
+"""Number of correlation times on the grid. The best one is refined afterwards."""
 _WIDEST = 4.0
-"""Smallest ratio of the duration to the horizon."""
+"""Smallest ratio of the longest averaging time to the horizon."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,15 @@ class Bias:
     Attributes
     ----------
     axis : str
+        Name of the axis.
     sigma : Number
-        Standard deviation (SI), not inflated.
+        Standard deviation (SI), before inflation.
     time : float
         Correlation time (s).
     terms : tuple of str
-        The slow terms that it replaces; empty if there are none, and σ is an upper limit.
+        Slow terms of the model that it replaces. If there are none, σ is an upper limit.
     error : float
-        Largest relative difference that it makes in the Allan deviation of the axis.
+        Largest relative difference in the Allan deviation of the axis, between the bias and the terms that it replaces.
     """
 
     axis: str
@@ -60,13 +61,25 @@ class Bias:
 
     @property
     def walk(self) -> Number:
-        """Random walk K (SI) at times far below the correlation time, σ √(2/T)."""
+        """Random walk K = σ √(2/T) (SI), which describes the bias at times far below the correlation time."""
         return self.sigma.scaled(math.sqrt(2 / self.time))
 
 
 @dataclass(frozen=True)
 class _Slow:
-    """The slow terms of one axis, and the Allan variance of these and of the white noise at some numbers of samples."""
+    """The slow terms of one axis with their Allan variance.
+
+    Attributes
+    ----------
+    axis : AxisNoise
+        Noise parameters of the axis.
+    terms : tuple of str
+        The slow terms of the model.
+    clusters : (n,) array of int
+        Averaging times, in samples.
+    slow, white : (n,) arrays
+        Allan variance of the slow terms, and of the white noise N.
+    """
 
     axis: AxisNoise
     terms: tuple[str, ...]
@@ -90,18 +103,19 @@ class _Slow:
         return cls(axis=one, terms=tuple(parts), clusters=clusters, slow=slow, white=one.N.value**2 * rate / clusters)
 
     def unit(self, time: float) -> Vector:
-        """Allan variance of a Gauss-Markov process of variance 1."""
+        """Return the Allan variance (n,) of a Gauss-Markov process with variance 1 and a correlation time (s)."""
         return GM(beta=1 / time, sigma2=1.0).allan_variance(self.clusters, self.axis.fit.wavelet_variance.rate)
 
     def fitted(self, time: float) -> tuple[float, float]:
-        """Return the best variance at a correlation time, and the weighted sum of squares of the logarithm."""
+        """Return the best variance of the bias for a correlation time, and the weighted sum of squares of the fit."""
         ratio = np.log(self.slow / self.unit(time))
         weights = (self.slow / (self.slow + self.white)) ** 2
         best = float(np.sum(weights * ratio) / np.sum(weights))
         return math.exp(best), float(np.sum(weights * (ratio - best) ** 2))
 
     def error(self, time: float, variance: float) -> float:
-        """Largest relative difference of the Allan deviations of bias and slow terms, both with the white noise."""
+        """Return the largest relative difference between two Allan deviations: white noise with the bias, and with the
+        slow terms."""
         ratio = (variance * self.unit(time) + self.white) / (self.slow + self.white)
         return float(np.max(np.abs(np.sqrt(ratio) - 1)))
 
@@ -109,21 +123,22 @@ class _Slow:
 def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) -> dict[str, Bias]:
     """Fit a Gauss-Markov bias to the slow terms of each axis by least squares on the logarithm of the Allan variance.
 
-    The weight of an averaging time is the square of the share of the slow terms in the Allan variance there, because
-    the rest is white noise, which the bias does not change.
+    The weight of each averaging time is the squared share of the slow terms in its Allan variance. The rest is white
+    noise, which does not depend on the bias.
 
     Parameters
     ----------
     axes : sequence of AxisNoise
+        Noise parameters of the axes.
     low, high : float
-        Shortest and longest averaging time (s). The correlation time is between these.
+        Shortest and longest averaging time (s), which are also the limits of the correlation time.
     common : bool
         Whether all axes have the same correlation time.
 
     Returns
     -------
     mapping of axis to Bias
-        The σ of an axis without slow terms is an upper limit: the rms, over the duration, of the random walk that is
+        If an axis has no slow terms, σ is an upper limit: the RMS over the longest averaging time of a random walk with
         the upper limit of K.
     """
     known = {one.axis: _Slow.of(one, low, high) for one in axes}
@@ -143,7 +158,8 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
 
 
 def _time(axes: Sequence[_Slow], low: float, high: float) -> float:
-    """Return the correlation time with the smallest sum of squares, at the best variance of each axis."""
+    """Return the correlation time (s) with the smallest sum of squares over all axes, with the best variance of each
+    axis."""
     from scipy.optimize import minimize_scalar
 
     def squares(log_time: float) -> float:
@@ -157,7 +173,9 @@ def _time(axes: Sequence[_Slow], low: float, high: float) -> float:
 
 
 class GaussMarkov(TwoNumbers):
-    """Base of formats with white noise N and a Gauss-Markov bias with σ and T for each axis or sensor.
+    """Base class of formats with white noise N and a Gauss-Markov bias.
+
+    The bias has the standard deviation σ and the correlation time T.
 
     Attributes
     ----------
@@ -171,18 +189,18 @@ class GaussMarkov(TwoNumbers):
 
     @abstractmethod
     def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
-        """Return the lines below the head, in ASCII, from N and the bias of each axis."""
+        """Return the lines below the head, in ASCII, for N and the bias of each axis."""
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Return the lines below the head."""
         return self.rows(noise, self.biases(noise))
 
     def _remarks(self, calibration: Calibration, noise: Noise) -> tuple[Remark, ...]:
-        # The bias is fitted at all averaging times, and not at the horizon only.
+        # The bias is fitted at all averaging times instead of at the horizon only, so this remark does not apply.
         return tuple(one for one in super()._remarks(calibration, noise) if one.code != "counted-at-horizon")
 
     def biases(self, noise: Noise) -> dict[str, Bias]:
-        """Return the bias of each axis for the duration of the file."""
+        """Return the Gauss-Markov bias of each axis for the options of the file."""
         known: dict[str, dict[str, Bias]] = noise.__dict__
         if "_biases" not in known:
             low, high = band(noise)
@@ -191,7 +209,7 @@ class GaussMarkov(TwoNumbers):
         return known["_biases"]
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """Return the head, with the band of the fit and its error."""
+        """Return the paragraphs of the head, including the averaging times and the error of the fit."""
         low, high = band(noise)
         found = self.biases(noise)
         lines = [
@@ -231,7 +249,7 @@ def band(noise: Noise) -> tuple[float, float]:
 
 
 def of_sensor(sensor: SensorNoise, found: Mapping[str, Bias], noise: Noise) -> tuple[tuple[Number, float], ...]:
-    """Return σ (inflated) and T of the x, y and z axes of a sensor, after the rule of the file."""
+    """Return σ (after inflation) and T for the x, y and z axes of a sensor, combined by the rule of the file."""
     rule, inflation = noise.options.axes, noise.options.inflation
     if rule == "worst":
         one = found[sensor.worst.axis]

@@ -1,4 +1,4 @@
-"""MATLAB: gyroparams and accelparams of imuSensor."""
+"""Export for MATLAB: gyroparams and accelparams of imuSensor."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ if TYPE_CHECKING:
 
 _FLICKER = "BiasInstability"
 _LASTING = 100.0
-"""Time lag (s) up to which the filter of imuSensor produces flicker noise: its default, which the head states."""
+"""Time lag (s) up to which the filter of imuSensor produces flicker noise in an exported file. The head states it."""
 
 
 @register
 class Matlab(TwoNumbers):
-    """MATLAB: N and K of each axis for the simulator imuSensor.
+    """MATLAB's simulator imuSensor, with N, K and flicker noise of each axis.
 
-    With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a step of the random walk
-    RandomWalk/√f, as N and K are defined. With the default "double-sided", f/2 replaces f.
+    f is the sampling rate. With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a
+    step of the random walk has RandomWalk/√f, which agrees with the definitions of N and K. With the default
+    "double-sided", MATLAB uses f/2 instead of f.
 
-    BiasInstability drives a filter whose output has the density B²/(2π|f|) of flicker noise at time lags up to the
-    number of its poles, in samples, and is white noise at longer lags. The default filter has one pole.
+    BiasInstability is the coefficient B of white noise that drives a filter. The output of the filter is flicker noise
+    with the spectral density B²/(2π|f|) at time lags up to as many samples as the filter has poles. At longer lags, it
+    is white noise. The default filter has one pole.
 
     Source: reference pages of imuSensor, gyroparams, accelparams and fractalcoef, and the simulator's code.
     """
@@ -48,7 +50,7 @@ class Matlab(TwoNumbers):
     )
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """Return the head, with the meaning of BiasInstability."""
+        """Return the paragraphs of the head, including the meaning of BiasInstability."""
         head = super().head(calibration, noise)
         if not _has_flicker(noise):
             return [
@@ -65,7 +67,7 @@ class Matlab(TwoNumbers):
         ]
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return one call for each sensor."""
+        """Return MATLAB code with one call for each sensor."""
         lines = [f"poles = {math.ceil(_LASTING * noise.rate)};"] if _has_flicker(noise) else []
         for sensor, maker in ((noise.gyro, "gyro"), (noise.accel, "accel")):
             if sensor is not None:

@@ -1,4 +1,4 @@
-"""State-space matrices of a model, as lists for a file."""
+"""Convert state-space matrices to lists for a file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gmwm.processes.model import Model
 
 
 def has_matrices(model: Model, rate: float) -> bool:
-    """Return whether every term has a state-space form at its values."""
+    """Return whether every term of a model has a state-space form."""
     try:
         model.state_space(rate)
     except MissingTheoryError:
@@ -20,5 +20,5 @@ def has_matrices(model: Model, rate: float) -> bool:
 
 
 def rows(matrix: Iterable[Iterable[float]]) -> list[list[float]]:
-    """Return a matrix as lists, with all digits."""
+    """Return a matrix as a list of rows, with full precision."""
     return np.asarray(matrix, dtype=np.float64).tolist()  # type: ignore[no-any-return]

@@ -1,4 +1,4 @@
-"""NaveGo: the structure of an IMU, in MATLAB."""
+"""Export for NaveGo: a MATLAB structure that describes an IMU."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ _DEGREE = math.pi / 180
 
 @register
 class NaveGo(GaussMarkov):
-    """NaveGo: N, the range of the constant bias, and a Gauss-Markov bias with σ and T of each axis.
+    """NaveGo, with N, the range of the constant bias, and a Gauss-Markov bias for each axis.
+
+    The Gauss-Markov bias has the standard deviation σ and the correlation time T.
 
     Source: `imu_si_errors.m`, `noise_b_sta.m` and `noise_b_dyn.m` of NaveGo, and its examples.
     """
@@ -37,7 +39,7 @@ class NaveGo(GaussMarkov):
     usage = ("Convert to SI units: imu1 = imu_si_errors(imu, 1/imu.freq). Magnetometers: add m_psd of your file.",)
 
     def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
-        """Return the fields of the structure."""
+        """Return MATLAB code that sets the fields of the structure."""
         lines = []
         for sensor, prefix, density, walk, factor, unit in (
             (noise.of("gyro"), "gb", "arw", "arrw", 1 / _DEGREE, 60 / _DEGREE),

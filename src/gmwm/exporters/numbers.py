@@ -1,4 +1,4 @@
-"""The numbers of a unit as JSON: the datasheet, N and K for a filter, and the state-space matrices."""
+"""Export as JSON: the datasheet, N and K for a filter, and the state-space matrices of a unit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ VERSION = 1
 
 @register
 class JsonNumbers(Exporter):
-    """JSON with the numbers of a calibration for programs. The complete calibration is in calibration.json."""
+    """JSON with the noise parameters of a calibration, for other programs. calibration.json has the complete
+    calibration."""
 
     name = "json"
     title = "other programs (JSON)"
@@ -32,7 +33,7 @@ class JsonNumbers(Exporter):
     takes = frozenset({"horizon", "duration"})
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return a JSON document."""
+        """Return the text of the JSON document."""
         content = {
             "format": FORMAT,
             "version": VERSION,
@@ -75,7 +76,7 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
 
 
 def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any] | None:
-    """Return N and K with their units, or the reason why there are none."""
+    """Return N and K of an axis with their units, or the reason why they do not exist."""
     fit = calibration[axis]
     unit = find_unit(fit.wavelet_variance.unit)
     if unit is None:
@@ -96,7 +97,7 @@ def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict
 
 
 def _plain(value: Any) -> Any:
-    """Replace NaN and infinity, which JSON does not have, by null."""
+    """Replace NaN and infinity, which JSON does not allow, by None."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

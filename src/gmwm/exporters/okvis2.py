@@ -1,4 +1,4 @@
-"""OKVIS 2: imu_parameters in its configuration."""
+"""Export for OKVIS 2: the entry imu_parameters of its configuration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class Okvis2(TwoNumbers):
-    """OKVIS 2: four continuous-time densities, the biases at rest and their standard deviations.
+    """OKVIS 2, with four continuous-time noise densities, the biases at rest and their standard deviations.
 
     Source: `config/euroc.yaml` of OKVIS 2 and `ImuParameters` of `okvis/Parameters.hpp`.
     """
@@ -33,7 +33,7 @@ class Okvis2(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return the entry imu_parameters."""
+        """Return the lines of the entry imu_parameters."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         lines = [
             "imu_parameters:",

@@ -1,4 +1,4 @@
-"""OpenVINS: kalibr_imu_chain.yaml."""
+"""Export for OpenVINS: kalibr_imu_chain.yaml."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ZERO = ("[0.0, 0.0, 0.0]",) * 3
 
 @register
 class OpenVins(TwoNumbers):
-    """Write the four continuous-time noise densities of Kalibr, with the keys of its camera-IMU chain file.
+    """OpenVINS, with the four continuous-time noise densities of Kalibr and the other keys of its IMU file.
 
     Source: `config/euroc_mav/kalibr_imu_chain.yaml` of OpenVINS.
     """
@@ -30,7 +30,7 @@ class OpenVins(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return the entry of one IMU."""
+        """Return the lines of the entry of one IMU."""
         lines = ["imu0:", *_matrix("T_i_b", _POSE), *(f"  {line}" for line in four_numbers(noise))]
         lines += [
             f"  rostopic: {noise.topic or '/imu0'}",

@@ -1,4 +1,4 @@
-"""ORB-SLAM3: the noise in the settings file."""
+"""Export for ORB-SLAM3: the noise parameters in the settings file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class OrbSlam3(TwoNumbers):
-    """Write four continuous-time noise densities and the rate with which ORB-SLAM3 computes the discrete ones.
+    """ORB-SLAM3, with four continuous-time noise densities and the sampling rate.
+
+    The program computes discrete-time values from them.
 
     Source: `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3.
     """
@@ -26,7 +28,7 @@ class OrbSlam3(TwoNumbers):
     usage = ("Replace these keys in your settings file.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return five keys."""
+        """Return the five keys of the file."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         return [
             f"IMU.NoiseGyro: {written(gyro.N[0])}  # rad/s/sqrt(Hz){limit_mark(gyro.N[0])}",

@@ -1,4 +1,4 @@
-"""Reduce the models of a unit to the white noise N and the random walk K that most filters use."""
+"""Reduce the noise models of a unit to white noise N and random walk K, the parameters of most filters."""
 
 from __future__ import annotations
 
@@ -27,27 +27,39 @@ RULES: Mapping[Rule, str] = {
     "mean": "the root mean square of",
     "each": "one for each of",
 }
-"""Words for the rules that combine the axes of a sensor into the numbers of a file."""
+"""Rules that combine the axes of a sensor into the parameters of a file, with their descriptions."""
 
 NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
-"""Names of the sensors in text."""
+"""Names of the sensors in sentences."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of an axis or a sensor: a measured value, or an upper limit if `upper` is true."""
+    """Value of a noise parameter: a measured value, or an upper limit if `upper` is true."""
 
     value: float
     upper: bool
 
     def scaled(self, factor: float) -> Number:
-        """Return the number times a positive factor."""
+        """Return the value multiplied by a positive factor."""
         return Number(factor * self.value, self.upper)
 
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """N and K of one axis, B of its flicker noise, and the use that they are computed for."""
+    """Noise parameters of one axis in SI units.
+
+    Attributes
+    ----------
+    axis : str
+        Name of the axis.
+    fit : Fit
+        Fit of the noise model.
+    N, K, B : Number
+        White noise, random walk, and coefficient of the flicker term.
+    use : Use
+        Horizon and treatment of flicker noise for which N and K are computed.
+    """
 
     axis: str
     fit: Fit
@@ -58,21 +70,23 @@ class AxisNoise:
 
     @property
     def at_horizon(self) -> float:
-        """Allan variance of N and K at the horizon T_h, N²/T_h + K² T_h/3."""
+        """Allan variance N²/T_h + K² T_h/3 of N and K at the horizon T_h."""
         return self.N.value**2 / self.use.horizon + self.K.value**2 * self.use.horizon / 3
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """N and K of one sensor in SI units, inflated.
+    """Noise parameters of one sensor in SI units, after inflation.
 
     Parameters
     ----------
     quantity : "gyro" or "accel"
+        Kind of the sensor.
     axes : tuple of AxisNoise
-        Not inflated.
+        Parameters of each axis, before inflation.
     N, K, B : tuple of Number
-        Three numbers, for x, y and z. They are equal unless the rule is "each". B is the coefficient of a flicker term.
+        White noise, random walk and coefficient of the flicker term, with three values for x, y and z. The three values
+        are equal unless the rule is "each".
     """
 
     quantity: Quantity
@@ -83,24 +97,25 @@ class SensorNoise:
 
     @property
     def worst(self) -> AxisNoise:
-        """The axis with the largest Allan deviation at the horizon. The rule "worst" uses all numbers of this axis."""
+        """The axis with the largest Allan deviation at the horizon. The rule "worst" uses the parameters of this
+        axis."""
         return max(self.axes, key=lambda one: one.at_horizon)
 
     @property
     def rate(self) -> float:
-        """Samples per second (Hz) of the recording."""
+        """Sampling rate (Hz) of the recording."""
         return self.axes[0].fit.wavelet_variance.rate
 
 
 def sensor_noise(
     calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, use: Use
 ) -> SensorNoise | None:
-    """Return N, K and B of a sensor; None if it was not calibrated.
+    """Return N, K and B of a sensor, or None if it was not calibrated.
 
     Raises
     ------
     DataError
-        If the data do not determine even an upper limit, or the rule is "each" and an axis was not calibrated.
+        If the data do not determine even an upper limit, or if the rule is "each" and an axis was not calibrated.
     """
     names = axes_of(calibration, quantity)
     if not names:
@@ -120,7 +135,7 @@ def axes_of(calibration: Calibration, quantity: Quantity) -> list[str]:
 
 
 def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
-    """Raise an error if an axis is not in the SI unit of its sensor."""
+    """Raise an error if the signal of an axis is not in the SI unit of its sensor."""
     if fit.wavelet_variance.unit != SI_UNIT[quantity]:
         raise DataError(
             f"{axis} is in {fit.wavelet_variance.unit or 'an unknown unit'} instead of {SI_UNIT[quantity]}",
@@ -129,17 +144,17 @@ def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
 
 
 def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, level: float) -> AxisNoise:
-    """Return N and K of one axis for a use: from the model, or upper limits if the model has no such noise."""
+    """Return N and K of one axis for a use. If the model has no such noise, they are upper limits."""
     fit = found.fit
     require_unit(axis, fit, quantity)
-    # Many files are written from one calibration, and an upper limit needs another fit.
+    # The values are stored, because many files are written from one calibration, and an upper limit needs another fit.
     known: dict[tuple[Use, float], tuple[Number, Number]] = fit.__dict__.setdefault("_two_numbers", {})
     flicker = _flicker(found)
     if (use, level) not in known:
         entries = noise_in_use(fit, use, level)
         white = _number(axis, fit, entries["N_eff"], level)
         processes, rate = translated(fit)[0].model.processes, fit.wavelet_variance.rate
-        # The flicker term describes the slow changes; an upper limit of a random walk is not added to it.
+        # If the flicker term describes the slow noise, no upper limit of a random walk is added.
         alone = use.flicker and flicker.value > 0 and not any(WALK in counted(p, use, rate) for p in processes)
         known[use, level] = (white, Number(0.0, False) if alone else _number(axis, fit, entries["K_eff"], level))
     white, walk = known[use, level]
@@ -147,7 +162,7 @@ def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, 
 
 
 def _flicker(found: AxisCalibration) -> Number:
-    """Return B of the flicker term from the datasheet; zero if the model has no flicker term."""
+    """Return B of the flicker term from the datasheet, or zero if the model has no flicker term."""
     entry = found.datasheet.get(SYMBOL)
     if entry is None or entry.term is None:
         return Number(0.0, False)
@@ -156,7 +171,7 @@ def _flicker(found: AxisCalibration) -> Number:
 
 
 def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> tuple[Number, ...]:
-    """Combine the numbers of the axes by the rule, multiplied by the inflation factor."""
+    """Combine a parameter of several axes by a rule, and multiply it by the inflation factor."""
     numbers = [number for _, number in given]
     if rule == "each":
         by_letter = {letter_of(axis): number for axis, number in given}
@@ -176,7 +191,7 @@ def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> 
 
 
 def _number(axis: str, fit: Fit, entry: Entry, level: float) -> Number:
-    """Return the value of an entry, or its upper limit if the data do not distinguish it from zero."""
+    """Return the value of a parameter, or its upper limit if the data do not distinguish it from zero."""
     if entry.value > 0 and not entry.upper_only:
         return Number(entry.value, False)
     if fit.weighting == GIVEN:
@@ -201,8 +216,10 @@ def _unbounded(axis: str, entry: Entry, cause: BaseException | None = None) -> D
 
 
 def counted_as(fit: Fit, use: Use) -> dict[str, list[str]]:
-    """Return the terms of a model that are part of "N", of "K", of the parameter for flicker noise, and of none of them
-    ("")."""
+    """Return the terms of a model by the parameter of the file that includes them.
+
+    The keys are "N", "K", the parameter for flicker noise, and "" for terms that no parameter includes.
+    """
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
     found: dict[str, list[str]] = {"N": [], "K": [], "": []}
@@ -225,7 +242,7 @@ def counted_as(fit: Fit, use: Use) -> dict[str, list[str]]:
 
 
 def replaced_terms(fit: Fit, use: Use) -> tuple[str, ...]:
-    """Return the terms that are replaced by noise with the same Allan deviation at one averaging time."""
+    """Return the terms that are replaced by noise with the same Allan deviation at the horizon only."""
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
     return tuple(
@@ -240,7 +257,7 @@ def replaced_terms(fit: Fit, use: Use) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a model: its frequency (Hz) and its amplitude, in the unit of the signal."""
+    """A sinusoid of a model: name of the term, frequency (Hz), and amplitude in the unit of the signal."""
 
     term: str
     frequency: float
@@ -248,7 +265,7 @@ class Line:
 
 
 def lines_of(fit: Fit) -> list[Line]:
-    """Return the sinusoids of a fit. A filter with N and K only cannot represent them."""
+    """Return the sinusoids of a fit. A filter with only N and K cannot represent them."""
     rate = fit.wavelet_variance.rate
     found = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):

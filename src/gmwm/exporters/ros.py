@@ -1,4 +1,4 @@
-"""ROS: the covariances of sensor_msgs/Imu messages."""
+"""Export for ROS: the covariances of sensor_msgs/Imu messages."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ _KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "l
 
 @register
 class Ros(Exporter):
-    """ROS: the variance of a sample, on the diagonal: all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without
-    sinusoids.
+    """Covariances of ROS messages, with the variance of one sample on the diagonal.
+
+    The variance is the sum over all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without sinusoids.
 
     Source: `sensor_msgs/msg/Imu.msg`.
     """
@@ -37,7 +38,7 @@ class Ros(Exporter):
     per_axis = True
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return a list of nine numbers for each calibrated sensor."""
+        """Return the text of the file, with a list of nine numbers for each calibrated sensor."""
         first, last = paragraphs(self.remarks(calibration, options))
         head = [
             title_line(self), recording(calibration), *first,
@@ -70,7 +71,7 @@ class Ros(Exporter):
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return warnings of the calibration, and remarks on terms without a variance and on sinusoids."""
+        """Return cautions of the calibration, and remarks on terms without a finite variance and on sinusoids."""
         found = cautions(calibration)
         for axis, fit in calibration.items():
             if terms := terms_without_variance(fit):
@@ -80,7 +81,7 @@ class Ros(Exporter):
 
 
 def terms_without_variance(fit: Fit) -> tuple[str, ...]:
-    """Return the terms whose variance grows with time."""
+    """Return the terms of a fit whose variance grows with time."""
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
     return tuple(
@@ -93,8 +94,10 @@ def terms_without_variance(fit: Fit) -> tuple[str, ...]:
 
 
 def sample_variance(fit: Fit) -> float:
-    """Return the variance (SI) of one sample of the stationary noise of a model, without sinusoids and terms that act
-    as a random walk."""
+    """Return the variance (SI) of one sample of the stationary noise of a fit.
+
+    Sinusoids and terms that act as a random walk are left out.
+    """
     model, wv = translated(fit)[0].model, fit.wavelet_variance
     stationary = [p for p in model.processes if p.stationary and p.scale > 0 and p.line(wv.rate) is None]
     lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]

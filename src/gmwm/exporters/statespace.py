@@ -1,4 +1,4 @@
-"""State-space matrices of the full model, for NumPy, MATLAB, C++ and other programs."""
+"""Export of the state-space matrices of the full model for NumPy, MATLAB, C++ and other programs."""
 
 from __future__ import annotations
 
@@ -93,12 +93,12 @@ if __name__ == "__main__":
 
 
 class StateSpaces(Exporter):
-    """Base of the files with F, Q, H, R, m0, P0 and A, Qc, H_c, Rc of each axis."""
+    """Base class of formats with the discrete- and continuous-time state-space matrices of each axis."""
 
     takes = frozenset({"rate", "horizon", "duration"})
 
     def head(self, calibration: Calibration, options: ExportOptions) -> list[str]:
-        """Return the paragraphs of the head."""
+        """Return the paragraphs of the head of the file."""
         first, last = paragraphs(self.remarks(calibration, options))
         step = (
             "Steps: of one sample of the recording."
@@ -109,7 +109,7 @@ class StateSpaces(Exporter):
         return [title_line(self), recording(calibration), *first, *_MEANING, step, *filter(None, reduced), *last]
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return warnings of the calibration, and remarks on its rate ramps."""
+        """Return cautions of the calibration, and remarks on rate ramps and on approximated terms."""
         states = (
             remark
             for axis, fit in calibration.items()
@@ -120,7 +120,7 @@ class StateSpaces(Exporter):
 
 @register
 class StateSpaceFile(StateSpaces):
-    """Python file with the matrices of each axis, and code that combines and simulates them."""
+    """Python file with the matrices of each axis, and with functions that combine and simulate them."""
 
     name = "state-space"
     title = "NumPy (state-space matrices of the full model, as a Python file)"
@@ -143,7 +143,7 @@ class StateSpaceJson(StateSpaces):
     extension = ".json"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return a JSON document; the head is the list "gmwm"."""
+        """Return the text of a JSON document. The head is a list under the key "gmwm"."""
         axes = {plain(axis): axis_matrices(axis, calibration, options) for axis in calibration}
         head = [line[2:].strip() for line in commented(self.head(calibration, options), "#")]
         return json.dumps({"axes": axes, "gmwm": head}, indent=1, allow_nan=False) + "\n"
@@ -151,14 +151,14 @@ class StateSpaceJson(StateSpaces):
 
 @register
 class StateSpaceMatlab(StateSpaces):
-    """MATLAB or Octave file that makes a structure with the matrices of each axis."""
+    """MATLAB or Octave file that creates a structure with the matrices of each axis."""
 
     name = "state-space-matlab"
     title = "MATLAB and Octave (state-space matrices of the full model)"
     extension = ".m"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return assignments to noise.AXIS.MATRIX."""
+        """Return the text of a file with assignments to noise.AXIS.MATRIX."""
         lines = [*commented(self.head(calibration, options), "%"), "", "noise = struct();"]
         for axis in calibration:
             one = axis_matrices(axis, calibration, options)
@@ -172,14 +172,14 @@ class StateSpaceMatlab(StateSpaces):
 
 @register
 class StateSpaceCpp(StateSpaces):
-    """C++ header with the matrices of each axis for Eigen."""
+    """C++ header with the matrices of each axis as Eigen matrices."""
 
     name = "state-space-cpp"
     title = "C++ with Eigen (state-space matrices of the full model, as a header)"
     extension = ".hpp"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return a header with a function for each axis."""
+        """Return the text of a header with a function for each axis."""
         lines = [
             *commented(self.head(calibration, options), "//"), "", "#pragma once", "", "#include <Eigen/Dense>", "",
             "namespace gmwm_noise {", "", "struct StateSpace {", "  double rate;  // Hz",
@@ -201,16 +201,16 @@ class StateSpaceCpp(StateSpaces):
 
 
 MATRICES = ("F", "Q", "H", "R", "m0", "P0", "A", "Qc", "H_c", "Rc")
-"""The matrices of an axis, in the order of the files."""
+"""Names of the matrices of an axis, in the order in which files list them."""
 
 
 def _matrix(value: Any) -> list[list[float]]:
-    """Return a matrix as rows; a vector as a column."""
+    """Return a matrix unchanged, or a vector as a matrix with one column."""
     return [[x] for x in value] if value and not isinstance(value[0], list) else value
 
 
 def _matlab(value: Any) -> str:
-    """Write a matrix for MATLAB, with all digits."""
+    """Return a matrix as MATLAB code, with full precision."""
     matrix = _matrix(value)
     if not any(matrix):
         return f"zeros({len(matrix)}, 0)"
@@ -218,7 +218,7 @@ def _matlab(value: Any) -> str:
 
 
 def _identifier(axis: str) -> str:
-    """Return the name of an axis as a name of MATLAB and C++.
+    """Return the name of an axis as a valid identifier for MATLAB and C++.
 
     >>> _identifier("gyro x[2]")
     'gyro_x_2_'
@@ -228,14 +228,17 @@ def _identifier(axis: str) -> str:
 
 
 def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
-    """Return the matrices of one axis as lists, with all digits, and those of the two states that are nearest to it.
+    """Return the state-space matrices of one axis as lists, and the matrices of its reduction to two states.
 
     Parameters
     ----------
     axis : str
+        Name of the axis.
     calibration : Calibration
+        The calibration of the unit.
     options : ExportOptions
-        The rate is the number of steps per second (Hz) of F, Q, H and R. By default, it is the rate of the recording.
+        Options of the file. `rate` is the number of steps per second (Hz) of F, Q, H and R; by default, the rate of the
+        recording.
     """
     fit = calibration[axis]
     try:
@@ -251,7 +254,7 @@ def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -
 
 
 def _reduced(fit: Fit, options: ExportOptions) -> TwoStates | None:
-    """Return the two states that are nearest to a model with more slow states; None if it has at most two."""
+    """Return the reduction of a model to two states, or None if the model has at most two slow states."""
     rate, use = fit.wavelet_variance.rate, Use(options.horizon)
     slow = {
         term
@@ -264,7 +267,7 @@ def _reduced(fit: Fit, options: ExportOptions) -> TwoStates | None:
 
 
 def _reduced_text(axis: str, fit: Fit, options: ExportOptions) -> str:
-    """Describe the two states of an axis; "" if it has none."""
+    """Describe the reduction of an axis to two states, or return "" if there is none."""
     try:
         reduced = _reduced(fit, options)
     except MissingTheoryError as error:
@@ -273,14 +276,14 @@ def _reduced_text(axis: str, fit: Fit, options: ExportOptions) -> str:
 
 
 def _systems(name: str, mark: str, axis: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the name and the matrices of the model of an axis, and of its two states if it has them."""
+    """Yield a name and the matrices of the model of an axis and, if it exists, of its reduction to two states."""
     yield name, axis
     if axis["two_states"] is not None:
         yield f"{name}{mark}two_states", axis["two_states"]
 
 
 def _matrices(model: Model, fit: Fit, rate: float | None) -> dict[str, Any]:
-    """Return the matrices of a model of the noise of an axis."""
+    """Return the state-space matrices and facts of a noise model of an axis as numbers, lists and strings."""
     own = fit.wavelet_variance.rate
     space, smooth = model.state_space(own), model.continuous(own)
     states = list(model.state_terms(own))

@@ -1,4 +1,4 @@
-"""Tables of the numbers of a unit: CSV for spreadsheets and LaTeX for papers."""
+"""Export of the noise parameters of a unit as tables: CSV for spreadsheets and LaTeX for papers."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _ABOUT = "Continuous-time numbers of each axis, from the whole model, without in
 
 @register
 class CsvTable(Exporter):
-    """CSV with one row for each number of each axis, in SI units and in datasheet units."""
+    """CSV with one row for each parameter of each axis, in SI units and in datasheet units."""
 
     name = "csv"
     title = "spreadsheets (CSV)"
     extension = ".csv"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return comment lines, a header and the rows."""
+        """Return the text of the file: comment lines, a header and the rows."""
         level = calibration.settings.confidence
         first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
@@ -59,7 +59,7 @@ class CsvTable(Exporter):
 
 
 def _text(cell: str) -> str:
-    """Return a text that no spreadsheet takes for a formula.
+    """Return text in a form that spreadsheets do not interpret as a formula.
 
     >>> _text("=1+1"), _text("GM + WN")
     ("'=1+1", 'GM + WN')
@@ -69,14 +69,14 @@ def _text(cell: str) -> str:
 
 @register
 class LatexTable(Exporter):
-    """LaTeX with a tabular for each sensor: a column for each axis and a row for each number."""
+    """LaTeX with a tabular for each sensor, which has a column for each axis and a row for each parameter."""
 
     name = "latex"
     title = "papers (LaTeX)"
     extension = ".tex"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return LaTeX that needs no package."""
+        """Return LaTeX code that needs no additional package."""
         level = calibration.settings.confidence
         first, last = paragraphs(self.remarks(calibration, options))
         head = commented(

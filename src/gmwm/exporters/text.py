@@ -1,4 +1,4 @@
-"""Text and numbers that every format can contain: ASCII, and no line that could end a comment."""
+"""Format text and numbers for exported files, in ASCII and without characters that could end a comment."""
 
 from __future__ import annotations
 
@@ -25,15 +25,17 @@ _ASCII = {
 
 
 def recording(calibration: Calibration) -> str:
-    """Return source, length, rate and digest of the recording, and the effects that were removed from it, for the head
-    of a file."""
+    """Return a sentence on the recording for the head of a file.
+
+    It states the source, the length, the rate, the checksum, and the effects that were subtracted.
+    """
     if is_given(calibration):
         return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
     source = f"{calibration.source}, " if calibration.source else ""
     one = calibration.recording
     found = [one] if one else list(calibration.recordings.values())
     digests = list(dict.fromkeys(item.sha256 for item in found if item.sha256))
-    # Sensors with different clocks have different rates and lengths.
+    # Sensors with different clocks can have different rates and lengths.
     extents: dict[float, str] = {}
     for fit in calibration.values():
         extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
@@ -42,12 +44,12 @@ def recording(calibration: Calibration) -> str:
 
 
 def is_given(calibration: Calibration) -> bool:
-    """Return whether the numbers were given, and not measured."""
+    """Return whether the noise parameters were given instead of measured."""
     return all(fit.weighting == GIVEN for fit in calibration.values())
 
 
 def _conditions(calibration: Calibration) -> str:
-    """Return a sentence on the effects that were removed from the axes; "" if nothing was removed."""
+    """Return a sentence on the effects that were subtracted from the axes, or "" if there are none."""
     parts = [
         f"{covariates_text(one)} from {axis}{f' in {name}' if name else ''}, {effect_text(one)}"
         for axis, found in calibration.axes.items() for name, one in found.regressions.items()
@@ -56,8 +58,11 @@ def _conditions(calibration: Calibration) -> str:
 
 
 def cautions(calibration: Calibration) -> list[Remark]:
-    """Return the remarks that every file contains: numbers that may be wrong by a factor, doubtful units, and that the
-    axes share noise, because no file of a calibration has cross-covariances."""
+    """Return the remarks that every file contains.
+
+    They concern values that may be wrong by a large factor, doubtful units, and noise that axes share. No exported file
+    has cross-covariances between axes.
+    """
     found = [
         remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
     ]
@@ -67,12 +72,13 @@ def cautions(calibration: Calibration) -> list[Remark]:
 
 
 def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:
-    """Return remarks as paragraphs of a head: those that affect the numbers, marked as cautions, and the others.
+    """Return remarks as paragraphs for the head of a file.
 
     Returns
     -------
     list of str, list of str
-        The first list belongs directly below the source, the second to the end of the head.
+        First the remarks that affect the values, marked as cautions; they are placed directly below the source. Then
+        the other remarks, which are placed at the end of the head.
     """
     first: list[str] = []
     last: list[str] = []
@@ -85,7 +91,7 @@ def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:
 
 
 def plain(text: str) -> str:
-    """Return text as a single line of ASCII that cannot end a comment; needed for names and files from other sources.
+    """Return text as one line of ASCII that cannot end a comment. This is needed for names from other sources.
 
     >>> plain("a√Hz * / -- b\\nc")
     'asqrt(Hz) * / -- b c'
@@ -94,7 +100,7 @@ def plain(text: str) -> str:
     for sign, written in _ASCII.items():
         text = text.replace(sign, written)
     text = "".join(c if c.isprintable() else " " for c in text).encode("ascii", "replace").decode("ascii")
-    # A backslash at the end of a line continues a C++ comment on the next line.
+    # A backslash at the end of a line would continue a C++ comment on the next line.
     return " ".join(text.replace("\\", "/").replace("*/", "* /").split())
 
 
@@ -121,7 +127,7 @@ def commented(texts: Sequence[str], mark: str) -> list[str]:
 
 
 def written(number: Number | float) -> str:
-    """Format a number with seven digits, in a form that all programs read.
+    """Format a number with seven digits, in a form that all programs can read.
 
     >>> written(1.0), written(1.25e-7)
     ('1.000000e+00', '1.250000e-07')
@@ -130,7 +136,7 @@ def written(number: Number | float) -> str:
 
 
 def written_rate(rate: float) -> str:
-    """Format a rate (Hz) with six digits; a rate measured from time stamps is not more precise.
+    """Format a rate (Hz) with six digits, because a rate measured from time stamps is not more precise.
 
     >>> written_rate(200.0), written_rate(200.00116000672804)
     ('200.0', '200.001')
@@ -139,7 +145,7 @@ def written_rate(rate: float) -> str:
 
 
 def row_mark(numbers: Sequence[Number]) -> str:
-    """Return the mark after a row of numbers of which some are upper limits.
+    """Return the comment after a row of three values that states which of them are upper limits.
 
     >>> row_mark([Number(1.0, False), Number(2.0, True), Number(3.0, True)])
     '  upper limit: y, z'
@@ -149,5 +155,5 @@ def row_mark(numbers: Sequence[Number]) -> str:
 
 
 def limit_mark(number: Number) -> str:
-    """Return the mark after a number that is an upper limit."""
+    """Return the comment after a value if it is an upper limit, otherwise ""."""
     return "  upper limit" if number.upper else ""

@@ -1,4 +1,4 @@
-"""Reduce a model to white noise and two Gauss-Markov states, for filters that can hold two states for each axis."""
+"""Reduce a model to white noise and two Gauss-Markov states, for filters with two bias states per axis."""
 
 from __future__ import annotations
 
@@ -20,38 +20,39 @@ from gmwm.processes.model import Model
 from gmwm.processes.noise import WN
 
 STATES = 2
+"""Number of Gauss-Markov states."""
 LONGEST = 3600.0
-"""Longest averaging time (s) of the fit; a shorter recording has its own length."""
+"""Default of the longest averaging time (s) in the fit. For a shorter recording, its length is used."""
 WIDEST = 4.0
 """Smallest ratio of the longest averaging time to the horizon."""
 POINTS = 25
-"""Number of averaging times of the fit, equidistant in the logarithm."""
+"""Number of averaging times in the fit, with equal distances in the logarithm."""
 BEYOND = 100.0
-"""Largest correlation time, relative to the longest averaging time. The Allan deviation of a random walk then differs
-by 0.3 % (tests/exporters/test_two_states.py)."""
+"""Largest correlation time, relative to the longest averaging time. The Allan deviation of a Gauss-Markov process with
+this correlation time differs from a random walk by 0.3 % (tests/exporters/test_two_states.py)."""
 _TRIED = 16
-"""Number of correlation times of which all combinations are tried before the best one is refined."""
+"""Number of correlation times on the grid. All combinations are tried, and the best one is refined."""
 
 Clusters = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class TwoStates:
-    """White noise and at most two Gauss-Markov states in the place of a model.
+    """White noise and at most two Gauss-Markov states that approximate a noise model.
 
     Attributes
     ----------
     N : float
-        White noise density (SI): all terms that are white noise for the horizon.
+        White noise density (SI), which includes all terms that count as white noise for the horizon.
     sigma, time : tuple of float
         Standard deviation (SI) and correlation time (s) of each state.
     low, high : float
-        Shortest and longest averaging time (s): the horizon, and the duration.
+        Shortest and longest averaging time (s) in the fit. `low` is the horizon.
     error : float
         Largest relative difference between the Allan deviations of the states and of the model without its sinusoids
         and ramps.
     error_of_one, error_of_walk : float
-        The same with one state, and with a random walk K in the place of the states.
+        Largest relative difference with one state, and with a random walk K instead of the states.
     """
 
     N: float
@@ -69,7 +70,7 @@ class TwoStates:
         return Model((*states, WN(sigma2=self.N**2 * rate)))
 
     def text(self, unit: str) -> str:
-        """Describe the states and their error."""
+        """Describe the states and their error in text."""
         each = [f"sigma {sigma:.3g} {unit}, T {time:.4g} s" for sigma, time in zip(self.sigma, self.time, strict=True)]
         return (
             f"{'; '.join(each)}. From {duration_text(self.low, 3)} to {duration_text(self.high, 3)}, their Allan "
@@ -79,7 +80,7 @@ class TwoStates:
 
 
 def apart(error: float) -> str:
-    """Write a relative difference as a percentage, and a large one as a ratio.
+    """Format a relative difference as a percentage, or as a ratio if it is larger than 1.
 
     >>> apart(0.0453), apart(0.00001), apart(110.0)
     ('within 4.5 % of', 'within 0.01 % of', 'up to 110 times')
@@ -92,20 +93,21 @@ def apart(error: float) -> str:
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
     """Fit two Gauss-Markov states to a model by least squares of the logarithm of the Allan variance.
 
-    The white noise has the density N for this horizon. The averaging times go from the horizon to the duration.
+    The white noise has the density N for this horizon. The fit uses averaging times from the horizon to the duration.
 
     Parameters
     ----------
     fit : Fit
+        Fit of the model.
     horizon : float
-        T_h (s) of `effective_noise`.
+        Horizon T_h (s); see `effective_noise`.
     duration : float, optional
         Longest averaging time (s); by default one hour, or the length of a shorter recording.
 
     Returns
     -------
     TwoStates or None
-        None if the model has no slow term.
+        The reduced model, or None if the model has no slow term.
     """
     known: dict[tuple[float, float | None], TwoStates | None] = fit.__dict__.setdefault("_two_states", {})
     if (horizon, duration) not in known:
@@ -147,7 +149,17 @@ def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates |
 
 @dataclass(frozen=True, eq=False)
 class _Curve:
-    """The Allan variance (n,) of a model and of its white noise, at numbers of samples (n,)."""
+    """Allan variance of a model.
+
+    Attributes
+    ----------
+    clusters : (n,) array of int
+        Averaging times, in samples.
+    rate : float
+        Sampling rate (Hz).
+    whole, white : (n,) arrays
+        Allan variance of the whole model, and of its white noise.
+    """
 
     clusters: Clusters
     rate: float
@@ -155,19 +167,27 @@ class _Curve:
     white: Vector
 
     def unit(self, time: float) -> Vector:
-        """Allan variance of a Gauss-Markov process of variance 1."""
+        """Return the Allan variance (n,) of a Gauss-Markov process with variance 1 and a correlation time (s)."""
         return np.asarray(GM(beta=1 / time, sigma2=1.0).allan_variance(self.clusters, self.rate), dtype=np.float64)
 
     def of(self, states: Matrix) -> Vector:
-        """Allan variance of the white noise and of states, rows of the logarithms of variance and time."""
+        """Return the Allan variance (n,) of the white noise plus Gauss-Markov states.
+
+        Each row of `states` has the logarithms of the variance and of the correlation time of a state.
+        """
         return np.asarray(self.white + sum(math.exp(v) * self.unit(math.exp(t)) for v, t in states.tolist()))
 
     def error(self, reduced: Vector) -> float:
-        """Largest relative difference of an Allan deviation."""
+        """Return the largest relative difference between the Allan deviations of a reduced model and of the whole
+        model.
+
+        `reduced` is the Allan variance (n,) of the reduced model.
+        """
         return float(np.max(np.abs(np.sqrt(reduced / self.whole) - 1)))
 
     def fitted(self, count: int, low: float, high: float) -> Matrix:
-        """Return the best states, at most `count`, with correlation times from `low` to `high`, the shortest first."""
+        """Fit at most `count` states with correlation times from `low` to `high` (s), and return them with the fastest
+        first."""
         from scipy.optimize import least_squares
 
         start = self._start(count, low, high)
@@ -184,7 +204,7 @@ class _Curve:
         return states[np.argsort(states[:, 1])]
 
     def _start(self, count: int, low: float, high: float) -> Matrix:
-        """Return the best states with correlation times on a grid; fewer if a state has no variance."""
+        """Return the best states with correlation times on a grid, without states of variance zero."""
         from scipy.optimize import nnls
 
         grid = np.geomspace(low, high, _TRIED)

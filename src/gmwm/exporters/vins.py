@@ -1,4 +1,4 @@
-"""VINS-Mono and VINS-Fusion: the noise in their configuration."""
+"""Export for VINS-Mono and VINS-Fusion: the noise parameters of their configuration."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class Vins(TwoNumbers):
-    """VINS: discrete standard deviations N√f and K√f.
+    """VINS, with the discrete standard deviations N√f and K√f at the sampling rate f.
 
-    A step adds (Δt σ)² to the variances of angle, velocity and biases, so N²Δt = Δt²·acc_n², and likewise for K.
+    In a step Δt, VINS adds (Δt σ)² to the variance of the angle, the velocity or a bias, where σ is the parameter. For
+    white noise, N² Δt = Δt² acc_n², and for the random walk, K² Δt = Δt² acc_w².
 
     Source: `config/euroc` and `integration_base.h` of VINS-Mono and VINS-Fusion.
     """
@@ -33,7 +34,7 @@ class Vins(TwoNumbers):
     )
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return four keys."""
+        """Return the four keys of the file."""
         root = math.sqrt(noise.rate)
         lines = [f"# for an IMU at {noise.written_rate} Hz"]
         for symbol, tail in (("N", "n"), ("K", "w")):
