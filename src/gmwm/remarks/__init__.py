@@ -1,4 +1,4 @@
-"""Remarks: what a user should know about a result, as data, and the only module that converts them to sentences."""
+"""Remarks: information about a result that a user should know, as data, and their conversion to sentences."""
 
 from gmwm._template import Dialect, Fact, Quantity
 from gmwm.remarks.registry import Message, messages

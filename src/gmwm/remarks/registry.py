@@ -1,4 +1,4 @@
-"""The registry of remarks: for each code its severity, its sentence and its advice, from `messages.toml`."""
+"""Registry of remarks: the severity, the sentence and the advice of each code, from `messages.toml`."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ SECTIONS: Mapping[str, str] = {
     "plan": "A planned recording",
     "files": "Files for other programs",
 }
-"""Sections of the documentation of remarks, in their order."""
+"""Sections of the documentation of remarks, in order: identifier and title."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several templates, by the value of a fact.
+    """Several templates, one of which is chosen by the value of a fact.
 
     Attributes
     ----------
     by : str
         Name of the fact.
     templates : mapping of value to template
+        Template for each value of the fact, in lower case.
     """
 
     by: str
@@ -59,18 +60,21 @@ class Message:
     Attributes
     ----------
     code : str
+        Identifier of the remark.
     section : str
-        One of `SECTIONS`.
+        One of the keys of `SECTIONS`.
     severity : Severity
+        Severity of the remark.
     sentence, advice : str or Choice
-        Templates of what happened, and of what to do. `{subjects}` is replaced by the subjects of the remark. If a
-        sentence does not contain it, the subjects are written before the sentence.
+        Templates of the sentence that states what happened, and of the advice on what to do. `{subjects}` is replaced
+        by the subjects of the remark. If the sentence does not contain it, the subjects are written before the
+        sentence.
     detail : str
         Template of the text in parentheses after the name of each subject.
     meaning : str
         What the remark means for the results, in Markdown, for the documentation.
     example : mapping of name to fact
-        Facts and subject with which the documentation shows the message.
+        Facts and subject for the example of the message in the documentation.
     """
 
     code: str
@@ -98,7 +102,7 @@ class Message:
         return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
 
     def shared(self, facts: Mapping[str, Fact]) -> set[str]:
-        """Return the names of the facts that all subjects in one sentence share."""
+        """Return the names of the facts that must be equal for all subjects in one sentence."""
         chosen = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
         return chosen | set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
 
@@ -152,7 +156,7 @@ def _text(value: str | Mapping[str, str]) -> Text:
 
 
 def as_fact(value: Any) -> Fact:
-    """Convert a plain value to a fact: `{value, unit}` is a number with a unit, a list is a sequence."""
+    """Convert a plain value to a fact. `{value, unit}` becomes a number with a unit, and a list becomes a tuple."""
     if isinstance(value, Mapping):
         return Quantity(float("nan") if value["value"] is None else float(value["value"]), str(value["unit"]))
     if isinstance(value, list | tuple):

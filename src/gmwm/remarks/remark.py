@@ -1,4 +1,4 @@
-"""Remarks: information about a result that a user needs, as data."""
+"""Remarks: information that a user needs about a result, as data."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from gmwm.remarks.severity import Severity
 
 @dataclass(frozen=True)
 class Remark:
-    """Information that a user needs before using a result, as data.
+    """Information that a user needs before using a result.
 
     Attributes
     ----------
     code : str
-        A code from the registry, `gmwm.remarks.messages()`.
+        Identifier of the message, one of the codes in `gmwm.remarks.messages()`.
     subject : str
-        The axis, term, scale or file that the remark is about; "" for the whole result.
+        Axis, term, scale or file that the remark is about; an empty string for the whole result.
     facts : mapping of name to fact
-        The values, with their units, and the names in the sentence.
+        Values (with units) and names that the sentence contains.
     severity : Severity
+        Severity of the remark.
     advice : str
-        Template of the advice: what to do.
+        Template of the advice on what to do.
 
     Examples
     --------
@@ -42,12 +43,12 @@ class Remark:
 
     @classmethod
     def of(cls, code: str, subject: str = "", /, **facts: Fact) -> Remark:
-        """Make the remark of a registered code, with the severity and advice of the registry.
+        """Create a remark with a registered code. The registry states its severity and its advice.
 
         Raises
         ------
         KeyError
-            If the code is not registered, or its sentence needs a fact that is missing.
+            If the code is not registered, or if a fact that the message needs is missing.
         """
         known = message(code)
         if missing := known.needs(facts) - facts.keys():
@@ -64,13 +65,13 @@ class Remark:
         return replace(self, subject=subject)
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Return the sentence and the advice, for Python, the shell or HTML."""
+        """Return the sentence and the advice as text for Python, the shell or HTML."""
         from gmwm.remarks.rendering import one_text
 
         return one_text(self, dialect)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the remark as plain values, ready for JSON; `text` is the text in the shell."""
+        """Return the remark as plain values for JSON. The key "text" has the text for the shell."""
         return {
             "code": self.code,
             "severity": self.severity.label,
@@ -86,7 +87,7 @@ class Remark:
         Raises
         ------
         KeyError
-            If its code is not registered, or a fact is missing.
+            If the code is not registered, or if a fact is missing.
         """
         facts = {str(name): as_fact(value) for name, value in values["facts"].items()}
         return cls.of(str(values["code"]), str(values["subject"]), **facts)
@@ -99,7 +100,10 @@ class Remark:
 
 
 def sorted_remarks(remarks: Iterable[Remark]) -> list[Remark]:
-    """Sort remarks by severity, and remove repeated ones. Remarks about reading the file are last in each severity."""
+    """Sort remarks by severity, and remove repeated ones.
+
+    Remarks about reading the file come last among remarks of the same severity.
+    """
     return sorted(dict.fromkeys(remarks), key=lambda remark: (remark.severity, remark.message.section == "reading"))
 
 

@@ -1,4 +1,4 @@
-"""Convert remarks to text. No other module makes their sentences."""
+"""Convert remarks to text. Only this module creates their sentences."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from gmwm.remarks.remark import Remark, sorted_remarks
 from gmwm.remarks.severity import Severity
 
 LONGEST_TEXT = 4000
-"""Largest number of characters of a remark: names in a file can be longer."""
+"""Longer texts are shortened to this number of characters, because names from a file can be very long."""
 MOST = 5
-"""Number of remarks that a terminal shows; users do not read more (CONTRIBUTING.md, "Few words")."""
+"""Largest number of remarks that a terminal shows, because users do not read more (CONTRIBUTING.md, "Few words")."""
 
 
 def one_text(remark: Remark, dialect: Dialect = Dialect.PYTHON) -> str:
-    """Return one remark as text: what happened, where, what it means, and what to do."""
+    """Return one remark as text."""
     return _group_text([remark], dialect)
 
 
 def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
-    """Group remarks with the same code about several subjects; the most severe group comes first.
+    """Group remarks with the same code about several subjects. The most severe group comes first.
 
-    Remarks with the same code are in different groups if they differ in a fact that the sentence states for all
+    Remarks with the same code are in different groups if they differ in a fact that the sentence states once for all
     subjects.
     """
     groups: dict[tuple[object, ...], list[Remark]] = {}
@@ -41,9 +41,11 @@ def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes
     Parameters
     ----------
     remarks : iterable of Remark
+        The remarks.
     dialect : Dialect
+        Form of the commands and names in the text: Python, shell or HTML.
     codes : bool
-        Append the code to each text, so that users can search for it in the documentation.
+        Whether to append the code to each text, so that users can search for it in the documentation.
     """
     return [text for _, text in with_groups(remarks, dialect, codes=codes)]
 
@@ -51,7 +53,7 @@ def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes
 def with_groups(
     remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False
 ) -> list[tuple[list[Remark], str]]:
-    """Return the same texts, each with the remarks that it contains."""
+    """Return the texts of `texts`, each with the group of remarks that it describes."""
     return [
         (group, _group_text(group, dialect) + (_code(group[0].code, dialect) if codes else ""))
         for group in merged(remarks)
@@ -61,14 +63,16 @@ def with_groups(
 def brief(
     remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True, most: int = MOST
 ) -> list[str]:
-    """Return the most severe remarks as text, and a line with the number of the others.
+    """Return the most severe remarks as text, and a line with the number of other remarks.
 
     Parameters
     ----------
     remarks : iterable of Remark
+        The remarks.
     dialect : Dialect
+        As for `texts`.
     rest : str
-        Where to find the other remarks.
+        Place where the user finds the other remarks, such as a file name.
     codes : bool
         As for `texts`.
     most : int
@@ -81,7 +85,7 @@ def brief(
 
 
 def gravest(remarks: Iterable[Remark]) -> Severity | None:
-    """Return the highest severity among the remarks; None if there are none."""
+    """Return the highest severity among the remarks, or None if there are no remarks."""
     return min((remark.severity for remark in remarks), default=None)
 
 
@@ -92,7 +96,7 @@ def _code(code: str, dialect: Dialect) -> str:
 
 
 def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
-    """Render remarks with the same code as one text."""
+    """Return one text for a group of remarks with the same code."""
     first, message = group[0], group[0].message
     facts = dict(first.facts)
     details = [

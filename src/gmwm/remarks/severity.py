@@ -1,4 +1,4 @@
-"""Severity of a remark."""
+"""Severity levels of remarks."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from enum import IntEnum
 
 
 class Severity(IntEnum):
-    """Meaning of a remark for the values that it concerns, the most severe first."""
+    """Consequence of a remark for the values that it concerns. The most severe level comes first."""
 
     UNUSABLE = 0
     """The values cannot be used."""
     WRONG = 1
     """The values may be wrong by a large factor."""
     BIASED = 2
-    """The true values may lie outside the confidence intervals more often than stated."""
+    """The confidence intervals may contain the true values less often than stated."""
     UNCERTAIN = 3
     """The confidence intervals are right, but they are wide, or some values are missing."""
     INFO = 4

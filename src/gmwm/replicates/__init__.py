@@ -1,4 +1,4 @@
-"""Several recordings of one unit: whether they are equal, how much they differ, and the model for a filter."""
+"""Compare several recordings of one unit: test of equality, spread between recordings, and a model for a filter."""
 
 from gmwm.replicates.result import RecordingNumber, Replicates
 

@@ -1,4 +1,4 @@
-"""Compare the recordings of a pooled fit with each other: tests, the numbers of each recording, and their spread."""
+"""Compare the recordings of a pooled fit: tests, the noise parameters of each recording, and their spread."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from gmwm.replicates.result import RecordingNumber, Replicates
 from gmwm.variance.result import WaveletVariance
 
 CONFIDENCE = 0.95
-"""Level of the limits of the spread, and of the prediction for a further recording."""
+"""Confidence level of the limits of the spread, and of the prediction for a further recording."""
 _RAMP = "R"
-"""Symbol of the rate ramp, which has a sign and belongs to one recording."""
+"""Symbol of the rate ramp. It is not compared, because it has a sign and differs in each recording."""
 
 
 def compared(fit: Fit) -> Replicates | None:
-    """Compare the recordings of a pooled fit; None if it has a single recording. See `Fit.replicates`."""
+    """Compare the recordings of a pooled fit, or return None if there is a single recording; see `Fit.replicates`."""
     wv = fit.wavelet_variance
     if len(wv.recordings) < 2:
         return None
@@ -45,10 +45,12 @@ def compared(fit: Fit) -> Replicates | None:
 
 
 def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
-    """The fit to one recording, one step from the pooled fit; None if the recording is too short for the model.
+    """Return the fit to one recording, one Gauss-Newton step from the pooled fit.
 
-    A fit from the start would give terms another meaning: a slow Gauss-Markov term of all recordings can become a fast
-    one in a single recording.
+    The result is None if the recording is too short for the model.
+
+    A new fit could give terms another meaning. For example, a Gauss-Markov term that is slow in the pooled fit can
+    become fast in a single recording.
     """
     if not np.all(np.isfinite(apart.values[place])):
         return None
@@ -57,7 +59,7 @@ def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) ->
     steps = zip(apart.names, apart.values[place].tolist(), strict=True)
     try:
         model = fit.model.with_values({n: stepped(parameters[n], fit.parameters[n], share) for n, share in steps})
-    except GmwmError:  # coefficients of an AR process after the step may not be stationary
+    except GmwmError:  # after the step, the coefficients of an AR process may not be stationary
         return None
     matrix = precision(covariance(fit.model, Design.of(wv)))
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
@@ -78,7 +80,10 @@ def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) ->
 
 
 def _quick_sheet(fit: Fit) -> Datasheet:
-    """The datasheet with quick upper limits; with exact ones if a term is zero, which has no quick limit."""
+    """Return the datasheet of a fit with approximate upper limits.
+
+    If a term is zero, there is no approximation, and exact limits are computed.
+    """
     try:
         return datasheet(with_quick_intervals(fit, CONFIDENCE), CONFIDENCE)
     except GmwmError:
@@ -86,7 +91,8 @@ def _quick_sheet(fit: Fit) -> Datasheet:
 
 
 def _numbers(pooled: Datasheet, sheets: Mapping[str, Datasheet], names: tuple[str, ...]) -> list[RecordingNumber]:
-    """The numbers of the pooled fit that vary, with their values in each recording."""
+    """Return each free datasheet parameter of the pooled fit with its values in the recordings, except the rate
+    ramp."""
     found = []
     for symbol, entry in pooled.items():
         if entry.held or symbol.partition("[")[0] == _RAMP:
@@ -97,7 +103,7 @@ def _numbers(pooled: Datasheet, sheets: Mapping[str, Datasheet], names: tuple[st
 
 
 def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> RecordingNumber:
-    """The spread of one number over the recordings, on the logarithm."""
+    """Return one datasheet parameter with the spread of its logarithm over the recordings."""
     points = [_point(entry, pooled) for entry in entries.values()]
     x, s2 = (np.array([values], dtype=np.float64) for values in zip(*points, strict=True))
     known = int(np.count_nonzero(np.isfinite(x)))
@@ -115,10 +121,9 @@ def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> 
 
 
 def _point(entry: Entry | None, pooled: Entry) -> tuple[float, float]:
-    """The logarithm of a number and its variance; NaN if it is not known.
+    """Return the logarithm of a parameter in one recording, and its variance. The logarithm is NaN if it is not known.
 
-    An upper limit is treated as a value if it is below the number of all recordings: the recording deviates at least
-    that much.
+    An upper limit below the pooled value is treated as a value, because the recording deviates by at least this much.
     """
     if entry is None or entry.low is None or entry.high is None or not math.isfinite(entry.high):
         return math.nan, 1.0

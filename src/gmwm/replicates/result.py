@@ -1,4 +1,4 @@
-"""The recordings of a pooled fit, compared with each other."""
+"""Result of the comparison of the recordings of a pooled fit."""
 
 from __future__ import annotations
 
@@ -30,32 +30,32 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 WIDTH = 80
+"""Largest number of characters in a line of the summary."""
 SIZE = 0.05
-"""Level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
+"""Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
 MAIN = ("N", "B", "K", "Q")
-"""The numbers that a remark names; tables have all of them."""
+"""Symbols of the parameters that a remark names. Tables contain all parameters."""
 Use = Literal["mean", "high"]
-"""Which noise a filter assumes: the mean over recordings, or the highest that a further recording may have."""
+"""Noise that a filter assumes: the mean over the recordings, or the highest that a further recording may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingNumber:
-    """One number of a datasheet in each of several recordings, and its spread.
+    """One datasheet parameter in each of several recordings, with its spread.
 
     Attributes
     ----------
     symbol, title, unit : str
         Symbol, name and SI unit.
     pooled : Entry
-        The number of all recordings together. Its confidence interval includes the spread.
+        Value from all recordings together. Its confidence interval includes the spread between recordings.
     entries : mapping of recording to (Entry or None)
-        The number of each recording alone, with the same model; None if the recording is too short for it.
+        Value from each recording alone, with the same model; None if the recording is too short.
     spread, spread_low, spread_high : float or None
-        Standard deviation of its logarithm between recordings, without estimation errors, and its confidence limits:
-        0.1 is 10 %. None if fewer than two recordings have a value.
+        Standard deviation of the logarithm between recordings, without estimation errors, and its confidence limits
+        (0.1 is 10 %). None if fewer than two recordings have a value.
     predicted_low, predicted_high : float or None
-        Prediction limits for a further recording.
-    """
+        Prediction limits for the value in a further recording."""
 
     symbol: str
     title: str
@@ -70,12 +70,13 @@ class RecordingNumber:
 
     @property
     def apart(self) -> float | None:
-        """Ratio of the largest to the smallest value, minus 1; None if a recording has only a limit."""
+        """Ratio of the largest to the smallest value, minus 1. None if a recording has no value or only an upper
+        limit."""
         known = [entry.value for entry in self.entries.values() if entry is not None and not entry.upper_only]
         return max(known) / min(known) - 1 if len(known) == len(self.entries) and min(known) > 0 else None
 
     def to_dict(self) -> dict[str, Any]:
-        """The number as numbers, lists and strings, ready for JSON."""
+        """Return the parameter as numbers, lists and strings for JSON."""
         entries = {name: None if entry is None else entry.to_dict() for name, entry in self.entries.items()}
         names = ("spread", "spread_low", "spread_high", "predicted_low", "predicted_high")
         return {
@@ -86,20 +87,22 @@ class RecordingNumber:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Replicates(Summarised):
-    """Several recordings of one unit, compared with the fit to all of them.
+    """Comparison of several recordings of one unit.
 
     Attributes
     ----------
     fit : Fit
-        The fit to the mean of their curves.
+        Fit to the mean of the wavelet variances of all recordings (pooled fit).
     deviations : gmwm.estimation.recordings.Deviations
-        The deviation of the parameters of each recording, with their covariances, and the test of equal parameters.
+        Deviations of the parameters of each recording from the pooled fit, with their covariances, and the test of
+        equal parameters.
     fits : mapping of recording to Fit
-        The fit to each recording alone, one step from the pooled fit.
+        Fit to each recording alone, computed by one Gauss-Newton step from the pooled fit.
     numbers : tuple of RecordingNumber
-        The numbers of the datasheet with their spread, without the ramp R, which belongs to one recording.
+        Datasheet parameters with their spread, without the rate ramp R, which differs in each recording.
     levels : tuple of LevelRatio
-        The deviation of each recording over the mean of the others at each level, with the p-value of each test alone.
+        Ratio of the wavelet deviation of each recording to the mean of the others at each level, with unadjusted
+        p-values.
     """
 
     fit: Fit
@@ -119,7 +122,7 @@ class Replicates(Summarised):
         return self.fit.wavelet_variance.axis
 
     def __getitem__(self, symbol: str) -> RecordingNumber:
-        """The number with a symbol, such as "N"."""
+        """Return the parameter with a symbol, such as "N"."""
         for number in self.numbers:
             if number.symbol == symbol:
                 return number
@@ -127,12 +130,13 @@ class Replicates(Summarised):
 
     @property
     def spread(self) -> dict[str, float]:
-        """The spread of each number that at least two recordings have: standard deviation of its logarithm."""
+        """Standard deviation of the logarithm of each parameter between recordings, if at least two recordings have a
+        value."""
         return {number.symbol: number.spread for number in self.numbers if number.spread is not None}
 
     @property
     def parameter_pvalue(self) -> float:
-        """p-value of the test that all recordings have the same parameters; it is only valid if the model is right."""
+        """p-value of the test that all recordings have the same parameters. It is valid only if the model is right."""
         return self.deviations.pvalue
 
     @cached_property
@@ -144,28 +148,28 @@ class Replicates(Summarised):
 
     @property
     def pvalue(self) -> float:
-        """p-value of both tests together: twice the smaller one, at most 1."""
+        """p-value of both tests together: twice the smaller p-value, but at most 1."""
         return min(1.0, 2 * min(self.parameter_pvalue, self.model_free_pvalue))
 
     @property
     def differs(self) -> bool:
-        """Whether the recordings differ, at the 5 % level."""
+        """Whether the tests find a difference between the recordings at the 5 % level."""
         return self.pvalue <= SIZE
 
     def for_filter(self, use: Use = "mean", confidence: float = 0.95) -> Model:
-        """The model with the values for a filter that will run on further recordings.
+        """Return the model with values for a filter that will process further recordings.
 
-        If the gains of a filter are fixed, its error covariance is linear in the covariance of the noise. Over
-        recordings, the filter with the mean noise therefore has the smallest mean error. With the highest noise, it is
-        rarely too confident.
+        For fixed gains, the error covariance of a filter is linear in the covariance of the noise. A filter with the
+        mean noise therefore has the smallest mean squared error over many recordings. With the highest noise, the
+        filter rarely underestimates its errors.
 
         Parameters
         ----------
         use : "mean" or "high"
-            The mean over the recordings, weighted by 1/(spread² + error²); or the upper end of the prediction interval
-            of a further recording for each variance, and the mean of correlation times.
+            "mean" uses the mean over the recordings, weighted by 1/(spread² + error²). "high" uses the upper end of the
+            prediction interval for a further recording for each variance, and the mean of the correlation times.
         confidence : float
-            Level of the prediction interval, from 0.5 to below 1. With two or three recordings, it is wide.
+            Level of the prediction interval, from 0.5 to below 1. With two or three recordings, the interval is wide.
 
         Returns
         -------
@@ -191,16 +195,16 @@ class Replicates(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Whether the recordings agree."""
+        """The remark on whether the recordings agree."""
         return (self.remark(self.pvalue),)
 
     def remark(self, pvalue: float) -> Remark:
-        """Return the remark for a p-value.
+        """Return the remark on whether the recordings agree, for a given p-value.
 
         Parameters
         ----------
         pvalue : float
-            The p-value of the test that the recordings are equal, possibly adjusted for the number of axes.
+            p-value of the test that the recordings are equal, possibly adjusted for the number of axes.
         """
         few = "yes" if len(self.recordings) < FEW else "no"
         if pvalue > SIZE:
@@ -222,7 +226,10 @@ class Replicates(Summarised):
         return listed([f"{symbol} by {_percent(spread)}" for symbol, spread in known]) or "only the curves"
 
     def table(self) -> list[list[str]]:
-        """Header and rows: each number in each recording and in all together, and its spread, in datasheet units."""
+        """Return the header and the rows of a table in datasheet units.
+
+        Each row has a parameter in each recording, its pooled value and its spread.
+        """
         rows = [["", *self.recordings, "together", "spread"]]
         for number in self.numbers:
             unit = number.pooled.units[0]
@@ -232,7 +239,7 @@ class Replicates(Summarised):
         return rows
 
     def summary(self) -> str:
-        """Format the remarks, the numbers of each recording with their spread, and the tests."""
+        """Format the remarks, the parameters of each recording with their spread, and the tests."""
         lines = [line for text in texts(self.remarks) for line in wrap(text, WIDTH)]
         if self.numbers:
             lines += ["", *headed(self.table())]
@@ -244,7 +251,7 @@ class Replicates(Summarised):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The comparison as numbers, lists and strings, ready for JSON."""
+        """Return the comparison as numbers, lists and strings for JSON."""
         found = self.deviations
         return {
             "recordings": list(self.recordings),
@@ -263,8 +270,9 @@ class Replicates(Summarised):
         }
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the ratio of the wavelet deviation of each recording to the deviation of all recordings, minus 1, with
-        its sampling scatter.
+        """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
+
+        A band shows the range of differences that chance explains.
 
         Parameters
         ----------
@@ -281,12 +289,12 @@ class Replicates(Summarised):
 
 
 FEW = 4
-"""Recordings below which an interval is hardly narrower than that of one recording alone, because the spread is hardly
-known (docs/validation/recordings.md)."""
+"""With fewer recordings than this, an interval is hardly narrower than with one recording, because the spread between
+recordings is not well determined (docs/validation/recordings.md)."""
 
 
 def p_text(pvalue: float) -> str:
-    """A p-value with its sign.
+    """Format a p-value with "p =" or "p <".
 
     >>> p_text(0.234), p_text(1e-9)
     ('p = 0.23', 'p < 0.001')
@@ -295,17 +303,17 @@ def p_text(pvalue: float) -> str:
 
 
 def _percent(share: float) -> str:
-    """A small relative amount in per cent; a large one as a factor."""
+    """Format a relative amount in per cent, or as a factor if it is 1 or larger."""
     return f"{rounded(100 * share)} %" if share < 1 else f"a factor of {rounded(1 + share)}"
 
 
 def short_spread(number: RecordingNumber) -> str:
-    """The spread of a number, without its limits."""
+    """Format the spread of a parameter without its limits."""
     return "" if number.spread is None else f"{rounded(100 * number.spread)} %"
 
 
 def spread_text(number: RecordingNumber) -> str:
-    """The spread of a number with its limits."""
+    """Format the spread of a parameter with its limits."""
     if number.spread is None or number.spread_low is None or number.spread_high is None:
         return ""
     low, spread, high = (100 * s for s in (number.spread_low, number.spread, number.spread_high))
