@@ -1,4 +1,4 @@
-"""Error budget of inertial navigation: the growth of attitude, velocity and position errors from noise models."""
+"""Error budget of inertial navigation: attitude, velocity and position errors that sensor noise causes over time."""
 
 from gmwm.budgets.api import GRAVITY, LATITUDE, budget
 from gmwm.budgets.result import Budget, Growth

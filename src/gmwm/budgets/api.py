@@ -23,19 +23,19 @@ from gmwm.remarks import Remark
 from gmwm.units import STANDARD_GRAVITY
 
 GRAVITY = STANDARD_GRAVITY
-"""Gravity g (m/s²)."""
+"""Default gravity (m/s²)."""
 LATITUDE = 45.0
-"""Latitude (deg)."""
+"""Default latitude (deg)."""
 PER_DECADE = 8
-"""Number of times of a curve for each decade."""
+"""Number of points of a curve per decade of time."""
 FIRST = 1.0
-"""First time of a curve (s), unless the duration is shorter than 10 s."""
+"""Time (s) of the first point of a curve. If the duration is below 10 s, it is a tenth of the duration."""
 _ENDLESS = 300.0
 _DEGREE = math.pi / 180
 
 VERTICAL = 100.0
-"""Longest duration (s) for which vertical errors are given. Later, the second order of a tilt exceeds them
-(docs/validation/budget.md)."""
+"""Longest duration (s) for which vertical errors are given. After a longer time, the second-order effect of the tilt,
+which is not modelled, exceeds them (docs/validation/budget.md)."""
 _ERRORS = {
     "tilt_x": ("tilt about x", "deg", {"gyro_x"}),
     "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
@@ -47,7 +47,7 @@ _ERRORS = {
     "position_y": ("position along y", "m", {"gyro_x", "accel_y"}),
     "position_z": ("height", "m", {"accel_z"}),
 }
-"""The errors, in the order of the error equations: title, unit, and the axes of which one is needed."""
+"""Title and unit of each error, and the axes of which at least one is needed, in the order of the error equations."""
 
 
 def budget(
@@ -60,28 +60,29 @@ def budget(
     gravity: float = GRAVITY,
     level: float = 0.95,
 ) -> Budget:
-    """Compute the growth of attitude, velocity and position errors of unaided inertial navigation.
+    """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
-    The vehicle is level and at rest, with x north, y east and z down. The errors start at zero, or after a rest: its
-    mean is then subtracted from the gyroscopes and from the vertical accelerometer, and the mean of the horizontal
-    accelerometers levels the vehicle. Stationary noise starts in its stationary distribution; random walks and flicker
-    noise start at zero. Constant biases and scale factors are not part of a noise model, and not part of the budget.
+    The vehicle is level and at rest, with x north, y east and z down. Without a rest, all errors start at zero. With a
+    rest before navigation, the mean over the rest is subtracted from the gyroscopes and from the vertical
+    accelerometer, and the mean of the horizontal accelerometers gives the initial tilt, which has an error. Stationary
+    noise starts in its stationary distribution; random walks and flicker noise start at zero. Constant biases and scale
+    factors are not part of a noise model, so the budget does not include them.
 
-    The error equations are linear, with gravity on a tilted vehicle, the Schuler oscillation and the rotation of the
-    Earth, and without accelerations of the vehicle. Strapdown integrations of simulated sensors agree within 5 % from
-    1 s to 1 h (docs/validation/budget.md). Vertical errors are given up to 100 s: later, second-order effects of the
-    tilt are larger.
+    The error equations are linear. They include the effect of gravity on a tilted vehicle, the Schuler oscillation and
+    the rotation of the Earth, but no accelerations of the vehicle. Strapdown integrations of simulated sensors agree
+    within 5 % from 1 s to 1 h (docs/validation/budget.md). Vertical errors are only given up to 100 s, because
+    second-order effects of the tilt, which are not included, exceed them after that.
 
     Parameters
     ----------
     noise : mapping of axis to Fit or Model
-        The noise of gyro_x … accel_z, in rad/s and m/s². At least one axis.
+        The noise of one or more of the axes gyro_x … accel_z, in rad/s and m/s².
     duration : float or str
         Time of navigation (s), or text such as "60s" or "10min".
     rate : float, optional
-        Sampling rate (Hz); needed for models.
+        Sampling rate (Hz), which is needed if `noise` has models.
     rest : float or str
-        Time at rest before the start (s). By default 0: nothing is known about the biases.
+        Time at rest before navigation starts (s), or text such as "60s".
     latitude : float
         Latitude (deg).
     gravity : float
@@ -92,13 +93,14 @@ def budget(
     Returns
     -------
     Budget
+        The errors over time, each with its confidence interval and the contribution of each term.
 
     Raises
     ------
     OptionError
-        If there is no axis, or an option is out of range.
+        If `noise` has no axis or an unknown axis, `rate` is missing, or an option is out of range.
     ModelError
-        If a parameter has no value.
+        If a parameter of a model has no value, or the unit of a fit is not the SI unit of its axis.
     MissingTheoryError
         If a term has no state-space form.
 
@@ -149,12 +151,12 @@ def budget_of_fits(
     latitude: float = 45.0,
     level: float = 0.95,
 ) -> Budget:
-    """Return the budget of a calibration: see `Calibration.budget`."""
+    """Return the budget of the fits of a calibration. `Calibration.budget` describes the arguments."""
     return budget(fits, duration, rest=rest, latitude=latitude, level=level)
 
 
 def budget_of_fit(fit: Fit, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
-    """Return the budget of one axis: see `Fit.budget`."""
+    """Return the budget of a fit of one axis. `Fit.budget` describes the arguments."""
     return budget({fit.wavelet_variance.axis: fit}, duration, rest=rest, level=level)
 
 
@@ -166,7 +168,15 @@ def _seconds(given: float | str, name: str, least: float = 1e-9) -> float:
 
 
 def _times(duration: float, step: float) -> Vector:
-    """Return times from 1 s, or a tenth of a short duration, to the duration; each at least one sample."""
+    """Return the times (s) of the curves, from 1 s (or a tenth of a short duration) to the duration.
+
+    Parameters
+    ----------
+    duration : float
+        Duration (s).
+    step : float
+        Longest sampling interval of the axes (s), below which there is no time.
+    """
     if duration < step:
         raise OptionError(argument="duration", expected=f"at least one sample, {step:g} s", got=duration)
     first = max(min(FIRST, duration / 10), step)
@@ -176,7 +186,19 @@ def _times(duration: float, step: float) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Maker:
-    """Make the curves of a budget from the noise of its axes."""
+    """Computation of the errors of a budget from the noise of its axes.
+
+    Attributes
+    ----------
+    axes : mapping of axis to AxisNoise
+    times : (T,) array, s
+    rest : float
+        Time at rest before navigation starts (s).
+    gravity : float
+        Gravity (m/s²).
+    reach : float
+        Half the width of a confidence interval in standard errors.
+    """
 
     axes: Mapping[str, AxisNoise]
     times: Vector
@@ -185,7 +207,7 @@ class _Maker:
     reach: float
 
     def growths(self, latitude: float) -> dict[str, Growth]:
-        """Return attitude, velocity and position errors."""
+        """Return the attitude, velocity and position errors by name. The latitude is in rad."""
         motions = {axis: navigation(axis, self.gravity, latitude) for axis in self.axes}
         parts = self._parts(motions, self.rest)
         found = {}
@@ -196,7 +218,7 @@ class _Maker:
         return found
 
     def alignment(self, latitude: float) -> dict[str, Growth]:
-        """Return the errors of levelling and of gyro-compassing against the averaging time."""
+        """Return the errors of levelling and gyro-compassing over averaging times, by name. The latitude is in rad."""
         found = {}
         north = EARTH_RATE * math.cos(latitude)
         for sensor, kind, title, size in (
@@ -210,7 +232,10 @@ class _Maker:
         return found
 
     def _parts(self, motions: Mapping[str, Response], rest: float) -> list[tuple[dict[str, Matrix], Matrix]]:
-        """Return the mean squares of the terms of each axis, and the standard errors of their sums."""
+        """Return for each axis the mean squares (T, q) of its terms, and the standard errors (T, q) of their sum.
+
+        q is the number of errors in the error equations of `motions`.
+        """
         found = []
         for axis, motion in motions.items():
             noise = self.axes[axis]
@@ -223,7 +248,7 @@ class _Maker:
         self, parts: Sequence[tuple[dict[str, Matrix], Matrix]], column: int, size: float | Vector, *, name: str,
         title: str, unit: str,
     ) -> Growth:  # fmt: skip
-        """Return one error as a `Growth`; `size` is its unit in SI."""
+        """Return the error in a column of the mean squares as a `Growth`. `size` is its unit in SI units."""
         squares = {label: square[:, column] for terms, _ in parts for label, square in terms.items()}
         whole = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
         error = np.sqrt(sum(errors[:, column] ** 2 for _, errors in parts))

@@ -1,4 +1,4 @@
-"""The noise of one axis for an error budget: its terms, their values, and the covariance of the values."""
+"""The noise of one axis for an error budget: its processes, and the covariance of their estimated parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from gmwm.remarks import Quantity, Remark
 from gmwm.units import SI_UNIT
 
 _STEP = 1e-3
-"""Relative step of central differences by the shape of a term. Their relative error is about 1e-6."""
+"""Relative step of the central differences with which derivatives with respect to shape parameters are computed. The
+relative error of the derivatives is about 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +32,15 @@ class AxisNoise:
     Attributes
     ----------
     axis : str
+        Name of the axis.
     terms : mapping of label to Process
+        The terms of the model that are not zero.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     curve : Curve or None
-        The estimated parameters and their covariance; None if the values are given, or have no standard errors.
+        The estimated parameters and their covariance; None if the values were given, or have no standard errors.
     longest : float
-        Longest averaging time (s) of the recording; infinite for given values.
+        Longest averaging time (s) of the recording; infinite if the values were given.
     """
 
     axis: str
@@ -48,12 +51,12 @@ class AxisNoise:
 
     @classmethod
     def of(cls, axis: str, source: Fit | Model | Process | str, rate: float | None) -> AxisNoise:
-        """Make the noise of an axis from a fit, or from a model with all values and its rate.
+        """Return the noise of an axis from a fit, or from a model with all values and its sampling rate (Hz).
 
         Raises
         ------
         OptionError
-            If the axis is not an axis of an IMU, or a model comes without a rate.
+            If the axis is not an axis of an IMU, or `rate` is missing for a model.
         ModelError
             If a parameter has no value, or the unit of a fit is not the SI unit of the axis.
         MissingTheoryError
@@ -89,7 +92,7 @@ class AxisNoise:
         return cls(axis, _present(axis, dict(zip(model.terms, model.processes, strict=True)), rate), rate)
 
     def remarks(self, duration: float) -> tuple[Remark, ...]:
-        """Return remarks on durations beyond the recording, and on terms whose state space is an approximation."""
+        """Return remarks if the duration (s) exceeds the recording, or if the state space of a term is approximate."""
         model = Model(tuple(self.terms.values())) if self.terms else None
         found = () if model is None else approximated(model, self.rate, self.axis)
         if duration <= self.longest:
@@ -98,18 +101,30 @@ class AxisNoise:
         return (Remark.of("budget-extrapolated", self.axis, **facts), *found)
 
     def mean_squares(self, motion: Response, times: Sequence[float], rest: float) -> dict[str, Matrix]:
-        """Return E n² (T, q) of each term."""
+        """Return the mean square (T, q) of the errors that each term causes.
+
+        Parameters
+        ----------
+        motion : Response
+            The error equations with q errors.
+        times : (T,) sequence of float
+            Times after the start (s).
+        rest : float
+            Time at rest before the start (s).
+        """
         return {label: self._of(process, motion, times, rest) for label, process in self.terms.items()}
 
     def errors(self, motion: Response, times: Sequence[float], rest: float, terms: Mapping[str, Matrix]) -> Matrix:
-        """Return the standard errors (T, q) of the sum of `mean_squares` over all terms; zero for given values."""
+        """Return the standard errors (T, q) of the sum of the mean squares `terms`; zero if the values were given."""
         if self.curve is None or not self.curve.moving:
             return np.zeros((len(times), motion.drive.size))
         known = {id(process): terms[label] for label, process in self.terms.items()}
 
         def slope(process: Process, name: str | None) -> Matrix:
-            """Return the derivative with respect to the logarithm of a parameter, or to the scale of a term that is
-            zero."""
+            """Return the derivative (T, q) of the mean squares with respect to the logarithm of the parameter `name`.
+
+            If `name` is None, the derivative is with respect to the scale of a term that is estimated as zero.
+            """
             if name is None:
                 return self._of(process, motion, times, rest)
             parameter = next(p for p in process.parameters if p.name == name)
@@ -130,7 +145,7 @@ class AxisNoise:
 
 
 def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, Process]:
-    """Return the terms that are not zero; each must have a state space."""
+    """Return the terms that are not zero. Raises a MissingTheoryError if one of them has no state-space form."""
     found = {label: process for label, process in terms.items() if process.scale > 0}
     try:
         for process in found.values():

@@ -1,14 +1,19 @@
-"""Error equations of unaided inertial navigation, and the second moments that noise gives them.
+"""Error equations of unaided inertial navigation, and the mean squares of the errors that sensor noise causes.
 
-A vehicle at rest on a rotating sphere, level, with x north, y east and z down. The errors are the attitude φ (3), the
-velocity v (3) and the position p (3), all small:
+The vehicle is level and at rest on a rotating sphere, with x north, y east and z down. The errors of attitude φ,
+velocity v and position p are vectors with 3 components. If they are small,
 
     dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v,
 
-with the rotation of the Earth ω = Ω (cos L, 0, −sin L), its error δω from the position error and from the velocity over
-the radius R of the Earth, which causes the Schuler oscillation with a period of 84 minutes, the specific force f = (0,
-0, −g), and the error of gravity δg = (0, 0, 2g/R) p_z. e_g and e_a are the errors of gyroscopes and accelerometers.
-Accelerations of the vehicle, which multiply errors of heading and scale, are left out.
+where
+
+- e_g and e_a are the errors of the gyroscopes and accelerometers,
+- ω = Ω (cos L, 0, −sin L) is the rotation of the Earth, with its rate Ω and the latitude L,
+- δω is the error of ω from the errors of position and velocity and the radius R of the Earth, which causes the Schuler
+  oscillation with a period of 84 minutes,
+- f = (0, 0, −g) is the specific force, and δg = (0, 0, 2g/R) p_z the error of gravity.
+
+Accelerations of the vehicle, which would multiply errors of heading and scale factors, are not included.
 
 References
 ----------
@@ -37,14 +42,14 @@ EARTH_RATE = 7.292115e-5
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """A linear system that one sensor drives: dn/dt = a n + drive e.
+    """Linear system dn/dt = a n + drive e for the navigation errors n that the error e of one sensor causes.
 
     Attributes
     ----------
     a : (q, q) array, in 1/s
     drive : (q,) array
     at_start : (q,) array
-        n at the start for an error m of the mean over the rest before it.
+        Errors n at the start per unit of the mean of e over the rest before.
     removed : bool
         Whether the mean over the rest is subtracted from the sensor.
     """
@@ -55,7 +60,7 @@ class Response:
     removed: bool
 
     def step(self, dt: float) -> tuple[Matrix, Vector]:
-        """Return the transition over a sample and the effect of its error."""
+        """Return the transition matrix over a sample of `dt` (s), and the effect of a constant e during the sample."""
         from scipy.linalg import expm
 
         q = self.drive.size
@@ -66,7 +71,7 @@ class Response:
 
 
 def navigation(axis: str, gravity: float, latitude: float) -> Response:
-    """Return the error equations (φ, v, p) for the sensor of an axis; the latitude in rad."""
+    """Return the error equations of (φ, v, p) for the sensor of one axis. The latitude is in rad."""
     sine, cosine = math.sin(latitude), math.cos(latitude)
     earth = EARTH_RATE * np.array([cosine, 0.0, -sine])
     a = np.zeros((9, 9))
@@ -80,7 +85,7 @@ def navigation(axis: str, gravity: float, latitude: float) -> Response:
     place = AXES.index(axis)
     drive, at_start = np.zeros(9), np.zeros(9)
     drive[place] = -1.0 if place < 3 else 1.0
-    # Levelling: the tilt makes the mean of the horizontal accelerometers zero, f × φ = −m.
+    # Levelling chooses the tilt so that the mean m of the horizontal accelerometers becomes zero: f × φ = −m.
     if axis == "accel_x":
         at_start[1] = -1.0 / gravity
     if axis == "accel_y":
@@ -89,31 +94,32 @@ def navigation(axis: str, gravity: float, latitude: float) -> Response:
 
 
 MEAN = Response(np.zeros((1, 1)), np.ones(1), np.zeros(1), removed=False)
-"""The integral of a sensor, from which its mean follows."""
+"""Response that integrates the error of a sensor. The integral divided by the time is its mean."""
 
 
 def _crossed(v: Vector) -> Matrix:
-    """Return the matrix of the vector product v × …"""
+    """Return the (3, 3) matrix M with M u = v × u for every vector u."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def mean_squares(process: Process, rate: float, motion: Response, steps: Sequence[int], *, rest: int = 0) -> Matrix:
-    """Return E n² of the errors (T, q) that a process causes after each number of samples.
+    """Return the mean squares (T, q) of the errors that a process causes after each number of samples.
 
-    Stationary processes start in their stationary distribution. A random walk starts at zero, and so does flicker noise
-    without a rest. After a rest, whose mean is removed, the start of flicker noise does not matter. Only the tilt from
-    levelling contains the level of the flicker noise, which is then assumed to start at the beginning of the rest.
+    Stationary processes start in their stationary distribution. Random walks start at zero, and so does flicker noise
+    if there is no rest. After a rest whose mean is removed, it has no effect when the flicker noise started, except on
+    the tilt from levelling. For this tilt, the flicker noise is assumed to start at zero at the beginning of the rest.
 
     Parameters
     ----------
     process : Process
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     motion : Response
-    steps : (T,) ascending ints
-        Numbers of samples.
+        The error equations with q errors.
+    steps : (T,) sequence of int
+        Numbers of samples after the start, in ascending order.
     rest : int
-        Samples at rest before the start.
+        Number of samples at rest before the start.
     """
     if rest and process.approximate and not process.stationary:
         old = _mean_squares(process.state_space(rate), rate, motion, steps, rest=rest)
@@ -141,7 +147,11 @@ def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Seque
 
 
 def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
-    """Return transition and noise of (x, m, n) for a sample at rest, which adds to the mean m."""
+    """Return the transition matrix and noise covariance of (x, m, n) for one sample of the rest.
+
+    x are the states of the process, m is its mean over the rest, to which each sample adds, and n are the q navigation
+    errors, which stay zero.
+    """
     p = space.states
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
     transition[:p, :p], transition[p, :p] = space.F, space.H[0] / rest
@@ -150,7 +160,7 @@ def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
 
 
 def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Matrix]:
-    """Return transition and noise of (x, m, n) for a sample of navigation."""
+    """Return the transition matrix and noise covariance of (x, m, n), as in `_resting`, for a sample of navigation."""
     p, q = space.states, motion.drive.size
     own, drive = motion.step(dt)
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
@@ -163,13 +173,13 @@ def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Mat
 
 
 class _Steps:
-    """Many steps of a linear system at once, by repeated squaring."""
+    """Linear system whose second moment after many steps is computed by repeated squaring."""
 
     def __init__(self, transition: Matrix, noise: Matrix) -> None:
         self.powers = [(transition, noise)]
 
     def after(self, moment: Matrix, count: int) -> Matrix:
-        """Return the second moment after `count` more steps."""
+        """Return the second moment of the state after `count` steps that start from `moment`."""
         for k in range(count.bit_length()):
             if k == len(self.powers):
                 transition, noise = self.powers[-1]

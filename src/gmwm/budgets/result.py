@@ -1,4 +1,4 @@
-"""The result of an error budget."""
+"""Results of an error budget: navigation errors over time, and their collection."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Growth:
-    """One error over time, as a root mean square (1 σ).
+    """One navigation error over time, as a root mean square (1 σ).
 
     Attributes
     ----------
     name, title : str
-        "tilt_x", and "tilt about x".
+        Name and title of the error, such as "tilt_x" and "tilt about x".
     unit : str
         "deg", "m/s" or "m".
     times : (T,) array, in s
-        Time since the start, or the averaging time of an alignment.
-    error : (T,) array
-        The error, in `unit`.
+        Times since the start of navigation, or averaging times of an alignment.
+    error : (T,) array, in `unit`
+        Root mean square of the error.
     low, high : (T,) arrays, in `unit`
-        Confidence limits from the covariance of the estimated parameters. Both are equal to `error` if the values were
-        given.
-    terms : mapping of label to (T,) array
-        Contribution of each term of each axis, in `unit`. The root sum of squares is `error`.
+        Confidence limits of `error`, from the covariance of the estimated parameters. Both are equal to `error` if the
+        values of the model were given.
+    terms : mapping of label to (T,) array, in `unit`
+        Contribution of each term of each axis. The root of the sum of their squares is `error`.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Growth:
         return bool(np.all(self.low == self.high))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the values as lists, ready for JSON."""
+        """Return the error as plain values for JSON."""
         lists = {name: getattr(self, name).tolist() for name in ("times", "error", "low", "high")}
         terms = {label: values.tolist() for label, values in self.terms.items()}
         return {"title": self.title, "unit": self.unit, **lists, "terms": terms}
@@ -71,13 +71,14 @@ class Budget(Summarised, Mapping[str, Growth]):
     Attributes
     ----------
     growths : mapping of name to Growth
-        "tilt_x", "tilt_y", "heading", "velocity_x" … "velocity_z", "position_x" … "position_z", as far as the axes of
-        each are known. Vertical errors only up to 100 s.
+        Navigation errors with the names "tilt_x", "tilt_y", "heading", "velocity_x" … "velocity_z" and "position_x" …
+        "position_z". An error is missing if none of its axes is known. Vertical errors are missing for durations above
+        100 s.
     alignment : mapping of name to Growth
-        "level_x", "level_y": tilt from averaged accelerometers. "north_x", "north_y": heading from an averaged
-        gyroscope that points east.
+        Errors of a static alignment over the averaging time: "level_x" and "level_y" are the tilt from averaged
+        accelerometers, "north_x" and "north_y" the heading from an averaged gyroscope that points east.
     duration, rest : float
-        Time of navigation, and time at rest before it (s).
+        Time of navigation, and time at rest before navigation (s).
     latitude : float
         Latitude (deg).
     gravity : float
@@ -110,36 +111,36 @@ class Budget(Summarised, Mapping[str, Growth]):
 
     @property
     def times(self) -> Vector:
-        """Times of the curves (s), (T,); the last one is the duration."""
+        """Times of the errors (s), as a (T,) array. The last time is the duration."""
         return next(iter(self.values())).times
 
     def summary(self) -> str:
-        """Describe the budget as text: the final errors with their largest terms, and their growth."""
+        """Return the budget as text: the final errors with their largest terms, and the errors at several times."""
         from gmwm.budgets.summary_text import summary
 
         return summary(self)
 
     def compare(self, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
-        """Describe this budget and another one side by side: the errors at the end of the duration, and their ratio.
+        """Return a table that compares this budget with another: the errors at the end, and their ratios.
 
         Parameters
         ----------
         other : Budget
             The budget of another calibration or of a datasheet, for the same duration.
         labels : tuple of two str
-            Names of the two.
+            Names of the two budgets in the table.
 
         Raises
         ------
         OptionError
-            If the durations, the rests or the latitudes differ.
+            If the durations, the times at rest or the latitudes differ, or the budgets have no error in common.
         """
         from gmwm.budgets.summary_text import comparison
 
         return comparison(self, other, labels)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the budget as numbers, lists and strings, ready for JSON."""
+        """Return the budget as plain values for JSON."""
         return {
             "duration": self.duration, "rest": self.rest, "latitude": self.latitude, "gravity": self.gravity,
             "level": self.level,
@@ -149,7 +150,7 @@ class Budget(Summarised, Mapping[str, Growth]):
         }  # fmt: skip
 
     def to_frame(self) -> DataFrame:
-        """Return the errors as a Polars data frame: one row for each error and time."""
+        """Return the errors as a Polars data frame, with one row for each error and time."""
         from polars import DataFrame
 
         rows = [
@@ -160,7 +161,7 @@ class Budget(Summarised, Mapping[str, Growth]):
         return DataFrame(rows, infer_schema_length=None)
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the growth of the largest error of each kind with its terms, and the error of the alignment.
+        """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors.
 
         Parameters
         ----------

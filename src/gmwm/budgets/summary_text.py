@@ -1,4 +1,4 @@
-"""An error budget as text: the errors at the end of the duration, their growth, the alignment, and a comparison."""
+"""Format an error budget as text: final errors, errors over time, alignment errors, and a comparison of two budgets."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from gmwm.errors import OptionError
 from gmwm.remarks import texts
 
 SHOWN = (1.0, 10.0, 60.0, 600.0, 3600.0, 36000.0)
-"""Times (s) of the table of growth, with the duration."""
+"""Times (s) for which the table shows the errors, in addition to the duration."""
 MOST_TERMS = 3
 """Largest number of terms that the table names for an error."""
 RIGHT_ANGLE = 90.0
-"""Angle (deg) from which an error means that nothing is known."""
+"""Alignment errors above this angle (deg) are not shown as numbers, because the direction is then unknown."""
 _LEAST_SHARE = 0.05
-"""Contribution, relative to the error, below which a term is not named."""
+"""Smallest contribution of a term, relative to the error, for which the table names the term."""
 _KINDS = {
     "tilt": ("tilt_x", "tilt_y"), "heading": ("heading",), "velocity": ("velocity_x", "velocity_y"),
     "position": ("position_x", "position_y"), "height": ("position_z",),
 }  # fmt: skip
-"""The columns of the table of growth: the largest of these errors."""
+"""Columns of the table of errors over time. A column shows the largest of the errors in its list."""
 
 
 def summary(budget: Budget) -> str:
@@ -40,9 +40,9 @@ def summary(budget: Budget) -> str:
 
 
 def headline(budget: Budget) -> str:
-    """Return one sentence with the largest error of each kind after the duration.
+    """Return one sentence with the largest tilt, heading and position errors at the end of the duration.
 
-    It is "After 60 s of navigation without corrections: tilt 0.31 deg, heading 0.3 deg, position 40 m (1 σ)."
+    An example is "After 60 s of navigation without corrections: tilt 0.31 deg, heading 0.3 deg, position 40 m (1 σ)."
     """
     parts = [
         f"{kind} {significant(float(worst.error[-1]), 2)} {worst.unit}"
@@ -53,13 +53,13 @@ def headline(budget: Budget) -> str:
 
 
 def largest(budget: Budget, kind: str) -> Growth | None:
-    """Return the largest error of a kind after the duration; None if there is none."""
+    """Return the error of a kind, such as "tilt", that is largest at the end of the duration; None if there is none."""
     found = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
     return max(found, key=lambda one: float(one.error[-1]), default=None)
 
 
 def error_text(one: Growth, k: int = -1) -> str:
-    """Format an error with its interval and unit."""
+    """Format an error at the k-th time with its interval and unit. The default is the last time."""
     value, low, high = (float(values[k]) for values in (one.error, one.low, one.high))
     if low == high:
         return f"{significant(value, 3)} {one.unit}"
@@ -67,7 +67,7 @@ def error_text(one: Growth, k: int = -1) -> str:
 
 
 def terms_text(one: Growth, k: int = -1) -> str:
-    """Return the largest contributions to an error, for example "gyro_x RW 0.25, gyro_x WN 0.10"."""
+    """Format the largest contributions to an error at the k-th time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
     parts = sorted(((float(values[k]), label) for label, values in one.terms.items()), reverse=True)
     named = [(value, label) for value, label in parts if value > _LEAST_SHARE * float(one.error[k])]
     return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:MOST_TERMS])
@@ -97,24 +97,24 @@ def _alignment(budget: Budget) -> list[str]:
 
 
 def alignment_title(budget: Budget) -> str:
-    """Return the title of the table of the alignment."""
+    """Return the title of the table of alignment errors."""
     return f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
 
 
 def shown_times(budget: Budget) -> list[float]:
-    """Return the times of the table of growth."""
+    """Return the times (s) for which the tables show the errors."""
     inside = [time for time in SHOWN if budget.times[0] <= time < 0.99 * budget.duration]
     return [*inside, budget.duration]
 
 
 def at(one: Growth, time: float) -> float:
-    """Return an error at a time, interpolated between the logarithms."""
+    """Return an error at a time (s), interpolated linearly on logarithmic scales."""
     with np.errstate(divide="ignore"):
         return float(np.exp(np.interp(np.log(time), np.log(one.times), np.log(one.error))))
 
 
 def method(budget: Budget) -> list[str]:
-    """Return sentences on what the budget includes."""
+    """Return sentences that state the assumptions of the budget."""
     start = "The errors start at zero, and nothing is known about the biases."
     if budget.rest:
         start = (
@@ -142,7 +142,7 @@ def compared(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
     Raises
     ------
     OptionError
-        If the durations, the rests or the latitudes differ, or the budgets have no error in common.
+        If the durations, the times at rest or the latitudes differ, or the budgets have no error in common.
     """
     for name in ("duration", "rest", "latitude"):
         if getattr(one, name) != getattr(other, name):

@@ -26,8 +26,8 @@ from gmwm.variance.slope_line import LAWS
 __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise"]
 
 _SHORT = 0.1
-"""Correlation time (s) below which a term is white noise at τ = 1 s, where the standard defines N: a tenth of 1 s.
-Pinned by tests/test_datasheet.py."""
+"""Correlation time (s) below which a term counts as white noise in N. The standard defines N at τ = 1 s, and the limit
+is a tenth of this time. Pinned by tests/test_datasheet.py."""
 
 _DENSITY = "N"
 
@@ -38,13 +38,24 @@ _ORDER = ("Q", "N", SYMBOL, _FLICKER, "K", "R")
 
 
 _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
-"""Units of numbers that do not contain the unit of the signal, by power of time."""
+"""Units of numbers that do not depend on the unit of the signal, by their power of time."""
 
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit without terms that act as another process, with the labels of its terms in the original fit, and its
-    intervals."""
+    """A fit in which terms that act as another process are replaced, with its confidence intervals.
+
+    Attributes
+    ----------
+    fit : Fit
+        The fit after the replacement.
+    labels : tuple of str
+        The label in the original fit for each term.
+    intervals : dict of name to Interval, or None
+        Confidence intervals of the parameters; None if they cannot be computed.
+    z : float
+        Half the width of a confidence interval in standard errors.
+    """
 
     fit: Fit
     labels: tuple[str, ...]
@@ -52,7 +63,7 @@ class _Judged:
     z: float
 
     def weak(self, term: str, process: Process) -> bool:
-        """Return whether a process without a free shape cannot be distinguished from zero."""
+        """Return whether a term cannot be distinguished from zero; False for terms with free shape parameters."""
         scale = process.scale_parameter()
         if free_shape(process) or process.is_fixed(scale.name) or self.intervals is None:
             return False
@@ -66,23 +77,30 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
         B = √B² of a flicker term, otherwise min over τ of the model's Allan deviation / √(2 ln 2/π)
         A = √(2P)   f_0 of a sinusoid
 
-    Bias instability: if the model has a flicker term that is not zero, B is its coefficient, as the standard defines
-    it. Otherwise B is read at the lowest point of the Allan deviation of the whole model without its sinusoids. It then
-    includes the parts of N and K at that point. If a flicker term is estimated as zero, its upper limit is B_f.
+    Here f = 1/Δt is the sampling rate. The other symbols are the parameters of the processes per sample: σ² of white
+    noise, Q_d of quantization noise, γ² of a random walk, ω of a drift, β and σ²_GM of a Gauss-Markov process, and the
+    power P of a sinusoid.
 
-    Terms that act as another process are included in the numbers of that process: a Gauss-Markov term that acts as
-    white noise adds to N², and one that acts as a random walk adds to K². There are no numbers for processes that the
-    model does not have. An AR1 with φ > 0 has the T_c and q_c of the equivalent Gauss-Markov process.
+    If the model has a flicker term that is not zero, the bias instability B is its coefficient, as the standard defines
+    it. Otherwise B is computed from the minimum of the Allan deviation of the model without its sinusoids, so it
+    includes the contributions of N and K at the minimum. If a flicker term is estimated as zero, B_f is its upper
+    limit.
 
-    Confidence intervals are symmetric on the scale of the logarithm, by the delta method with the joint covariance of
-    the estimates; R, which has a sign, has R ± z SE. A number is an upper limit if its term cannot be distinguished
-    from zero (as in `Fit.confidence_intervals`), and B is an upper limit if the curve has no certain minimum.
+    A term that the data cannot distinguish from another process is included in the numbers of that process: a
+    Gauss-Markov term that acts as white noise adds to N², and one that acts as a random walk adds to K². Processes that
+    the model does not have give no numbers. An AR1 with φ > 0 has the T_c and q_c of the equivalent Gauss-Markov
+    process.
+
+    Confidence intervals are symmetric on a logarithmic scale. They come from the delta method with the joint covariance
+    of the estimates. The interval of R, which has a sign, is R ± z SE instead. A number is an upper limit if its term
+    cannot be distinguished from zero (as in `Fit.confidence_intervals`). B is an upper limit if the data do not show
+    that the curve has a minimum.
 
     Parameters
     ----------
     fit : Fit
-        A fit to a wavelet variance with a unit. Without a unit, numbers are in "u", the unit of the data, and have no
-        datasheet units.
+        A fit to a wavelet variance. If it has no unit, numbers are in "u", the unit of the data, and cannot be
+        converted to datasheet units.
     level : float
         Confidence level, from 0.5 to below 1.
 
@@ -150,12 +168,12 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
 
 
 def _is_density(entry: Entry) -> bool:
-    """Return whether an entry is the white noise density of one term; `_renamed` may have changed its name."""
+    """Return whether an entry is the white noise density of one term, whose symbol `_renamed` may have changed."""
     return entry.symbol == _DENSITY or entry.symbol.startswith(f"{_DENSITY} of ")
 
 
 def _acts(fit: Fit, term: str) -> str | None:
-    """Return the process that a term acts as."""
+    """Return the name of the process that a term acts as; None if the data distinguish it from all others."""
     return fit.diagnostics.acts_as.get(term)
 
 
@@ -176,7 +194,7 @@ def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[
 def _entry(judged: _Judged, term: str, label: str, process: Process, number: Physical, weak: bool) -> Entry:
     wv = judged.fit.wavelet_variance
     unit, factor = noise_unit(number.time_power, wv.unit) if number.signal_power else (_TIMES[number.time_power], 1.0)
-    # Symbols of repeatable terms have the index of the term in the fit.
+    # If a model can contain a process several times, its symbols have the index of the term in the fit.
     _, bracket, place = label.partition("[") if process.repeatable else ("", "", "")
     slopes = {f"{term}.{name}": slope for name, slope in number.slopes.items() if not process.is_fixed(name)}
     value, held, upper_only = number.value, not slopes, False
@@ -209,8 +227,10 @@ def _entry(judged: _Judged, term: str, label: str, process: Process, number: Phy
 
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
-    """Return the interval of ±z standard errors on the scale of the logarithm; for a number with a sign, on its own
-    scale."""
+    """Return the confidence interval of a number, with ±z standard errors on a logarithmic scale.
+
+    For a number with a sign, the scale is linear.
+    """
     found = judged.fit.sandwich
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))
@@ -222,11 +242,13 @@ def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[
 
 
 def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> tuple[Entry | None, Remark]:
-    """Return N with all terms that are white noise at τ = 1 s, where N is defined, and a remark that names these
-    terms."""
+    """Return N of all terms that are white noise at τ = 1 s, where N is defined, and a remark that names these terms.
+
+    If N cannot be computed, the entry is None and the remark gives the reason.
+    """
     axis, rate = fit.wavelet_variance.axis, fit.wavelet_variance.rate
     names = tuple(f"{e.term} (T_c = {significant(e.value, 2)} s)" if e.unit == "s" else str(e.term) for e in fast)
-    # Every term with a density at low frequencies counts, also one with a resonance that decays slowly.
+    # Every term with a density at low frequencies is included, even if it has a resonance that decays slowly.
     times = [process.correlation_time(rate) or 0.0 for process in fit.model.processes if _has_density(process, rate)]
     try:
         found = noise_in_use(fit, Use(max(_SHORT, 1.01 * max(times, default=0.0))), level)["N_eff"]
@@ -251,19 +273,19 @@ def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
 
 
 def _as_bias(entry: Entry) -> Entry:
-    """Return the coefficient of flicker noise as bias instability, as the standard defines it."""
+    """Return the entry of a flicker coefficient as the entry of the bias instability B, as the standard defines it."""
     return replace(entry, symbol=SYMBOL, title=f"{LAWS[SYMBOL].name} of {entry.title}")
 
 
 def _renamed(entry: Entry, label: str) -> Entry:
-    """Return the entry with its term in the symbol, if another term has the same symbol."""
+    """Return an entry with its term in the symbol, such as "N of AR(2)", because another term has the same symbol."""
     return Entry.from_dict({**entry.to_dict(), "symbol": f"{entry.symbol} of {label}"})
 
 
 def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:
     wv = fit.wavelet_variance
     unit, factor = noise_unit(0.0, wv.unit)
-    # The Allan variance is twice the Haar wavelet variance, for any filter of the fit.
+    # The Allan variance is twice the Haar wavelet variance, whichever filter the fit uses.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))
     return Datasheet(
         entries=entries,

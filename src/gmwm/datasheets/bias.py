@@ -1,4 +1,4 @@
-"""Bias instability: the minimum of the model's Allan deviation."""
+"""Bias instability from the minimum of the Allan deviation of a model."""
 
 from __future__ import annotations
 
@@ -22,45 +22,48 @@ from gmwm.variance.result import WaveletVariance
 from gmwm.variance.slope_line import LAWS
 
 _PER_OCTAVE = 24
-"""Number of points per octave at which `lowest` first evaluates a curve. A sum of processes has few extrema in an
-octave."""
+"""Number of points per octave at which `lowest` evaluates a curve at first. The Allan variance of a sum of processes
+has few extrema per octave."""
 _ZOOM = 32
-"""Number of points of each refinement of `lowest`."""
+"""Number of points at which `lowest` evaluates a curve in each refinement."""
 _LEVEL = 1e-9
-"""Relative difference below which a curve is flat, as for flicker noise alone. Such a curve has no end of its minimum.
-Pinned by tests/test_bias_limits.py."""
+"""Largest relative difference between the ends and the minimum of a curve for which the curve counts as flat, like the
+curve of flicker noise. B is then known although the curve does not rise. Pinned by tests/test_bias_limits.py."""
 
 SYMBOL: Literal["B"] = "B"
 
 
 def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
-    """Compute the bias instability B = min over τ of the model's Allan deviation / √(2 ln 2/π), over all τ of the
-    recording.
+    """Compute the bias instability B from the minimum of the Allan deviation of a model.
 
-    At the minimum, a change of τ has a second-order effect only. With A = σ²(τ),
+    B is the minimum of the Allan deviation σ(τ) over the averaging times τ of the recording, divided by √(2 ln 2/π).
+    Sinusoids are left out, because the zeros of their Allan deviation give no information about the noise.
+
+    At the minimum, a change of τ has only a second-order effect. With A = σ²(τ) and a parameter θ of the model,
 
         ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ at the τ of the minimum,
 
-    and the interval is B exp(±z SE(ln B)). The standard errors count terms that are zero as free. Sinusoids are left
-    out, because their Allan deviation has zeros that say nothing about the noise.
+    and the confidence interval is B exp(±z SE(ln B)). The standard error also includes the uncertainty of terms that
+    are estimated as zero.
 
-    B is only an upper limit, the upper end of this interval, if the curve still falls at the last τ, rises from the
-    first τ on, or does not rise above its minimum by z standard errors of the difference.
-
-    This limit depends on the model where the data have little information: flicker noise that the model does not have
-    can be larger. B is at most σ(τ) at any τ, so the smallest upper confidence limit of the measured σ is a limit
-    without a model. The larger one of the two limits is used.
+    B is only an upper limit if the curve still falls at the last τ, rises from the first τ on, or does not rise above
+    its minimum by z standard errors of the difference. The limit is then the upper end of the interval. It depends on
+    the model, which could lack flicker noise. But B is at most σ(τ)/√(2 ln 2/π) at any τ, so the smallest upper
+    confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used.
 
     Parameters
     ----------
     fit : Fit
-        A fit without terms that act as another process.
+        A fit in which terms that act as another process are replaced.
     z : float or None
-        Half width of the interval in standard errors; None if there are no standard errors.
+        Half the width of the interval in standard errors; None if there are no standard errors.
 
     Returns
     -------
-    Entry or None, and a Remark or None
+    entry : Entry or None
+        B; None if it cannot be computed.
+    remark : Remark or None
+        A remark that gives the reason if B is missing or only an upper limit.
 
     References
     ----------
@@ -112,14 +115,15 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
 
 
 def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
-    """Return the smallest upper confidence limit of the measured Allan deviation without its sinusoids.
+    """Return the smallest upper confidence limit of the measured Allan deviation, without the sinusoids `lines`.
 
-    With the Haar filter the Allan variance is 2 ν². With another filter it is the Allan variance of the model times the
-    ratio of data to model. None if the levels next to the model's minimum were not measured.
+    The Allan variance is computed as the Allan variance of the model times the ratio of the wavelet variances of data
+    and model. With the Haar filter, this is twice the measured wavelet variance. The result is None if the levels next
+    to the minimum of the model, at `n` samples, were not measured.
     """
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
     added = sum((line.wavelet_variance(wv.levels, wv.rate, wv.filter) for line in lines), np.zeros(len(wv)))
-    # A variance of zero comes from the coarse resolution of the output and not from its noise.
+    # A variance of zero is due to the coarse resolution of the output, so it gives no limit for the noise.
     seen = (wv.variance > 0) & (wv.upper > added) & (implied > 0)
     if not {n.bit_length(), (n - 1).bit_length() + 1} <= set(wv.levels[seen].tolist()):
         return None
@@ -130,8 +134,9 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
 
 
 def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
-    """Return the number of samples from 1 to `last` at which a curve is lowest; exact if it has few extrema in an
-    octave.
+    """Return the number of samples, from 1 to `last`, at which a curve has its minimum.
+
+    The result is exact if the curve has few extrema per octave.
 
     >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
     1000
@@ -143,14 +148,14 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
         low, high = int(sizes[max(k - 1, 0)]), int(sizes[min(k + 1, sizes.size - 1)])
         if high - low <= 2:
             return int(sizes[k])
-        # Whole numbers between the neighbours; all of them if there are few.
+        # The next points are whole numbers between the two neighbours of the lowest point.
         sizes = np.unique(np.linspace(low, high, min(_ZOOM, high - low) + 1).astype(np.int64))
 
 
 def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
-    """Return why the minimum is only an upper limit: "falls", "rises" or "unsure"; None if the minimum is certain."""
+    """Return why the minimum gives only an upper limit: "falls", "rises" or "unsure"; None if it gives a value."""
     ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
-    # On a flat curve, rounding decides n.
+    # On a flat curve, the position n of the minimum depends only on rounding errors.
     if ends.max() <= (1 + _LEVEL) * least:
         return None
     if n == last:

@@ -1,4 +1,4 @@
-"""How far the mean of a recording and the bias of a sensor move: variances from a fitted model, with their errors."""
+"""Variance of the mean of a recording, and mean square of the bias over a duration, from a fitted model."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from gmwm.estimation.result import Fit
 from gmwm.processes.base import Process
 
 SLOW = 1.0
-"""Correlation time (s) from which a term is part of the bias. It is the time at which N is defined, and the default
-horizon of exported files."""
+"""Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N is
+defined, and to the default time horizon of exported files."""
 
 
 @dataclass(frozen=True)
@@ -29,20 +29,25 @@ class Variance:
 
 
 def variance_of_mean(fit: Fit, samples: int, span: int) -> Variance:
-    """Compute the variance of the mean of a recording, as an estimate of the constant bias.
+    """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias.
 
-    For stationary noise it is the variance of the mean. The level of a random walk is not constant: it is the variance
-    of the mean minus the level at the end of the recording, K²T/3, which is the same at the beginning. Flicker and
-    power-law noise have the Allan variance at the length T of the recording: half the variance of the difference from
-    the mean of the next recording of this length. Ramps are not noise.
+    Let T be the length of the recording. The contribution of a term depends on its kind. For stationary noise, it is
+    the variance of the mean. The level of a random walk is not constant, so its contribution is the variance of the
+    mean minus the level at the end of the recording, K²T/3. For flicker and power-law noise, it is the Allan variance
+    at T, which is half the variance of the difference between the means of two successive recordings of this length.
+    Ramps are not noise and contribute nothing.
 
     Parameters
     ----------
     fit : Fit
         The model of the noise.
     samples, span : int
-        Number of samples, and number with those that are missing in gaps. Each term has the larger of its variances for
-        these two lengths.
+        Number of samples, and number including those that are missing in gaps. For each term, the larger of the
+        variances for these two lengths is used.
+
+    Returns
+    -------
+    Variance
     """
     rate = fit.wavelet_variance.rate
 
@@ -53,11 +58,11 @@ def variance_of_mean(fit: Fit, samples: int, span: int) -> Variance:
 
 
 def bias_variance(fit: Fit, duration: float) -> Variance:
-    """Compute the mean square of the bias around its mean over a duration (s).
+    """Compute the mean square of the bias about its mean over a duration (s).
 
-    The bias is the sum of the terms with a correlation time of at least 1 s, of random walks, and of flicker and
-    power-law noise. The variance of 2^J samples around their mean is Σ ν_j² over the levels 1 to J of the Haar wavelet
-    variance (exact, also for a random walk); between two such lengths it is interpolated in the logarithm.
+    The bias is the sum of all terms with a correlation time of at least 1 s, random walks, and flicker and power-law
+    noise. The variance of 2^J samples about their mean is the sum of the Haar wavelet variance ν_j² over the levels 1
+    to J, which is exact even for a random walk. For other lengths, it is interpolated on a logarithmic scale.
 
     References
     ----------
@@ -83,11 +88,12 @@ def is_slow(process: Process, rate: float) -> bool:
 
 
 def _sum(fit: Fit, of: Callable[[Process], float], *, fast: bool) -> Variance:
-    """Add the variances of the slow terms and, with `fast`, of the others.
+    """Add up the variances that `of` computes for the slow terms and, if `fast` is True, for the other terms too.
 
-    An estimate v of the slow part with the standard error s is normal and cannot be negative. Its mean and variance for
-    a uniform prior on positive values are v + s λ and s²(1 − uλ − λ²) with u = v/s and λ = φ(u)/Φ(u), so that a random
-    walk that is estimated as zero is not assumed to be absent.
+    The variance of the slow terms is estimated as v with the standard error s, but its true value cannot be negative.
+    Its posterior distribution under a uniform prior for positive values has the mean v + sλ and the variance
+    s²(1 − uλ − λ²), with u = v/s, λ = φ(u)/Φ(u), and the normal density φ and distribution function Φ. With this mean,
+    a random walk that is estimated as zero is not treated as absent.
     """
     written, _ = translated(fit)
     rate, curve = fit.wavelet_variance.rate, Curve.of(written)
@@ -106,6 +112,6 @@ def _sum(fit: Fit, of: Callable[[Process], float], *, fast: bool) -> Variance:
 
 def _mean_variance(process: Process, samples: int, rate: float) -> float:
     if process.has("state_space") and not is_scale_free(process, rate):
-        # The mean of a state is left out: that of a ramp is its slope, which is not noise.
+        # The mean of the states is not used. For a ramp, it contains the slope, which is not noise.
         return float(process.state_space(rate).block_variance([samples])[0]) / samples**2
     return float(process.allan_variance([samples], rate)[0])

@@ -17,21 +17,22 @@ from gmwm.inference.intervals import free_shape
 from gmwm.processes.base import Process
 
 _STEP = 0.01
-"""Relative step of the differences of order 6 for derivatives, whose error is about _STEP⁶ = 1e-12."""
+"""Relative step of the differences of order 6 that approximate derivatives, with an error of about _STEP⁶ = 1e-12."""
 ENDLESS = 300.0
-"""Largest half width of an interval on the logarithm; e^300 is near the limit of double precision."""
+"""Largest half width of an interval on a logarithmic scale, because e^300 is near the limit of double precision."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """The free parameters of a fit and their covariance, for standard errors of its Allan variance.
+    """The free parameters of a fit and their covariance, from which standard errors of its Allan variance follow.
 
     Parameters
     ----------
-    moving : tuple of (process, parameter name or None)
-        Logarithms of parameters, or (with None) the scale coefficients of terms that are zero.
+    moving : tuple of (Process, str or None)
+        The p free parameters, each with its process. A name means the logarithm of this parameter. None means the scale
+        of a term that is estimated as zero.
     scatter : (p, p) array
-        Covariance of the estimates of these.
+        Covariance of the estimates of these parameters.
     rate : float
         Sampling rate (Hz).
     """
@@ -42,9 +43,9 @@ class Curve:
 
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> Curve:
-        """Make the curve of a fit that has no terms that act as another process.
+        """Return the parameters and covariance of a fit in which terms that act as another process are replaced.
 
-        With `sampling`, the covariance does not include the spread between recordings.
+        If `sampling` is True, the covariance does not include the spread between recordings.
         """
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
@@ -60,7 +61,7 @@ class Curve:
         weighted = root @ np.column_stack([relative_jacobian(model, design, names), *columns])
         length = np.linalg.norm(weighted, axis=0)
         length[length == 0] = 1.0
-        # Directions that do not change the curve are left out.
+        # The pseudoinverse leaves out directions in which the wavelet variance does not change.
         gain = (np.linalg.pinv(weighted / length, rcond=COLLINEAR) / length[:, None]) @ root
         split = (name.rpartition(".") for name in names)
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
@@ -68,26 +69,33 @@ class Curve:
         return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
 
     def without_lines(self) -> Curve:
-        """Return the curve of the noise alone, without sinusoids."""
+        """Return the parameters and covariance without those of sinusoids."""
         kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
         return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
 
     def slopes(self, n: int) -> Vector:
-        """Return derivatives (p,) of σ²(n) at n samples."""
+        """Return the derivatives (p,) of the Allan variance at n samples with respect to the parameters."""
         return np.array([slope(process, name, n, self.rate) for process, name in self.moving])
 
     def error(self, slopes: Vector) -> float:
-        """Return the standard error of a quantity with these derivatives (p,)."""
+        """Return the standard error of a quantity that has these derivatives (p,) with respect to the parameters."""
         return math.sqrt(max(float(slopes @ self.scatter @ slopes), 0.0))
 
 
 def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """Return ∂σ²(n)/∂ ln θ for one process."""
+    """Return the derivative ∂σ²(n)/∂ ln θ of the Allan variance of one process at n samples.
+
+    θ is the parameter `name`. If `name` is None, the derivative is with respect to the scale.
+    """
     return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
 
 
 def sensitivity(process: Process, name: str | None, of: Callable[[Process], float]) -> float:
-    """Return ∂f/∂ ln θ of a variance f of one process: exact for the scale, by differences of order 6 for the shape."""
+    """Return the derivative ∂f/∂ ln θ of a variance f of one process with respect to the parameter `name`.
+
+    It is exact for a scale parameter, and computed by differences of order 6 for a shape parameter. If `name` is None,
+    the derivative is with respect to the scale itself.
+    """
     if name is None:
         return of(process)
     parameter = next(p for p in process.parameters if p.name == name)

@@ -1,4 +1,4 @@
-"""Effective white noise and random walk of a fit over a horizon, for filters with only these two numbers."""
+"""Effective white noise and random walk of a fit over a time horizon, for filters that use only these two numbers."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from gmwm.processes.physical import Physical
 from gmwm.units import noise_unit
 
 _FAR = 1e6
-"""Averaging time, in correlation times, at which N of a fast process is computed: its Allan variance equals N²/τ up to
-1e-6."""
+"""Averaging time, in correlation times, at which N of a fast process is computed. There, its Allan variance differs
+from N²/τ by 1e-6."""
 
 WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
 
 GONE = 1e-6
-"""Relative size below which a difference of Allan variances is a rounding error."""
+"""Relative difference of Allan variances below which the difference counts as a rounding error."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """Use of the two numbers in a filter or a simulator.
+    """Properties of the filter or simulator that uses the two numbers.
 
     Parameters
     ----------
     horizon : float
-        Horizon T_h (s).
+        Time horizon T_h (s).
     flicker : str
-        Name of its parameter for flicker noise, which is then not included; "" if it has none.
+        Name of its own parameter for flicker noise, so that the two numbers must not include it; "" if it has none.
     """
 
     horizon: float
@@ -47,27 +47,29 @@ class Use:
 
 
 def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, Entry]:
-    """Compute the white noise N_eff and the random walk K_eff that approximate a whole model over a horizon T_h.
+    """Compute the white noise N_eff and the random walk K_eff that approximate a whole model over a time horizon T_h.
 
     A term is treated as white noise if its correlation time is below T_h, otherwise as a random walk:
 
         N_eff² = N² + Σ lim τσ²(τ)    K_eff² = K² + Σ q_c²
 
-    The limit is the level of a fast term at long averaging times, 2σ²_GM/β if β is far below the rate. Quantization
-    noise averages out, and a drift or a sinusoid is not noise; these are not included. A term with a correlation time
-    near T_h is neither white noise nor a random walk, and is treated as the nearer of the two.
+    The first sum is over the fast terms. σ²(τ) is the Allan variance of a term, and the limit for τ → ∞ of τσ²(τ) is
+    2σ²_GM/β for a Gauss-Markov term if β is far below the sampling rate. The second sum is over the slow terms.
+    Quantization noise averages out, and a drift or a sinusoid is not noise, so these are not included. A term whose
+    correlation time is near T_h is neither white noise nor a random walk; the rule above is only an approximation then.
 
     Flicker and power-law noise have no correlation time, and slow terms other than Gauss-Markov have no q_c. They are
-    replaced by the process with the same Allan variance at T_h: a random walk, K² = 3σ²(T_h)/T_h; or, if the Allan
-    variance falls at T_h, white noise, N² = T_h σ²(T_h). A slow term whose Allan variance falls at T_h is replaced by
-    the sum of both that has the same Allan variance at T_h and T_h/2. At τ < T_h, the random walk that replaces flicker
-    noise is √(τ/T_h) times as large as the flicker noise.
+    replaced by a process with the same Allan variance at T_h. If their Allan variance does not fall at T_h, this is a
+    random walk with K² = 3σ²(T_h)/T_h. If it falls, flicker and power-law noise are replaced by white noise with
+    N² = T_h σ²(T_h), and any other slow term by the sum of white noise and random walk that has the same Allan variance
+    at T_h and at T_h/2. At τ < T_h, the Allan deviation of the random walk that replaces flicker noise is √(τ/T_h)
+    times that of the flicker noise.
 
     Parameters
     ----------
     fit : Fit
     horizon : float
-        T_h (s): how long the filter relies on the sensor alone.
+        Time horizon T_h (s), which is the time between corrections of the filter from other sensors.
     level : float
         Confidence level, from 0.5 to below 1.
 
@@ -75,8 +77,8 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     -------
     mapping of "N_eff" and "K_eff" to Entry
         An entry is an upper limit if the data cannot distinguish it from zero. Its value is never zero, because a
-        filter would treat zero as exact: if the model has no such noise, the value is the upper limit `high` from a fit
-        with this noise added, and infinite if the data give no limit.
+        filter would treat zero as exact. If the model has no such noise, the noise is added to the model, and the value
+        is the upper limit `high` from its fit. The value is infinite if the data give no upper limit.
 
     Raises
     ------
@@ -107,7 +109,7 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
 
 
 def _at_most(fit: Fit, entry: Entry, level: float) -> Entry:
-    """Replace the zero of an entry by its upper limit."""
+    """Return an entry whose value is zero with its upper limit as value; infinite if the data give no limit."""
     try:
         high = max(entry.high or 0.0, hidden(fit, entry, level))
     except DataError:
@@ -116,14 +118,14 @@ def _at_most(fit: Fit, entry: Entry, level: float) -> Entry:
 
 
 def checked_horizon(horizon: float) -> float:
-    """Check a horizon: a positive time (s)."""
+    """Return a time horizon (s) as float. Raises an OptionError if it is not positive and finite."""
     if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < math.inf:
         raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
     return float(horizon)
 
 
 def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """Compute `effective_noise` for one use, with zero if the model has no such noise."""
+    """Compute N_eff and K_eff like `effective_noise`, but with the value zero if the model has no such noise."""
     written, _ = translated(fit)
     curve, z = Curve.of(written), NormalDist().inv_cdf((1 + level) / 2)
     unit = fit.wavelet_variance.unit
@@ -135,7 +137,8 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         square = sum(_square(p, None, power=power, use=use, rate=curve.rate)[0] for p in written.model.processes)
         slopes = np.array([_square(p, name, power=power, use=use, rate=curve.rate)[1] for p, name in curve.moving])
         name, factor = noise_unit(power, unit)
-        # As in the datasheet, only the error of the scale decides whether a term is zero, not the error of its time.
+        # As in the datasheet, whether a term may be zero depends only on the standard error of its scale parameter, not
+        # on that of its correlation time.
         scales = np.array([_is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
         seen = z * curve.error(np.where(scales, slopes, 0.0)) < square
         reach = z * curve.error(slopes)
@@ -165,7 +168,7 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 
 
 def counted(process: Process, use: Use, rate: float) -> tuple[float, ...]:
-    """Return the noise that describes a term: `WHITE`, `WALK`, both or none."""
+    """Return which of N and K include a process: `WHITE`, `WALK`, both or neither."""
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
     if process.line(rate) is not None or (powers and not powers & {WHITE, WALK, 0.0}):
         return ()
@@ -186,7 +189,7 @@ def counted(process: Process, use: Use, rate: float) -> tuple[float, ...]:
 
 
 def is_scale_free(process: Process, rate: float) -> bool:
-    """Return whether a process has no correlation time and is not a random walk: flicker and power-law noise."""
+    """Return whether a process has no correlation time and is not a random walk, like flicker and power-law noise."""
     if process.line(rate) is not None:
         return False
     time = process.correlation_time(rate)
@@ -194,15 +197,17 @@ def is_scale_free(process: Process, rate: float) -> bool:
 
 
 def is_flicker(process: Process, rate: float) -> bool:
-    """Return whether the Allan deviation of a process is flat, by its physical numbers."""
+    """Return whether a process has a flat Allan deviation, because a datasheet number of it has no power of time."""
     return any(number.signal_power and number.time_power == 0 for number in process.physical(rate)) and (
         process.line(rate) is None
     )
 
 
 def by_deviation(process: Process, horizon: float, rate: float) -> bool:
-    """Return whether a process is described by its Allan deviation: it has no correlation time, or is slow and has no
-    q_c."""
+    """Return whether N and K of a process are computed from its Allan deviation.
+
+    This is the case if it has no correlation time, or if it is slower than the time horizon and has no q_c.
+    """
     if process.line(rate) is not None:
         return False
     if is_scale_free(process, rate):
@@ -220,15 +225,15 @@ def _walk(process: Process, rate: float) -> Physical | None:
 
 
 def _steps(time: float, rate: float) -> int:
-    """Convert a time to a number of samples, at least 1."""
+    """Convert a time (s) to a number of samples, which is at least 1."""
     return max(1, round(time * rate))
 
 
 def _readings(process: Process, power: float, use: Use, rate: float) -> list[tuple[int, float]]:
-    """Return numbers of samples n and factors: the Allan variances at n times the factors add up to N² or K²."""
+    """Return pairs (n, factor). The sum of the Allan variances at n samples times their factors is N² or K²."""
     n, powers = _steps(use.horizon, rate), counted(process, use, rate)
     if len(powers) == 2:
-        # σ²(τ) = N²/τ + K²τ/3 at half the horizon and at all of it.
+        # Solve σ²(τ) = N²/τ + K²τ/3 at τ = T_h/2 and τ = T_h.
         half = max(1, n // 2)
         time = half / rate
         short, long = (4 * time / 3, -2 * time / 3) if power == WHITE else (-1 / time, 2 / time)
@@ -237,8 +242,10 @@ def _readings(process: Process, power: float, use: Use, rate: float) -> list[tup
 
 
 def _square(process: Process, name: str | None, power: float, use: Use, rate: float) -> tuple[float, float]:
-    """Return the part of a process in N² or K², and its derivative with respect to ln θ, or to the scale if no
-    parameter is named."""
+    """Return the contribution of a process to N² or K², and its derivative.
+
+    The derivative is with respect to the logarithm of the parameter `name`, or to the scale if `name` is None.
+    """
     if process.scale == 0 or power not in counted(process, use, rate):
         return 0.0, 0.0
     if by_deviation(process, use.horizon, rate):
@@ -247,7 +254,7 @@ def _square(process: Process, name: str | None, power: float, use: Use, rate: fl
         value = sum(factor * float(at) for (_, factor), at in zip(readings, values, strict=True))
         return value, sum(factor * slope(process, name, n, rate) for n, factor in readings)
     if power == WHITE:
-        # τσ²(τ) differs from its limit by a multiple of 1/τ, so its values at two τ give the limit.
+        # The difference between τσ²(τ) and its limit is proportional to 1/τ, so the values at two τ give the limit.
         near = math.ceil(_FAR * max(1.0, (process.correlation_time(rate) or 0.0) * rate))
         far = 4 * near
         levels = process.allan_variance([near, far], rate) * np.array([near, far]) / rate

@@ -1,4 +1,4 @@
-"""One number of a datasheet: value, confidence interval, unit, and its text."""
+"""One datasheet number: its value, confidence interval and unit, and its format as text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gmwm.errors import OptionError
 from gmwm.units import datasheet_units, spelt
 
 _DIGITS = 2
-"""Number of significant digits of half an interval that are shown; the usual rounding of a standard error."""
+"""Number of significant digits to which half the width of an interval is rounded, as is usual for standard errors."""
 _MOST_DIGITS = 6
 
 
@@ -23,24 +23,24 @@ class Entry:
     ----------
     symbol : str
         "N", "Q", "K", "R" or "B"; "T_c" and "q_c" of a Gauss-Markov term; "f_b", "f_r" and "Q_r" of an ARMA term;
-        "f_0" and "A" of a sinusoid; with an index, for example "T_c[2]", if there are several terms.
+        "f_0" and "A" of a sinusoid. If there are several such terms, the symbol has an index, for example "T_c[2]".
     title : str
         Name of the number, for example "white noise density".
     value : float
-        Value in `unit`; the rate ramp R has a sign.
+        Value in `unit`. Only the rate ramp R can be negative.
     low, high : float or None
-        Confidence interval in `unit`. `high` is infinite if the data do not determine the number; both are None if
-        there is no interval.
+        Ends of the confidence interval in `unit`. `high` is infinite if the data do not determine the number. Both are
+        None if there is no interval.
     unit : str
-        SI unit; "u" is the unit of a signal without a known unit.
+        SI unit. In it, "u" stands for the unknown unit of a signal.
     term : str or None
-        The term of the model; None if the number comes from the whole model.
+        Term of the model from which the number is computed; None if it is computed from the whole model.
     upper_only : bool
-        The number is an upper limit: its size is at most `high`.
+        Whether the data give only an upper limit, so that the magnitude of the number is at most `high`.
     held : bool
-        The number was held and not estimated.
+        Whether the number was held fixed instead of estimated.
     tau : float or None
-        Averaging time (s) at which the number is read from the Allan deviation.
+        Averaging time (s) at which the number is read from the Allan deviation; None for other numbers.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class Entry:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Units to which the number can be converted: the usual datasheet unit first, the SI unit last."""
+        """Units to which the number can be converted. The first is the usual datasheet unit, the last the SI unit."""
         return tuple(dict.fromkeys((*datasheet_units(self.unit), self.unit)))
 
     def in_units(self, units: str = "datasheet") -> tuple[float, float | None, float | None, str]:
@@ -76,18 +76,19 @@ class Entry:
         ----------
         units : str
             "si", "datasheet" (the usual datasheet unit, or SI if there is none), or one of `units`, for example
-            "µg/√Hz"; √ may be written sqrt.
+            "µg/√Hz". √ may be written sqrt.
 
         Returns
         -------
         value, low, high : float, and float or None
-            The number and its limits, in the unit.
+            The number and the ends of its interval, in this unit.
         unit : str
+            Name of the unit.
 
         Raises
         ------
         OptionError
-            If this number has no such unit.
+            If the number cannot be converted to this unit.
         """
         factors = {self.unit: 1.0, **datasheet_units(self.unit)}
         named = {"si": self.unit, "datasheet": self.units[0]} | {spelt(name): name for name in factors}
@@ -120,7 +121,7 @@ class Entry:
         return f"{shown[0]} ({shown[1]} … {shown[2]}){unit}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the number as numbers and strings, ready for JSON; an infinite limit is None."""
+        """Return all fields as plain values for JSON. An infinite limit becomes None."""
         values = asdict(self)
         if self.high is not None and not math.isfinite(self.high):
             values["high"] = None
@@ -128,7 +129,7 @@ class Entry:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Entry:
-        """Restore the number from the values of `to_dict`."""
+        """Restore an entry from the result of `to_dict`."""
         given = dict(values)
         if given["low"] is not None and given["high"] is None:
             given["high"] = math.inf
@@ -139,7 +140,7 @@ class Entry:
 
 
 def significant(x: float, digits: int) -> str:
-    """Format a number with a given number of significant digits; with a power of ten only if it is very small or large.
+    """Format a number with a given number of significant digits. Very small and large numbers have a power of ten.
 
     >>> significant(0.012345, 3), significant(1.5e-7, 2), significant(1234.5, 2)
     ('0.0123', '1.5e-07', '1234')
@@ -152,8 +153,10 @@ def significant(x: float, digits: int) -> str:
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Format value and limits with `_DIGITS` digits of half the interval; each with its own digits if they differ
-    much."""
+    """Format a value and its limits with the same number of decimals, so that the interval has `_DIGITS` digits.
+
+    If the limits differ much, each number has `_DIGITS` significant digits instead.
+    """
     size, half = max(abs(low), abs(high)), (high - low) / 2
     if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
         return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)

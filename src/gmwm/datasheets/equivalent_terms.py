@@ -1,4 +1,4 @@
-"""Replace each term that acts as another process by this process."""
+"""Replace each term of a fit that the data cannot distinguish from another process by this process."""
 
 from __future__ import annotations
 
@@ -14,10 +14,17 @@ from gmwm.processes.parameter import Fixed
 
 
 def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
-    """Add each term that acts as another process to that process; return the fit and the original label of each term.
+    """Replace each term that acts as another process by this process, and merge it with a term of this process.
 
-    A Gauss-Markov term that acts as white noise becomes white noise, and its scale is added. The same holds for a
-    random walk. Estimates and standard errors of the sum follow from the model with these terms.
+    For example, a Gauss-Markov term that acts as white noise becomes white noise, and its variance is added to that of
+    the white noise of the model. Standard errors of the sum then follow from the new model.
+
+    Returns
+    -------
+    fit : Fit
+        The fit with the new model.
+    labels : tuple of str
+        For each term of the new model, its label in the original fit, such as "WN + GM[1]" for a merged term.
     """
     wv = fit.wavelet_variance
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
@@ -47,7 +54,10 @@ def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
 
 
 def _sum(kind: type[Process], parts: Iterable[Process], written_as: Iterable[Process]) -> Process:
-    """Return one process of a `kind` with the sum of the scales of several; held if all of them were held."""
+    """Return one process of class `kind` whose scale is the sum of the scales of several processes.
+
+    It is held fixed if all processes in the original model (`written_as`) were held.
+    """
     value = kind.value_from(sum(part.scale for part in parts))
     held = all(process.is_fixed(process.scale_parameter().name) for process in written_as)
     return kind(**{kind.scale_parameter().name: Fixed(value) if held else value})

@@ -1,4 +1,4 @@
-"""Upper limits of white noise or random walk that is not in the fitted model."""
+"""Upper limits of white noise and random walks that the fitted model does not contain."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from gmwm.processes.walk import RW
 from gmwm.units import noise_unit
 
 _KINDS: Mapping[str, type[Process]] = {"N_eff": WN, "K_eff": RW}
-"""Process that is added to a model to compute the upper limit of each number."""
+"""Process that is added to the model to compute the upper limit of N_eff or K_eff."""
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
-    """Compute the upper limit of white noise or random walk, from a fit of the model with this term added.
+    """Compute the upper limit of white noise or a random walk from a fit of the model with this term added.
 
     Parameters
     ----------
     fit : Fit
     entry : Entry
-        "N_eff" or "K_eff".
+        The number N_eff or K_eff whose limit is computed.
     level : float
-        Confidence level. The limit is the upper end of the confidence interval.
+        Confidence level of the interval, whose upper end is the limit.
 
     Returns
     -------
     float
-        The limit in the unit of the entry; infinite if the confidence interval has no upper end.
+        The upper limit in the unit of the entry; infinite if the confidence interval is unbounded.
 
     Raises
     ------
     DataError
-        If the model with this term cannot be fitted, or has no confidence intervals.
+        If the model with this term cannot be fitted, or its confidence intervals cannot be computed.
     """
     kind, (base, _) = _KINDS[entry.symbol], translated(fit)
     try:
@@ -61,9 +61,9 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
 
 
 def _widened(fit: Fit, kind: type[Process]) -> Fit:
-    """Fit the model with one more term to the same data."""
+    """Fit the model with a process of class `kind` added to the same data."""
     weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
     with warnings.catch_warnings():
-        # The remark that the data do not support the term is expected.
+        # The fit may warn that the data do not support the new term, which is expected here.
         warnings.simplefilter("ignore", FitWarning)
         return fitted(fit.model + kind(), fit.wavelet_variance, weighting=weighting, certify=False)

@@ -1,4 +1,4 @@
-"""The datasheet of one axis: its numbers as text, as rows, and as plain values."""
+"""The datasheet of one axis: a collection of datasheet numbers that can be shown as text, table or plain values."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Datasheet(Mapping[str, Entry]):
-    """Datasheet numbers of one axis: a mapping of symbol to `Entry`, in SI units and convertible to others.
+    """Datasheet numbers of one axis: a mapping of symbol to `Entry`. The numbers are in SI units and can be converted.
 
     Attributes
     ----------
     entries : tuple of Entry
         The numbers, in the order Q, N, B, K, R, T_c, q_c, f_b, f_r, Q_r, f_0, A.
     axis : str
-        Name of the axis, or "".
+        Name of the axis; "" if it has none.
     unit : str
         SI unit of the signal; "u" if it is unknown.
     model : str
@@ -39,11 +39,11 @@ class Datasheet(Mapping[str, Entry]):
     level : float
         Confidence level of the intervals.
     averaging_time : (J,) array, in s
-        Averaging times of `allan_deviation`; the last one is the longest that the recording allows.
+        Averaging times of `allan_deviation`, up to the longest that the recording allows.
     allan_deviation : (J,) array, in `unit`
         Allan deviation of the model.
     remarks : tuple of Remark
-        Remarks about the numbers.
+        Remarks on the numbers.
 
     Examples
     --------
@@ -94,7 +94,7 @@ class Datasheet(Mapping[str, Entry]):
         Parameters
         ----------
         units : "si" or "datasheet"
-            See `Entry.in_units`.
+            Units of the numbers, as in `Entry.in_units`.
         """
         rows = []
         for entry in self.entries:
@@ -106,24 +106,24 @@ class Datasheet(Mapping[str, Entry]):
         return rows
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
-        """Return the numbers as a Polars data frame: the rows of `table`.
+        """Return the rows of `table` as a Polars data frame.
 
         Parameters
         ----------
         units : "si" or "datasheet"
-            See `Entry.in_units`.
+            Units of the numbers, as in `Entry.in_units`.
         """
         from polars import DataFrame
 
         return DataFrame(self.table(units))
 
     def summary(self, units: str = "datasheet") -> str:
-        """Describe the numbers in text: intervals, the value in another common unit, and remarks.
+        """Return the datasheet as text: the numbers with intervals and in another common unit, and the remarks.
 
         Parameters
         ----------
         units : "si" or "datasheet"
-            See `Entry.in_units`.
+            Units of the numbers, as in `Entry.in_units`.
         """
         rows = [(entry.symbol, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
         about = (remark.about("") for remark in self.remarks)
@@ -134,7 +134,7 @@ class Datasheet(Mapping[str, Entry]):
         return f"{axis}{self.model}, {self.samples} samples at {self.rate:g} Hz, {100 * self.level:g} % intervals"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the datasheet as numbers, lists and strings, ready for JSON."""
+        """Return the datasheet as plain values for JSON."""
         return {
             "axis": self.axis,
             "unit": self.unit,
@@ -150,7 +150,7 @@ class Datasheet(Mapping[str, Entry]):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:
-        """Restore the datasheet from the values of `to_dict`."""
+        """Restore a datasheet from the result of `to_dict`."""
         given = dict(values)
         given["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
         given["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
@@ -180,7 +180,7 @@ def _title(entry: Entry) -> str:
 
 
 def _also(entry: Entry, units: str) -> str:
-    """Format the value, or its upper limit, in another customary unit; "" if none exists or the limit is infinite."""
+    """Format a number, or its upper limit, in another common unit; "" if there is none or the limit is infinite."""
     shown = entry.in_units(units)[3]
     other = next((name for name in entry.units if name != shown), None)
     if other is None or (entry.high is not None and not np.isfinite(entry.high)):
