@@ -129,7 +129,7 @@ class Entry:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Entry:
-        """Restore an entry from the result of `to_dict`."""
+        """Restore an entry from `values`, the result of `to_dict`."""
         given = dict(values)
         if given["low"] is not None and given["high"] is None:
             given["high"] = math.inf

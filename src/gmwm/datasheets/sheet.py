@@ -150,7 +150,7 @@ class Datasheet(Mapping[str, Entry]):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:
-        """Restore a datasheet from the result of `to_dict`."""
+        """Restore a datasheet from `values`, the result of `to_dict`."""
         given = dict(values)
         given["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
         given["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
