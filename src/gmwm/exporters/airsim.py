@@ -17,7 +17,7 @@ TIMES = {"gyro": 500.0, "accel": 800.0}
 
 @register
 class AirSim(JsonFile):
-    """AirSim, with white noise N and a bias that is a random walk with K = bias stability / √τ.
+    """File for AirSim with white noise N and a bias that is a random walk with K = bias stability / √τ.
 
     Source: `ImuSimpleParams.hpp` and `ImuSimple.hpp` of AirSim.
     """

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @register
 class Autoware(Exporter):
-    """The node imu_corrector of Autoware, with gyroscope offsets and standard deviations.
+    """File for the node imu_corrector of Autoware with gyroscope offsets and standard deviations.
 
     The node subtracts the offsets, and writes the squared standard deviations into the covariances of its messages.
 

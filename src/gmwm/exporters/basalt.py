@@ -12,7 +12,7 @@ from gmwm.exporters.jsonfile import JsonFile
 
 @register
 class Basalt(JsonFile):
-    """Basalt, with continuous-time noise densities of each axis and constant biases.
+    """File for Basalt with continuous-time noise densities of each axis and constant biases.
 
     Basalt computes calibrated = (I + scale) raw − bias.
 

@@ -220,7 +220,7 @@ class TwoNumbers(Exporter):
 
     @abstractmethod
     def body(self, noise: Noise) -> Sequence[str]:
-        """Return the lines below the head, in ASCII."""
+        """Return the lines of the file below the head, in ASCII."""
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the text of the file: the head as comments, and the body."""

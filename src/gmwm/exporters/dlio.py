@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @register
 class Dlio(Exporter):
-    """DLIO, with the biases at rest.
+    """File for DLIO with the biases at rest.
 
     DLIO has no noise parameters. It subtracts the biases: corrected = sm · raw − bias, with sm the scale matrix.
 

@@ -10,7 +10,9 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class FastLio(TwoNumbers):
-    """FAST-LIO, with discrete variances. A filter step of length Δt adds Δt² times these variances to the covariance.
+    """File for FAST-LIO with discrete variances.
+
+    A filter step of length Δt adds Δt² times these variances to the covariance.
 
     Source: `config/velodyne.yaml` and `IMU_Processing.hpp` of FAST-LIO.
     """

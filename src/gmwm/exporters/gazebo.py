@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @register
 class Gazebo(GaussMarkov):
-    """Gazebo, with the standard deviation N√f of a sample and a Gauss-Markov bias.
+    """File for Gazebo with the standard deviation N√f of a sample and a Gauss-Markov bias.
 
     f is the sampling rate, and σ and T are the standard deviation and the correlation time of the bias. Its driving
     noise is q = σ√(2/T).

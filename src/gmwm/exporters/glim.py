@@ -16,7 +16,7 @@ FRAMES = 10.0
 
 @register
 class Glim(JsonFile):
-    """GLIM, with continuous-time noise densities N, one random walk for all biases, and the biases at rest.
+    """File for GLIM with continuous-time noise densities N, one random walk for all biases, and the biases at rest.
 
     The random walk is the standard deviation of the change of a bias between two lidar frames.
 

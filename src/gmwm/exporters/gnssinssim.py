@@ -16,7 +16,7 @@ _DEGREE = math.pi / 180
 
 @register
 class GnssInsSim(GaussMarkov):
-    """gnss-ins-sim, with the constant bias, N and a Gauss-Markov bias for each axis.
+    """File for gnss-ins-sim with the constant bias, N and a Gauss-Markov bias for each axis.
 
     The Gauss-Markov bias has the standard deviation σ and the correlation time T.
 

@@ -17,7 +17,7 @@ _ADVICE = ("Keep your covariances of the integration and of the initial bias: th
 
 
 class _Gtsam(TwoNumbers):
-    """Base of the formats for GTSAM, with four 3 × 3 continuous-time covariances.
+    """Base class of the formats for GTSAM, which have four 3 × 3 continuous-time covariances.
 
     Source: `PreintegrationParams.h`, `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM.
     """

@@ -30,7 +30,7 @@ def four_numbers(noise: Noise) -> list[str]:
 
 @register
 class Kalibr(TwoNumbers):
-    """Kalibr, with four continuous-time noise densities, all of which must be positive.
+    """File for Kalibr with four continuous-time noise densities, all of which must be positive.
 
     Source: `ConfigReader.py` of Kalibr, and its pages on the IMU noise model and on YAML formats.
     """

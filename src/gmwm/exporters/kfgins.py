@@ -16,7 +16,7 @@ _MILLIGAL = 1e-5
 
 @register
 class KfGins(GaussMarkov):
-    """KF-GINS, with N and a Gauss-Markov bias with σ for each axis, and one correlation time T for all axes.
+    """File for KF-GINS with N and a Gauss-Markov bias with σ for each axis, and one correlation time T for all axes.
 
     The filter uses the spectral density 2σ²/T for the driving noise of the bias. If a model has a single slow
     Gauss-Markov term, σ and T are the parameters of this term.

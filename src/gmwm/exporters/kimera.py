@@ -10,7 +10,7 @@ from gmwm.exporters.kalibr import CONTINUOUS, four_numbers
 
 @register
 class Kimera(TwoNumbers):
-    """Kimera-VIO, with the four continuous-time noise densities of Kalibr and the sampling rate.
+    """File for Kimera-VIO with the four continuous-time noise densities of Kalibr and the sampling rate.
 
     Source: `params/Euroc/ImuParams.yaml` of Kimera-VIO.
     """

@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class LioSam(TwoNumbers):
-    """LIO-SAM, with four continuous-time noise densities, which the program squares for GTSAM.
+    """File for LIO-SAM with four continuous-time noise densities, which the program squares for GTSAM.
 
     Source: `config/params.yaml` and `imuPreintegration.cpp` of LIO-SAM.
     """

@@ -21,7 +21,7 @@ _LASTING = 100.0
 
 @register
 class Matlab(TwoNumbers):
-    """MATLAB's simulator imuSensor, with N, K and flicker noise of each axis.
+    """File for MATLAB's simulator imuSensor with N, K and flicker noise of each axis.
 
     f is the sampling rate. With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a
     step of the random walk has RandomWalk/√f, which agrees with the definitions of N and K. With the default

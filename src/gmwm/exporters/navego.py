@@ -17,7 +17,7 @@ _DEGREE = math.pi / 180
 
 @register
 class NaveGo(GaussMarkov):
-    """NaveGo, with N, the range of the constant bias, and a Gauss-Markov bias for each axis.
+    """File for NaveGo with N, the range of the constant bias, and a Gauss-Markov bias for each axis.
 
     The Gauss-Markov bias has the standard deviation σ and the correlation time T.
 

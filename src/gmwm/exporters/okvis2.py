@@ -11,7 +11,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class Okvis2(TwoNumbers):
-    """OKVIS 2, with four continuous-time noise densities, the biases at rest and their standard deviations.
+    """File for OKVIS 2 with four continuous-time noise densities, the biases at rest and their standard deviations.
 
     Source: `config/euroc.yaml` of OKVIS 2 and `ImuParameters` of `okvis/Parameters.hpp`.
     """

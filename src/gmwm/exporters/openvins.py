@@ -14,7 +14,7 @@ _ZERO = ("[0.0, 0.0, 0.0]",) * 3
 
 @register
 class OpenVins(TwoNumbers):
-    """OpenVINS, with the four continuous-time noise densities of Kalibr and the other keys of its IMU file.
+    """File for OpenVINS with the four continuous-time noise densities of Kalibr and the other keys of its IMU file.
 
     Source: `config/euroc_mav/kalibr_imu_chain.yaml` of OpenVINS.
     """

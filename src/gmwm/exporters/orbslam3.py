@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class OrbSlam3(TwoNumbers):
-    """ORB-SLAM3, with four continuous-time noise densities and the sampling rate.
+    """File for ORB-SLAM3 with four continuous-time noise densities and the sampling rate.
 
     The program computes discrete-time values from them.
 

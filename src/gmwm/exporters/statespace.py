@@ -283,7 +283,7 @@ def _systems(name: str, mark: str, axis: Mapping[str, Any]) -> Iterator[tuple[st
 
 
 def _matrices(model: Model, fit: Fit, rate: float | None) -> dict[str, Any]:
-    """Return the state-space matrices and facts of a noise model of an axis as numbers, lists and strings."""
+    """Return a noise model of an axis with its state-space matrices, as numbers, lists and strings."""
     own = fit.wavelet_variance.rate
     space, smooth = model.state_space(own), model.continuous(own)
     states = list(model.state_terms(own))

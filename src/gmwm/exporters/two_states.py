@@ -65,7 +65,7 @@ class TwoStates:
     error_of_walk: float
 
     def model(self, rate: float) -> Model:
-        """Return the model with these values, for samples at a rate (Hz)."""
+        """Return the white noise and the states as a model for samples at a rate (Hz)."""
         states = (GM(beta=1 / time, sigma2=sigma**2) for sigma, time in zip(self.sigma, self.time, strict=True))
         return Model((*states, WN(sigma2=self.N**2 * rate)))
 

@@ -11,7 +11,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class Vins(TwoNumbers):
-    """VINS, with the discrete standard deviations N√f and K√f at the sampling rate f.
+    """File for VINS with the discrete standard deviations N√f and K√f at the sampling rate f.
 
     In a step Δt, VINS adds (Δt σ)² to the variance of the angle, the velocity or a bias, where σ is the parameter. For
     white noise, N² Δt = Δt² acc_n², and for the random walk, K² Δt = Δt² acc_w².

@@ -92,6 +92,6 @@ def hotelling(d: Matrix) -> float | None:
 
 
 def _adjusted(found: Sequence[AxisDifference], size: float) -> tuple[AxisDifference, ...]:
-    """Adjust the p-values of all tests by Holm's method."""
+    """Return the tests with p-values adjusted by Holm's method, and with the decision at a significance level."""
     adjusted = holm([one.pvalue for one in found]).tolist()
     return tuple(replace(one, adjusted=p, differs=p <= size) for one, p in zip(found, adjusted, strict=True))

@@ -55,7 +55,7 @@ class FleetUnits:
             try:
                 several = sensor_topics(path, reading.format)
             except (GmwmError, OSError):
-                several = ()  # Reading the unit reports the error.
+                several = ()  # The error is reported when the unit is read.
             if len(several) < 2:
                 paths[unit] = path
                 continue
@@ -96,7 +96,7 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
     left_out: list[str] = []
     for path in _walk(folder, output):
         if path.exists() and not path.is_file() and not path.is_dir():
-            continue  # a pipe or a device
+            continue  # it is a pipe or a device
         unit = printable(path.relative_to(folder).as_posix())
         if pattern is not None:
             # A pattern with a slash is compared with the path, other patterns with the file name.
@@ -175,7 +175,7 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
         return {}
     try:
         common = Path(os.path.commonpath([path.parent for path in paths]))
-    except ValueError as error:  # on different drives
+    except ValueError as error:  # the paths are on different drives
         raise OptionError(
             "the recordings are on different drives", advice="Name the units: pass a mapping of unit to path."
         ) from error
@@ -187,7 +187,8 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
 
 
 def _check_names(units: Mapping[str, Path]) -> None:
-    """Check that the name of each unit is a valid path inside the output folder, and that the files do not collide."""
+    """Check that the name of each unit is a valid path inside the output folder, and that no result would overwrite
+    another."""
     for unit in units:
         parts = PurePosixPath(unit)
         if not unit or "\0" in unit or parts.is_absolute() or ".." in parts.parts or parts.as_posix() != unit:

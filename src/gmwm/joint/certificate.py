@@ -34,7 +34,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Branch
 
 GAP = 1e-3
-"""Relative gap between the objective and its bound at which the search ends."""
+"""The search ends when the relative gap between the objective and its lower bound is at most this."""
 NODES = 2000
 """Largest number of nodes of the search tree."""
 SPACING = 0.05
@@ -147,7 +147,7 @@ class Certificate:
     Attributes
     ----------
     lower_bound : float
-        No parameters of the model have a smaller objective.
+        Lower bound: no parameter values of the model have a smaller objective.
     relaxed_bound : float
         Lower bound on the objective if the model may have any number of terms of each searched process.
     nodes : int

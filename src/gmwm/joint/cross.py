@@ -167,7 +167,7 @@ def _curves(
     robust: bool,
     efficiency: float,
 ) -> Curves:
-    """Measure the wavelet variances and cross-covariances of the chosen signals."""
+    """Estimate the wavelet variances and cross-covariances of the chosen signals."""
     if isinstance(x, Stream):
         chosen = chosen_names(x.axes, axes)
         found = streamed_curves(x, chosen, robust=robust, efficiency=efficiency)

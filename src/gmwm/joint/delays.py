@@ -1,4 +1,4 @@
-"""Delays between signals that share noise."""
+"""Find delays between signals that share noise."""
 
 from __future__ import annotations
 

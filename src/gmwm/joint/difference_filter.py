@@ -65,7 +65,7 @@ class DifferenceFilter:
 
     @property
     def memory(self) -> int:
-        """Time constant of the filter, in samples."""
+        """Time constant (samples) of the slowest state of the filter."""
         slowest = float(np.max(np.abs(np.linalg.eigvals(self.A)), initial=0.0))
         return int(min(np.ceil(1 / max(1 - slowest, 1e-12)), 2**62))
 

@@ -96,7 +96,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
         products = lag_products(problem.processes(weights.u), design)
         wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
         problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
-        # The first weights are crude, so the search is repeated once with good ones.
+        # The first weights are rough, so the search is repeated once with better weights.
         accuracy = EXACT if k == 1 else _accuracy(weights.change)
         found = search(problem) if k == 1 else resume(problem, found, accuracy=accuracy)
         weights = weights.after(problem, found, restart=k <= 1)

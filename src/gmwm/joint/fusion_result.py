@@ -181,7 +181,7 @@ class VirtualSensor(Summarised):
         Returns
         -------
         Imu
-            One signal for each axis. Gaps stay gaps.
+            The fused recording, with one signal for each axis and the gaps of the input.
 
         Raises
         ------

@@ -64,7 +64,7 @@ class SharedTerm:
     pvalue: float
 
     def summary(self) -> str:
-        """Format the test in one line."""
+        """Format the result of the test in one line."""
         found = "shared" if self.pvalue <= 0.05 else "not found to be shared"
         return f"{self.term} is {found}: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, " + _p(
             self.pvalue

@@ -115,7 +115,7 @@ class CrossCovariance(Summarised):
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """The pairs of axes."""
+        """All pairs of axes, as tuples of two names."""
         return tuple(self.covariance)
 
     @property

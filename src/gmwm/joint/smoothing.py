@@ -194,7 +194,7 @@ class _Smoother:
         return seen[:, 0] + slopes @ self._levels, own + np.einsum("ta,ab,tb->t", slopes, self._spread, slopes)
 
     def _gains(self, start: Matrix, present: np.ndarray) -> tuple[list[_Gain], np.ndarray]:
-        """Return the list of different gains, and the index of the gain of each sample.
+        """Return the list of distinct gains, and the index of the gain of each sample.
 
         The gain is constant when the covariance of the states has become constant.
         """
@@ -226,7 +226,7 @@ class _Smoother:
         )  # fmt: skip
 
     def _backward(self, gains: list[_Gain], innovations: list[Matrix]) -> tuple[list[Matrix], np.ndarray]:
-        """Replace the filtered means by smoothed ones. Return the list of different covariances, and the index for each
+        """Replace the filtered means by smoothed ones. Return the list of distinct covariances, and the index for each
         sample."""
         p, columns = self._means.shape[1:]
         r, information = np.zeros((p, columns)), np.zeros((p, p))

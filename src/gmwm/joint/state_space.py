@@ -61,6 +61,7 @@ class JointStateSpace:
         Parameters
         ----------
         weights : (d,) array
+            Weight of each signal.
         """
         w = np.asarray(weights, dtype=np.float64)
         return StateSpace(F=self.F, Q=self.Q, H=w @ self.H, R=w @ self.R @ w, P0=self.P0, diffuse=self.diffuse)
@@ -113,6 +114,7 @@ class JointContinuousStateSpace:
         Parameters
         ----------
         weights : (d,) array
+            Weight of each signal.
         """
         w = np.asarray(weights, dtype=np.float64)
         return ContinuousStateSpace(

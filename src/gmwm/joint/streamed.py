@@ -33,6 +33,7 @@ class Curves(NamedTuple):
     Attributes
     ----------
     own : mapping of axis to WaveletVariance
+        Wavelet variance of each axis.
     moments : mapping of pair to (J,) array
         Cross-covariances γ̂_j of each pair.
     first : mapping of axis to Signal

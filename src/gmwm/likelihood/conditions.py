@@ -50,7 +50,7 @@ class Regressed:
 
     @classmethod
     def of(cls, data: Signal | ArrayLike, rate: float | None, record: Record, asked: Asked) -> Regressed:
-        """Compute the columns at every sample.
+        """Compute the regression columns at every sample of a recording.
 
         Raises
         ------

@@ -202,7 +202,7 @@ def _started(
     start: Fit | LikelihoodFit | Model | str | None,
     regressed: Regressed | None = None,
 ) -> Model:
-    """Return the model with starting values."""
+    """Return the model with starting values from `start` or, by default, from a fit to the wavelet variance."""
     if regressed is not None:
         record = record.without(regressed.first.estimates)
     if start is None:

@@ -288,7 +288,7 @@ def residuals(
 
 
 _LAGS = 1000
-"""Largest number of lags of `spent`; it is larger than the default number of lags of all tests of the package."""
+"""Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm."""
 _ENOUGH = 65_536
 """Largest number of samples from which `spent` is computed. The result hardly depends on the length of the
 recording."""
@@ -328,6 +328,6 @@ def spent(problem: Problem) -> Vector:
     values, vectors = np.linalg.eigh(here.information / np.outer(size, size))
     kept = values > 1e-10 * values[-1]
     along = vectors[:, kept].T @ (slopes / size[:, None]) / np.sqrt(values[kept])[:, None]
-    # If samples are missing, the variance 1/N becomes pairs/N².
+    # If samples are missing, the variance of the autocorrelation is pairs/N² instead of 1/N.
     pairs = np.maximum(observed_pairs(problem.record.values, lags), 1.0)
     return np.asarray(problem.record.observed**2 / pairs * np.sum(np.square(along), axis=0))

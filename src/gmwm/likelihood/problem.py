@@ -102,7 +102,7 @@ class Problem:
 
     @cached_property
     def series(self) -> Matrix:
-        """The centred recording and the regressors, row by row (1 + m, N)."""
+        """The recording minus its centre (first row) and the m regressors, as an array (1 + m, N)."""
         size = self.record.values.size
         rows = np.empty((1 + len(self.regressors), size))
         np.subtract(self.record.values, self.centre, out=rows[0])
@@ -123,7 +123,7 @@ class Problem:
     # --- points ---------------------------------------------------------------------------------------
 
     def start(self) -> Vector:
-        """Coordinates of the starting values."""
+        """Return the coordinates (q,) of the starting values."""
         return self.at(self.model)
 
     def at(self, model: Model) -> Vector:

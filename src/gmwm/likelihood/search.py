@@ -100,7 +100,8 @@ class Search:
         self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
 
     def run(self, start: Vector) -> Maximum | None:
-        """Return the local maximum reached from `start`; None if the likelihood is undefined at `start`."""
+        """Return the local maximum that the search reaches from `start`, or None if the likelihood is undefined at
+        `start`."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
         z, found, converged = self._climb(z)
@@ -157,7 +158,9 @@ class Search:
         for _ in range(_ROUNDS if active else 0):
             step, gain = self._step(now, z, active, damping)
             if gain < 0.0 and damping < 1e6:
-                damping = max(10.0 * damping, 1e-2)  # a direction with little information made the step too long
+                damping = max(
+                    10.0 * damping, 1e-2
+                )  # the step was too long, because there is little information about some direction
                 continue
             if gain <= max(self.tolerance, 8e-16 * abs(now.value)):
                 converged = gain >= 0.0

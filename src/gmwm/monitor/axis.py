@@ -90,7 +90,7 @@ class Axis:
         self.charts = Charts(settings, run_length, rest, longest_rest)
         self.fast = self.slow = np.zeros(0)
         self.value: float | None = None
-        self.run = 0  # number of equal samples at the end
+        self.run = 0  # number of equal samples at the end of the data so far
         self.open: Open | None = None
         self.known: dict[str, tuple[int, float]] = {}  # last alarm and magnitude of each reported kind
 

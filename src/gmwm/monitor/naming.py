@@ -267,7 +267,7 @@ def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | Non
     size = 4 * values.size
     window = np.hanning(values.size + 2)[1:-1]
     power = np.square(np.abs(np.fft.rfft(values * window, size))) / float(np.sum(window**2))
-    power[:8] = 0.0  # slow noise
+    power[:8] = 0.0  # frequencies of slow noise, not of a hum
     peak = int(np.argmax(power[: size // 2]))
     rest = float(np.median(power[8 : size // 2])) / math.log(2.0)
     if power[peak] / max(rest, 1.0) < math.log(values.size / LINE_CHANCE):

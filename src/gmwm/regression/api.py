@@ -129,7 +129,7 @@ def _extended(found: Regression, means: Vector, covariates: Covariates) -> Regre
 
 
 def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "") -> Regression:
-    """Regress block means (n,) of an axis on covariates; see `regress`."""
+    """Regress block means (n,) of an axis on covariates, without the automatic choice; see `regress_axis`."""
     clock = covariates.clock
     present = clock.present()
     solved = _solved(means, covariates, present, clock.whole())
@@ -193,7 +193,7 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
     design = RegressionDesign(covariates.matrix(tau), present, whole)
-    # The pass band of level j is centred at 2^-(j + 1/2).
+    # The pass band of level j is centred at the frequency 2^-(j + 1/2), in cycles per block.
     unknown = covariates.unknown_levels
     highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
     scales = 2.0 ** np.arange(1, design.levels + 1)
@@ -307,7 +307,7 @@ def restated(
 
 
 def _thinned(values: Vector) -> Vector:
-    """Return the means of up to `POINTS` consecutive parts of nearly equal length."""
+    """Split values into up to `POINTS` consecutive parts of nearly equal length, and return the mean of each part."""
     edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 

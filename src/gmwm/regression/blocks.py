@@ -68,7 +68,7 @@ class Clock:
 
     @property
     def blocks(self) -> int:
-        """Number of blocks from the first sample to the last one, gaps included."""
+        """Number of blocks from the first to the last sample, including blocks in gaps."""
         first, last = self.segments[-1]
         return -(-(self.offsets[-1] + last - first) // self.length)
 

@@ -30,8 +30,8 @@ coefficient is too small by 4 % (docs/validation/regression.md)."""
 RETURNS = 0.3
 """A quantized series is smoothed if at most this share of its changes go back to the previous value."""
 WINDOWS = 256
-"""Number of windows of the recording, in each of which a quantized covariate must move up and down to be treated as
-dithered."""
+"""The recording is divided into this number of windows. A quantized covariate is treated as dithered if it moves up and
+down in nearly all of them."""
 FEWEST_BLOCKS = 32
 """Smallest number of blocks for a regression. They contain five scales."""
 FEWEST_KNOWN = 8

@@ -120,7 +120,7 @@ class Weighted:
 
     @cached_property
     def whitened(self) -> Matrix:
-        """U (n, p): the columns of each run, weighted in the domain of its cosine transform."""
+        """U (n, p): the columns after weighting each frequency of the cosine transform of each run."""
         from scipy import fft
 
         total = np.zeros_like(self.design.columns)
@@ -145,13 +145,13 @@ class Weighted:
 
     @cached_property
     def inverse(self) -> Matrix:
-        """P⁻¹."""
+        """Inverse P⁻¹ (p, p) of the information matrix."""
         scale = 1 / np.sqrt(np.diag(self.information))
         return np.asarray(np.linalg.inv(self.information * np.outer(scale, scale)) * np.outer(scale, scale))
 
     @cached_property
     def rows(self) -> Matrix:
-        """Bᵀ = U P⁻¹ (n, p)."""
+        """Bᵀ = U P⁻¹ (n, p), with B the matrix that computes the estimate from the values."""
         return np.asarray(self.whitened @ self.inverse)
 
     def estimate(self, values: Vector) -> Vector:

@@ -21,5 +21,5 @@ class Severity(IntEnum):
 
     @property
     def label(self) -> str:
-        """The name in lower case, as in JSON documents."""
+        """Name of the severity in lower case, as in JSON documents."""
         return self.name.lower()

@@ -121,7 +121,7 @@ class Hypothesis:
 
     @cached_property
     def root(self) -> Matrix:
-        """L with LᵀL = Ω."""
+        """Square root L of the weighting matrix, LᵀL = Ω."""
         return square_root(self.matrix)
 
     @cached_property

@@ -402,7 +402,7 @@ class Comparison(Summarised):
 
     @property
     def remark(self) -> Remark:
-        """Remark that states which model has the smaller criterion, and whether the difference may be chance."""
+        """Remark that states which model has the smaller criterion, and whether the difference may be due to chance."""
         better, worse = (self.first, self.second) if self.difference <= 0 else (self.second, self.first)
         size = abs(self.difference)
         if size <= SAME * abs(self.first.wic.value):
