@@ -113,8 +113,7 @@ def require_finite(vector: Vector, name: str) -> None:
 
 
 def _require_samples(values: object, name: str) -> None:
-    """Raise a DataError if `values` is not an array but contains samples: the path of a file, a recording, a
-    simulation."""
+    """Raise a DataError if `values` is not an array, but the path of a file, a recording or a simulation."""
     if isinstance(values, str | bytes | os.PathLike):
         raise DataError(
             f"{name} must be a signal or its samples; got {values!r}",

@@ -79,7 +79,7 @@ def written_together(folder: Path) -> Iterator[Path]:
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write `text` to `path` in UTF-8, completely or not at all.
 
-    Bytes of file names that are not UTF-8 are written as \\udc.., which JSON reads as they were.
+    Bytes of file names that are not UTF-8 are written as \\udc.., which JSON reads as the original bytes.
     """
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")

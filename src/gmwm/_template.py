@@ -67,7 +67,7 @@ def render(
     dialect: Dialect = Dialect.PYTHON,
     options: Mapping[str, str] | None = None,
 ) -> str:
-    """Fill a template with facts, for one kind of reader.
+    """Fill a template with facts, for users of Python, the shell or HTML.
 
     Fields of a template:
 
@@ -173,7 +173,7 @@ def joined(names: Sequence[str], most: int = 6) -> str:
 
 
 def shell_option(argument: str) -> str:
-    """Return the option of the shell for an argument of a Python function.
+    """Return the option of the shell that corresponds to an argument of a Python function.
 
     >>> shell_option("gaps"), shell_option("rng"), shell_option("min_length")
     ('--gaps', '--seed', '--min-length')

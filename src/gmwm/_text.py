@@ -72,7 +72,7 @@ def listed(names: Sequence[str], most: int = 6) -> str:
 
 
 LONGEST = 1000
-"""Largest number of characters of a message: names in a file can be longer."""
+"""Largest number of characters of a message, because names in a file can be longer."""
 
 
 def shortened(text: str, most: int = LONGEST) -> str:

@@ -38,7 +38,7 @@ def stoppable(check: Callable[[], None]) -> Iterator[None]:
 
 
 def check_stop() -> None:
-    """End the work if a caller asks for it by `stoppable`. Long loops call it at least every 0.1 s
+    """Call the function that was passed to `stoppable`, which can end the work. Long loops call it at least every 0.1 s
     (tests/app/test_workspace.py)."""
     _check.get()()
 

@@ -26,9 +26,8 @@ from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
 BATCH = 1 << 21
-"""Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. The number is a choice. With six
-axes, it is also the largest number of samples for which the wavelet variance is exact at all levels
-(`exact_levels`)."""
+"""Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. It is a choice: 2²¹, because 21
+is the default number of exact levels for six axes (`exact_levels`)."""
 
 
 class Streamed(Protocol):

@@ -252,7 +252,7 @@ class GmwmWarning(UserWarning):
     Attributes
     ----------
     remark : Remark
-        What happened, as data.
+        The remark with its code and facts.
     """
 
     def __init__(self, remark: Remark) -> None:
@@ -268,7 +268,7 @@ class InferredUnitWarning(GmwmWarning):
 
 
 class TimeBaseWarning(GmwmWarning):
-    """The time stamps are irregular: jitter, duplicates or backward steps."""
+    """The time stamps are irregular, because of jitter, duplicates or backward steps."""
 
 
 class FitWarning(GmwmWarning):

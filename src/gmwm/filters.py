@@ -91,8 +91,8 @@ class WaveletFilter:
     def first_moment(self) -> float:
         """First moment Σ_l l h_l of the orthonormal filter with exact taps; 0 for two or more vanishing moments.
 
-        For fk8, it is 5.8e-5, the sum of terms of size 1. Rounded taps change it by 1e-12 of its value, and the order
-        of summation adds further errors. Therefore the sum is computed in exact arithmetic, and one Newton step
+        For fk8, it is 5.8e-5, although its terms are of size 1. Rounded taps change it by 1e-12 of its value, and the
+        order of summation adds further errors. Therefore the sum is computed in exact arithmetic, and one Newton step
         corrects the rounding of the taps.
         """
         if self.vanishing_moments > 1:

@@ -13,7 +13,7 @@ def holm(pvalues: ArrayLike) -> Vector:
 
     Each p-value is multiplied by the number of p-values that are not smaller, and raised if necessary so that the order
     of the p-values is kept. The probability that any true hypothesis has an adjusted p-value of at most s is at most s,
-    whatever the dependence of the tests. NaN marks a test that was not made: it is not counted, and stays NaN.
+    even if the tests are dependent. NaN marks a test that was not made: it is not counted, and stays NaN.
 
     >>> holm([0.01, 0.5, np.nan, 0.02])
     array([0.03, 0.5 ,  nan, 0.04])

@@ -51,7 +51,7 @@ def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Ve
 
     With the target n − 1, this is the estimate of Paule and Mandel; with quantiles of χ² with n − 1 degrees of freedom,
     it gives the limits of the Q-profile interval. 1/Q is concave in τ² (in coordinates with a diagonal covariance, Q is
-    a sum of z²/(d + τ²)), so Newton's sequence for 1/Q = 1/target converges from below.
+    a sum of z²/(d + τ²)), so Newton's method for 1/Q = 1/target converges from below.
 
     Parameters
     ----------
@@ -124,9 +124,9 @@ def predicted(
     """Return prediction limits for the true number of a further unit.
 
     At the true τ², Q(τ²) has a χ² distribution with n − 1 degrees of freedom, which defines the confidence distribution
-    of τ². The prediction is the mixture of normal distributions with the mean μ̂(τ²) and the variance τ² + Var μ̂ over
-    it. If the errors s_i are zero, this is exactly the t interval μ̂ ± t_{n−1} τ̂ √(1 + 1/n); if they are large, it
-    includes the uncertainty of τ̂.
+    of τ². The prediction is the mixture over this distribution of normal distributions with the mean μ̂(τ²) and the
+    variance τ² + Var μ̂. If the errors s_i are zero, this is exactly the t interval μ̂ ± t_{n−1} τ̂ √(1 + 1/n); if they
+    are large, it includes the uncertainty of τ̂.
 
     Parameters
     ----------

@@ -12,7 +12,8 @@ _ENOUGH = 20_000
 _REPEATED = 0.9
 """Largest share of distinct values among the samples for which a quantization step is searched."""
 _UNEVEN = 0.05
-"""Largest deviation of the differences from multiples of the step, in steps (tests/test_inspection.py)."""
+"""Largest deviation of the differences between values from multiples of the step, in steps
+(tests/test_inspection.py)."""
 
 _SEEN = 20
 """Smallest mean number of samples of each value in the middle half of the distribution. No value between two others is

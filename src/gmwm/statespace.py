@@ -120,7 +120,7 @@ class StateSpace:
         """Return the Haar wavelet variance ν_j² (J,), the mean square of the MODWT coefficients, at a cost of O(J p³).
 
         The mean is included: a drift with the slope ω adds ω²τ²/16 at the scale τ. Diffuse states must cancel in the
-        difference of two adjacent block sums, as the level of a random walk does.
+        difference of two adjacent block sums, as the unknown level of a random walk does.
 
         Parameters
         ----------

@@ -185,7 +185,8 @@ def kept_ranges(
 
 
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
-    """Require that the longest segment that is kept has enough samples; the recording lasts until `end` (s).
+    """Require that the longest segment that is kept has at least `MINIMUM_SAMPLES` samples. The recording lasts until
+    `end` (s).
 
     Raises
     ------

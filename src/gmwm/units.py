@@ -1,4 +1,4 @@
-"""Units of angular rate, specific force and their noise coefficients, with their factors to SI.
+"""Units of angular rate, of specific force and of their noise coefficients, with the factors to SI units.
 
 Inside the package all numbers are in SI (rad/s, m/s²) and per sample. Units appear only in signals, labels, readers and
 writers.

@@ -117,7 +117,7 @@ def _record_type(format: str | None, target: Path) -> RecordType:
 
 
 def _write_records(imu: Imu, target: Path, kind: RecordType) -> None:
-    """Write records of a time and six increments, in the counts of the type."""
+    """Write records with a time and six increments, in the counts of the record type."""
     missing = [axis for axis in AXES if axis not in imu.axes]
     if missing:
         raise DataError(

@@ -1,4 +1,5 @@
-"""Fill the gaps of a recording: draw lost samples from their conditional distribution given the samples around them."""
+"""Fill the gaps of a recording with draws from the conditional distribution of lost samples given the samples around
+them."""
 
 from gmwm.filling.blocks import fill_gaps, filled
 from gmwm.filling.drawing import drawn

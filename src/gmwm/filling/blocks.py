@@ -142,7 +142,7 @@ class Filling:
     signal : Signal
         The block with its context.
     lost : (m,) int array
-        Number of samples to fill in before each segment but the first; 0 for gaps that stay.
+        Number of samples to fill in before each segment but the first; 0 for gaps that are kept.
     first, last : int
         Half-open range of the known samples of the block, or of the last part of them.
     seed : int
@@ -151,7 +151,7 @@ class Filling:
     Attributes
     ----------
     continues : bool
-        Whether no gap is left before the first sample.
+        Whether the gap before the first sample is filled, or there is none.
     """
 
     def __init__(self, signal: Signal, lost: NDArray[np.int64], *, first: int, last: int, seed: int) -> None:

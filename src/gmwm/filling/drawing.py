@@ -1,10 +1,11 @@
 """Draw lost samples from their conditional distribution given the others, without a model of the noise.
 
-A lost sample is the sum of three parts: a level, the mean of w samples on each side; a linear prediction of its
-deviation from the level, from the deviations of 32 neighbours on each side; and a residual. gmwm uses the width w with
-the smallest prediction error. The prediction follows from the autocovariance about the level. The residual is a
-residual of the same prediction at a random place where the samples are known, with a random sign. In a gap of more than
-64 samples the level is a straight line between both sides, and only the ends are predicted from neighbours.
+A lost sample is the sum of three parts. The level is the mean of w samples on each side. The deviation of the sample
+from the level is predicted linearly from the deviations of 32 neighbours on each side. The third part is a residual.
+gmwm uses the width w with the smallest prediction error. The prediction follows from the autocovariance about the
+level. The residual is a residual of the same prediction at a random place where the samples are known, with a random
+sign. In a gap of more than 64 samples the level is a straight line between both sides, and only the ends are predicted
+from neighbours.
 
 If the prediction is the best linear one, the signal with the drawn samples has the second moments of the signal without
 losses. Its wavelet variance is then unbiased at every level, and has the covariance of a signal without losses. If the
@@ -111,7 +112,7 @@ def _drawn(known: _Known, prediction: _Prediction, rng: np.random.Generator) -> 
 
 
 class _Gaps(NamedTuple):
-    """Ranges of lost samples: the first sample of each, and their lengths."""
+    """Ranges of lost samples, with the first sample and the length of each."""
 
     firsts: Places
     lengths: Places
@@ -127,7 +128,7 @@ class _Known:
     Attributes
     ----------
     values : (N,) array
-        Samples less their mean, 0 where they are lost.
+        Samples minus their mean; 0 where they are lost.
     present : (N,) bool array
     before : (N + 1,) int array
         Number of known samples before each sample.
@@ -179,7 +180,7 @@ class _Known:
 
 
 def _inside(places: Places, length: int, ranges: Sequence[Range]) -> Places:
-    """Return the distinct places from which `length` samples are within one of the ranges."""
+    """Return the distinct places at which `length` samples from there on are within one of the ranges."""
     places = np.unique(places)
     if len(ranges) < 2:
         return places
@@ -239,7 +240,7 @@ class _Prediction:
 
     @classmethod
     def of(cls, known: _Known, ranges: Sequence[Range], rng: np.random.Generator) -> _Prediction:
-        """Compute the prediction for some ranges of a signal."""
+        """Compute the prediction from the known samples in some ranges of a signal."""
         longest = max(int(known.before[last] - known.before[first]) for first, last in ranges)
         near = _neighbours(longest)
         width = known.best_width(4 * near, _widths(4 * near, longest // 8, 2), rng, ranges)

@@ -12,8 +12,8 @@ from gmwm._arrays import Vector
 from gmwm.filling.drawing import SHORT
 
 AROUND, LEAST_AROUND = 32, 1024
-"""Neighbourhood of a gap of g samples: the max(32 g, 1024) samples on each side, as far as the recording goes and at
-most `CONTEXT`. All constants here are measured in tests/filling."""
+"""The neighbourhood of a gap of g samples has max(32 g, 1024) samples on each side, but at most `CONTEXT`, and fewer at
+an end of the recording. All constants here are measured in tests/filling."""
 SHARE = 0.75
 """Smallest share of the neighbourhood that must be known for a gap to be filled."""
 BESIDE, BESIDE_LONG = 2, 16

@@ -16,8 +16,8 @@ from gmwm._arrays import Vector
 from gmwm.filling import gaps
 
 LEAST, SHARE = 16, 16
-"""Smallest width w, and smallest number of widths in a recording, so that the usual difference is known well enough.
-All constants here are measured in tests/filling/test_restarts.py."""
+"""Smallest width w, and smallest number of widths in a recording, so that the usual difference is known accurately
+enough. All constants here are measured in tests/filling/test_restarts.py."""
 TIMES = 6.0
 """Smallest size of a jump at a gap, in standard deviations of the usual differences."""
 _NEARER = 12.0

@@ -87,7 +87,7 @@ class Values:
         return Model(tuple(found))
 
     def merged(self, other: Values) -> Values:
-        """Return the numbers together with the numbers of `other`; a number that both have is an error.
+        """Return the numbers together with the numbers of `other`.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Statistics of one axis of a recording, from chunks of any length, in bounded memory."""
+"""Compute statistics of one axis of a recording from chunks of any length, in bounded memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Remarks on a recording, from the results of its inspection."""
+"""Make the remarks on a recording from the results of its inspection."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ same effect."""
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
 _OFF = 0.02
-"""Relative error of gravity above which there is a remark: it exceeds the bias of a good accelerometer
+"""Relative error of gravity above which there is a remark. It exceeds the bias of a good accelerometer
 (tests/test_inspection.py)."""
 _WRONG = 0.05
-"""Relative error of gravity that no bias explains, so the unit may be wrong (tests/test_inspection.py)."""
+"""Relative error of gravity above which no bias explains it, so that the unit may be wrong
+(tests/test_inspection.py)."""
 _JITTER = 0.1
 """Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
 (tests/test_inspection.py)."""
@@ -41,10 +42,12 @@ AFFECTED = ("B", "K", "R")
 ALL = ("N", "B", "K", "Q", "q_c")
 """Symbols of the numbers that rounding affects: all noise densities."""
 _COARSE = 2.0
-"""Quantization step, in standard deviations of the noise, up to which the rounding error is white noise of variance
-step²/12: N of the output is then known to 2 % and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
+"""Largest quantization step, in standard deviations of the noise, at which the rounding error is white noise of
+variance step²/12. N of the output is then known to 2 %, and slow changes of the mean to 3 %
+(docs/validation/rounding.md)."""
 _ROUNDED = 0.7
-"""Quantization step, in standard deviations of the noise, from which rounding adds at least 2 % to N: step²/24σ²."""
+"""Quantization step, in standard deviations σ of the noise, above which rounding adds at least 2 % to N. The addition
+is step²/24σ²."""
 
 
 def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
@@ -191,7 +194,7 @@ def covariates_text(found: Regression) -> str:
 
 
 def effect_text(found: Regression) -> str:
-    """Format the first coefficient with half its 95 % interval, in the unit of a datasheet: "0.0123 ± 0.0009
+    """Format the first coefficient with half its 95 % interval, in the unit of a datasheet, as in "0.0123 ± 0.0009
     (deg/s)/°C"."""
     column = found.columns[0]
     one = found[column.name]
@@ -258,7 +261,8 @@ def _as_printed(value: float, unit: str) -> Quantity:
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Yield remarks on gyroscopes whose noise makes the unit doubtful: deg/s read as rad/s gives 57 times the noise.
+    """Yield remarks on gyroscopes whose noise makes the unit doubtful. If deg/s is read as rad/s, the noise is 57 times
+    as large.
 
     Parameters
     ----------

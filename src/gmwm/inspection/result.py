@@ -35,7 +35,7 @@ class AxisInspection:
     before_rounding : float or None
         Standard deviation of the noise before it was rounded to multiples of `lsb`; None if no step is visible.
     wander : float
-        Largest difference between the means of 64 equal windows of the recording.
+        Largest difference between the means of about 64 windows of the recording.
     """
 
     unit: str

@@ -60,7 +60,7 @@ _ROUNDING = 12**-0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bursts:
-    """Bursts of large wavelet coefficients, level by level.
+    """Bursts of large wavelet coefficients at each of L levels.
 
     Attributes
     ----------

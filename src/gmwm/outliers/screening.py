@@ -76,7 +76,7 @@ class Screen:
     spikes : int
         Number of isolated wrong samples that are in the data.
     largest : float
-        Largest deviation of these, in local standard deviations.
+        Largest deviation of these samples, in local standard deviations.
     replaced : Replaced
         Samples that were replaced before the wavelet variance was measured.
     tails : TailSums

@@ -3,8 +3,8 @@
 The residual of a sample is its distance from the median of its six neighbours, in local standard deviations. Residuals
 beyond a threshold θ are spikes under three conditions. First, there are many more of them than expected in N samples of
 a t distribution that is fitted to the bulk of the residuals. Second, they are separated from the other residuals:
-hardly more residuals exceed θ / 1.5 than θ, which is not so in the tail of a distribution. Third, they are isolated:
-the samples after them are normal again.
+hardly more residuals exceed θ / 1.5 than θ, whereas in the tail of a distribution many more do. Third, they are
+isolated: the samples after them are normal again.
 
 A spike is replaced by a draw from its conditional distribution given the other samples, like a lost sample; see
 `gmwm.filling.drawing`.
@@ -49,7 +49,7 @@ CLEAR = 100
 _FEW = 12
 """Number of spikes below which no residual may be between θ / 2 and θ."""
 _TAIL = APART**-3.0
-"""Share of the residuals beyond θ / 1.5 that are beyond θ, in a distribution with infinite skewness."""
+"""Share of the residuals beyond θ / 1.5 that are beyond θ, if their tail decays as θ⁻³ (infinite third moment)."""
 _BULK = 50_000
 """Number of residuals from which the spread and the tails of the bulk are estimated."""
 _PRECISE = 500_000

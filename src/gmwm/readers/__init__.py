@@ -1,4 +1,4 @@
-"""Readers of recordings: one module for each file format. `read` and `stream` choose the reader.
+"""Readers of recordings, with one module for each file format. `read` and `stream` choose the reader.
 
 >>> "parquet" in [reader.name for reader in registered()]
 True

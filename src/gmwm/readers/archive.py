@@ -1,4 +1,4 @@
-"""Zip archives of text tables, as phones export them: one table for each sensor, each with its own time stamps.
+"""Read zip archives of text tables, which phones export, with a table and its own time stamps for each sensor.
 
 Two tables are joined into one recording only if their rows can be paired one to one, in order, with time stamps that
 differ by at most half an interval. Rows at the ends without a partner are left out, and nothing is resampled. Tables
@@ -126,12 +126,12 @@ class ArchiveReader(Reader):
 
 
 def _tables(path: Path) -> list[_Table]:
-    """Return the tables in an archive that hold an inertial sensor.
+    """Return the tables in an archive that have values of an inertial sensor.
 
     Raises
     ------
     ReadError
-        If there is none, or a table is damaged.
+        If there is no such table, or a table is damaged.
     """
     with open_archive(path) as archive:
         names = list(dict.fromkeys(file_names(archive)))
@@ -175,7 +175,8 @@ def _tables(path: Path) -> list[_Table]:
 
 
 def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
-    """Return the only table of a sensor, apart from tables that the phone has filtered; None if there are several."""
+    """Return the table of a sensor; None if there is none, or several. Among several, a filtered table is not
+    chosen."""
     several = [table for table in tables if table.quantities == {quantity}]
     if len(several) > 1:
         own = ("gyroscope", "totalacceleration")

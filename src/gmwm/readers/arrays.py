@@ -27,8 +27,8 @@ ROWS = 1 << 20
 """Number of rows in a chunk."""
 
 MAX_ARRAYS = 1000
-"""Largest number of arrays that are read from a file. The limit keeps files that are not recordings from taking
-long."""
+"""Largest number of arrays that are read from a file. A file with more arrays is not a recording, and would take long
+to read."""
 
 MAX_COLUMNS = 64
 """Largest number of columns of a table. An array with more columns is an image or a matrix, not a recording."""
@@ -58,7 +58,7 @@ class Array:
     shape : tuple of int
         (N,) for a column, (N, k) for a table.
     dtype : dtype
-        Type of its numbers.
+        Type of the numbers in the array.
     rows : callable
         Function that reads a part of the array; see `RowReader`.
     unit : str
@@ -127,7 +127,7 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
     path : path
         The file, for messages.
     remarks : tuple of Remark
-        How the reader understood the file.
+        Remarks on how the reader interpreted the file.
 
     Raises
     ------

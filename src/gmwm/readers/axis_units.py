@@ -1,6 +1,6 @@
-"""Find the unit of each axis: declared, named in the header, stated by the file, or inferred from gravity.
+"""Find the unit of each axis. The user declares it, the header or the file states it, or it is inferred from gravity.
 
-The unit of a gyroscope cannot be inferred. It is an error if it is neither declared nor stated.
+The unit of a gyroscope cannot be inferred. An error is raised if it is neither declared nor stated.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
     Raises
     ------
     UnitError
-        If an axis is missing, or the norm is gravity in none of the units.
+        If an axis is missing, or the norm of the accelerometers is not gravity in any of the units.
     """
     if len(axes) < 3:
         raise UnitError(

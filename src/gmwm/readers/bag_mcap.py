@@ -1,4 +1,4 @@
-"""MCAP files, as ROS 2 records them.
+"""Read MCAP files, which ROS 2 records.
 
 A file is a sequence of records. A record has one byte for its kind, eight bytes for its length, and its content.
 Messages are records, either directly in the file or inside chunks, which may be compressed. Source: MCAP format

@@ -1,4 +1,4 @@
-"""Bags of ROS 1, format 2.0.
+"""Read bags of ROS 1, format 2.0.
 
 A file is a sequence of records. A record has a header with fields `name=value` and data, each preceded by its length.
 Messages are inside chunks, which may be compressed. The index at the end lists topics and chunks. Source: ROS wiki,

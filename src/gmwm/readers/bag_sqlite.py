@@ -1,4 +1,4 @@
-"""SQLite databases, as ROS 2 records them: a table of topics and one of messages."""
+"""Read SQLite databases, which ROS 2 records. They have a table of topics and a table of messages."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ class SqliteStorage(Storage):
         return merged(iter(found))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Yield the messages of a topic, sorted by the time of recording, for which the table has an index."""
+        """Yield the messages of a topic in batches, sorted by the time of recording if the table has an index for it,
+        otherwise by their numbers."""
         import sqlite3
 
         marks = ",".join("?" * len(topic.ids))

@@ -25,7 +25,7 @@ CHUNK_LIMIT = 256 << 20
 """Largest size of a decompressed chunk (bytes); recorders write 0.8 to 16 MB."""
 
 MESSAGE_LIMIT = 1 << 20
-"""Largest size of a decompressed message (bytes); messages of inertial sensors have some hundred bytes."""
+"""Largest size of a decompressed message (bytes); messages of inertial sensors have a few hundred bytes."""
 
 TEXT_LIMIT = 1 << 20
 """Largest length of a message definition (characters), and of a record that contains one (bytes)."""

@@ -294,7 +294,7 @@ class Decoder:
         self._store: Any = None
 
     def decode(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
-        """Decode the wanted numbers of messages: for each name an array (N,) of int64 or float64.
+        """Decode the wanted numbers of N messages. Return an array (N,) of int64 or float64 for each name.
 
         Raises
         ------
@@ -425,7 +425,7 @@ def _path(leaf: str) -> list[str | int]:
 
 
 def _follow(message: Any, path: Sequence[str | int]) -> Any:
-    """Return the number at a path in a decoded message; a time stamp in nanoseconds."""
+    """Return the number at a path in a decoded message. A time stamp is converted to nanoseconds."""
     from rosbags.typesys.base import normalize_fieldname
 
     for step in path:

@@ -59,7 +59,7 @@ class _Block:
     inside, span, squares : int, float, float
         Number and sum of the intervals within segments, and the sum of their squared differences from `reference`.
     reference, median : float
-        Sampling interval of the first block, and median interval within segments.
+        Sampling interval of the first block, and its median interval within segments (ticks).
     exact : bool
         Whether all intervals are multiples of the median within the resolution of float64.
     whole : float

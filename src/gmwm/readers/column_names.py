@@ -48,7 +48,7 @@ _REMARKS = {
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")
-"""An element of an array of three numbers: gyroADC[0] is the x axis."""
+"""Pattern of an element of an array of three axes: gyroADC[0] is the x axis."""
 
 LONGEST = 200
 """Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
@@ -117,7 +117,7 @@ def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
 
 
 def named_unit(name: str, axis: str) -> str:
-    """Return the unit in a column name if it suits the axis of this column; otherwise "".
+    """Return the unit in a column name if it is a unit of `axis`; otherwise "".
 
     >>> named_unit("ch3 [dps]", "gyro_x")
     'deg/s'
@@ -140,7 +140,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
     name : str
         Name of the column, which can end with a unit in brackets.
     stated : str
-        Unit that the file states beside the name; "" for none.
+        Unit that the file states in addition to the name; "" for none.
     axis : str
         Axis of the column.
 

@@ -48,7 +48,7 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
     """Choose the columns to read.
 
     If `columns` names a column for at least one axis, only the named axes are read. The time column is still found by
-    its name unless `columns` has "time". None leaves an axis out.
+    its name unless `columns` has "time". An axis whose column is None is left out.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from gmwm.readers.column_names import clean, is_unit, recognise, unit_of
 from gmwm.readers.text_stamps import is_stamp, parted_stamp
 
 BLANKS = " "
-"""The delimiter of columns that are separated by any number of blanks and tabs."""
+"""Delimiter that stands for any number of blanks and tabs."""
 
 LONGEST_COMMENT = 8192
 """Length of the longest comment (characters) that is searched for names and units."""

@@ -249,7 +249,7 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
     Raises
     ------
     ReadError, UnitError, DataError, OptionError
-        As for `read`.
+        In the same cases as `read`.
     """
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)

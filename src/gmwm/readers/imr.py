@@ -72,7 +72,7 @@ class ImrReader(Reader):
         return record_marks(path, record("i4", layout.state.order), _HEADER_BYTES)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks from a record on."""
+        """Yield the chunks from the record of a mark on."""
         return record_chunks(
             path, record("i4", layout.state.order), offset=_HEADER_BYTES, wanted=wanted, first=mark.row
         )

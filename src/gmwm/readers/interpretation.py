@@ -51,7 +51,7 @@ class Interpretation:
     timing : Timing
         Rate and segments of all rows; for a live stream, of the first rows.
     pace : Pace or None
-        The pace of the time stamps of a live stream; None for a file.
+        Sampling interval, unit and origin of the time stamps of a live stream; None for a file.
     remarks : tuple of Remark
         Remarks on how gmwm read the file.
     sparse : bool
@@ -359,7 +359,7 @@ def require_samples(samples: int, what: str) -> None:
     Raises
     ------
     DataError
-        If there are fewer.
+        If there are fewer samples.
     """
     if samples < MINIMUM_SAMPLES:
         raise DataError(

@@ -29,7 +29,7 @@ class KnownTable:
     columns : tuple of (pattern, role, unit)
         For each pattern of column names, the role ("time", "temperature", "gyro" or "accel") and the unit of the
         column. A group in the pattern matches the axis: x, y, z or 0, 1, 2. If several patterns match, the first one is
-        used. If the unit is "", the name of the column states it, or the user.
+        used. If the unit is "", the user or the name of the column must state it.
     file : str
         Pattern of the name of the file; "" for any name.
     above : str

@@ -1,4 +1,4 @@
-"""Rows of a file that hold no usable sample: missing values, lines that cannot be read, and rows of other messages.
+"""Find rows of a file without a usable sample, because of missing values, unreadable lines, or other messages.
 
 A reader marks a missing value: NaN in a column of numbers, `MISSING` in a column of integers. This module decides what
 a missing value means for the recording, in the same way for all formats, in memory and in streams:
@@ -133,7 +133,7 @@ def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> di
 
 
 def as_floats(column: NDArray[np.generic]) -> Vector:
-    """Convert numbers to float64, missing integers to NaN."""
+    """Convert numbers to float64, and missing integers to NaN."""
     floats: Vector = column.astype(np.float64, copy=False)
     if column.dtype.kind != "f" and (missing := is_missing(column)) is not None:
         floats[missing] = np.nan
@@ -141,7 +141,7 @@ def as_floats(column: NDArray[np.generic]) -> Vector:
 
 
 def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
-    """Return a mask of the values (rad/s or m/s²) that no sensor measures; None if there is none.
+    """Return a mask of the values (rad/s or m/s²) that no sensor can measure; None if there is no such value.
 
     >>> beyond_sensors(np.array([0.1, -3.4e38, 9.8]))
     array([False,  True, False])

@@ -1,4 +1,4 @@
-"""Parquet files, read with Polars in slices of rows."""
+"""Read Parquet files with Polars, in slices of rows."""
 
 from __future__ import annotations
 

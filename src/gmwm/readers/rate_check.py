@@ -14,26 +14,26 @@ from gmwm.remarks import Quantity
 # with pauses, with one change) and test_timebase.py (out of order, set back), which pin them.
 
 _BLOCK = 64
-"""Smallest number of intervals in a block: the jitter of single time stamps averages out over them."""
+"""Smallest number of intervals in a block, over which the jitter of single time stamps averages out."""
 _BLOCKS = 64
-"""Largest number of blocks in a recording: a change is found if it lasts for 3/64 of the recording."""
+"""Largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording."""
 _BESIDE = 3
-"""Number of blocks compared on each side of a change: a gap or a pause affects only one of them."""
+"""Number of blocks that are compared on each side of a change. A gap or a pause affects only one of them."""
 _BESIDE_BURSTS = 8
 """The same number if samples come in bursts. The mean interval then varies more from block to block."""
 _CHANGED = 1.05
 """Smallest ratio of two rates that is a change of the rate. Oscillators drift by less, and the settings of a sensor
 differ by more."""
 _CHANGED_BURSTS = 1.2
-"""The same ratio if samples come in bursts: a block can contain one burst more or less."""
+"""The same ratio if samples come in bursts, because a block can contain one burst more or less."""
 _NEAR = 8.0
 """A time stamp that is earlier than the previous one by less than this number of sampling intervals is out of order. If
 it is earlier by more, the clock was set back."""
 _SOME, _SHARE = 2, 1e-3
-"""Number of time stamps out of order that is accepted in any recording, and the accepted share."""
+"""Number of time stamps out of order that is accepted in any recording, and share that is accepted in a long one."""
 _RESETS, _RESET_SHARE = 8, 1e-2
-"""Number of backward steps of the clock that is accepted in any recording, and the accepted share. They split the
-recording."""
+"""Number of backward steps of the clock that is accepted in any recording, and share that is accepted in a long one.
+The recording is split at each step."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class _Sides:
 def _burst(steps: Vector) -> int:
     """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling.
 
-    Samples come in bursts if more than 5 % of the intervals are longer than 4 medians: gaps are rarer.
+    Samples come in bursts if more than 5 % of the intervals are longer than 4 medians, because gaps are rarer.
     """
     forward = steps[steps >= 0]
     single = float(np.median(forward)) if forward.size else 0.0

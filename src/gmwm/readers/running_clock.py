@@ -31,8 +31,8 @@ _SOME = 1024
 _CHANGED, _CHANGED_BURSTS = 1.05, 1.2
 """Smallest ratios of two rates that are a change of the rate, as in `gmwm.readers.rate_check`."""
 _APART = 1e-3
-"""Relative difference between the rates of the first rows and of all rows that causes a warning, as for a declared
-rate."""
+"""Relative difference between the rate of the first rows and the rate of all rows above which a warning is issued, as
+for a declared rate."""
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ class RunningClock:
         Raises
         ------
         ReadError
-            If they are not.
+            If they are out of order, or the rate changes.
         """
         pace = self.pace
         if new.size < 2:

@@ -27,26 +27,29 @@ from gmwm.readers.loss_levels import Rows, follow, least_ahead, median_of_three,
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
 
 _COARSE = 0.35
-"""Resolution of the time stamps, in sampling intervals, from which rounding hides the phase of a row."""
+"""Smallest resolution of the time stamps, in sampling intervals, at which rounding hides the phase of a row."""
 _REGULAR = 0.35
-"""Smallest coherence of single rows: the value for jitter of 0.23 sampling intervals (exp(-2π²σ²))."""
+"""Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling intervals."""
 _TURNS = 0.15
 """Smallest coherence between rows at some distance at which this distance is used to refine the interval. Over longer
 distances the clock drifts too far."""
 _LATE = 0.01
-"""Largest share of rows that may be more than 0.75 samples from their level: delays have a heavier tail than jitter."""
+"""Largest share of rows that may be more than 0.75 samples from their level. It is not 0, because delays have a heavier
+tail than jitter."""
 _STEADY = 0.85
-"""Coherence of neighbouring blocks that is sufficient: their statistics have a standard deviation of 0.06 samples."""
+"""Coherence of neighbouring blocks that is sufficient. Their statistics then have a standard deviation of 0.06
+samples."""
 _NEAR = 0.02
 """Largest relative change of the interval when the phases of blocks are compared. A larger change would mean that whole
 turns of the phase were miscounted."""
 _MOST_LOST = 2.5
-"""Ratio of the mean interval to the median interval above which the rows come in bursts instead of being lost."""
+"""Ratio of the mean interval to the median interval above which long intervals are pauses between bursts of rows, and
+not lost samples."""
 _RUNS, _RUN = 8, 16
-"""Rows come in bursts only if there are at least 8 of them, with fewer than 16 rows on average or a ratio above four
-times `_MOST_LOST`."""
+"""Rows come in bursts only if there are at least 8 bursts, and these have fewer than 16 rows on average or the ratio is
+above four times `_MOST_LOST`."""
 _LONG = 1.5
-"""Interval, in samples, halfway between the intervals without and with a lost sample."""
+"""Interval, in samples, halfway between an interval without a lost sample and an interval with one."""
 _FAR = 256
 """Length of a gap (samples) above which it is removed before phases are compared, because the clock may drift within
 it."""

@@ -1,4 +1,4 @@
-"""Convert raw counts and increments to numbers with a unit, by the factors of the file or by declared factors."""
+"""Convert raw counts and increments to numbers with a unit, with the factors in the file or with declared factors."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def multiply(
 ) -> tuple[Remark, ...]:
     """Multiply the numbers by their factors, and increments by the rate, in place.
 
-    The factor of an axis overrides the factor of its sensor.
+    If an axis has a factor of its own, the factor of its sensor is not used.
 
     Parameters
     ----------
     layout, choice
         Description of the file, and the columns that are read.
     factors : mapping
-        Declared factors by axis or sensor, checked.
+        Declared factors by axis or sensor, after their check.
     increments : sequence of str
-        Axes or sensors that were declared as increments, checked.
+        Axes or sensors that were declared as increments, after their check.
     raw : mapping of axis to (N,) array
         The numbers as they are in the file.
     rate : float

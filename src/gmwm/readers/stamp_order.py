@@ -26,7 +26,7 @@ intervals if they are shorter than this, and at least half a sampling interval."
 _LOST = 64
 """Largest number of samples that may be lost where a counter wraps around."""
 _LONGEST = 1e10
-"""Longest time between two time stamps of a recording (s), 300 years: the range of nanoseconds since 1970."""
+"""Longest time between two time stamps of a recording (s). It is 300 years, the range of nanoseconds since 1970."""
 _BEHIND = 8
 """Number of time stamps after a backward step that show whether the clock was set back or one time stamp is out of
 order."""
@@ -47,7 +47,7 @@ class Steps:
 
     @classmethod
     def joined(cls, several: Iterable[Steps]) -> Steps:
-        """Join the steps of consecutive parts. Row numbers still count from the beginning of each part."""
+        """Join the steps of consecutive parts. The row numbers still refer to the beginning of each part."""
         several = tuple(several)
         return cls(tuple(w for one in several for w in one.wraps), tuple(h for one in several for h in one.hours))
 
@@ -149,7 +149,7 @@ def _wraps(
 def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[np.int64]]:
     """Return time stamps that never decrease, and the rows before which the clock was set back.
 
-    A single time stamp out of order is moved next to its neighbour. If the clock was set back, the time stamps continue
+    A single time stamp out of order gets the time of its neighbour. If the clock was set back, the time stamps continue
     one sampling interval after the last one.
     """
     back = np.flatnonzero(np.diff(ticks) < 0)
@@ -174,7 +174,7 @@ def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
     Raises
     ------
     ReadError
-        If they reach over more than 300 years, or over more sampling intervals than float64 can count.
+        If the time stamps span more than 300 years, or more sampling intervals than float64 can count.
     """
     span = float(ticks[-1] - ticks[0])
     if span > _LONGEST * per_second or not span < 2.0**52 * nominal:

@@ -70,7 +70,7 @@ class FileRows:
     topic : str or None
         Name of the recording that the user chose; None if none was chosen.
     limits : (int, int) or None
-        The first row, and the row after the last one; None for all rows.
+        Number of the first row, and of the row after the last one; None for all rows.
     """
 
     path: Path
@@ -154,12 +154,12 @@ def _between(chunks: Iterator[Rows], begin: int, end: int) -> Iterator[Rows]:
 
 
 class Stream:
-    """A recording in a file, to iterate over chunk by chunk. Each iteration reads the file again.
+    """A recording in a file that is read chunk by chunk. Each iteration reads the file again.
 
     Attributes
     ----------
     source : str
-        The file.
+        Name of the file.
     rate : float
         Samples per second (Hz).
     axes : tuple of str
@@ -239,7 +239,7 @@ class Stream:
         Returns
         -------
         WaveletVariances
-            Mapping of axis to WaveletVariance, with `plot()` and `summary()` of all axes.
+            Mapping of axis to WaveletVariance, with the methods `plot()` and `summary()` for all axes.
 
         Raises
         ------
@@ -347,7 +347,7 @@ class Stream:
         return parts_of(self, count)
 
     def samples(self) -> Iterator[Samples]:
-        """Iterate over the samples as they are read, with the gaps between them; see `Imu.segments`."""
+        """Iterate over the samples as they are read, in `Samples` objects that state the gaps between them."""
         found, trimmer = self._found, None if self._kept is None else Trimmer(self._kept, self.rate)
         builder = SampleBuilder(found)
         for some in without_float_warnings(builder.samples(self._rows)):

@@ -27,7 +27,8 @@ from gmwm.readers.text_stamps import UNIT, is_time_of_day
 from gmwm.remarks import Remark
 
 BLOCK_BYTES = 8 << 20
-"""Number of bytes in a block: large enough to parse in parallel, small enough that several fit into memory."""
+"""Number of bytes in a block. It is large enough to parse in parallel, and small enough that several blocks fit into
+memory."""
 
 LINE_BYTES = 8 * BLOCK_BYTES
 """Largest number of bytes in a line. A longer line is not a row of a table."""
@@ -101,7 +102,7 @@ class TextReader(Reader):
         return (*marks, Mark(row))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks from a block on."""
+        """Yield the chunks from the block of a mark on."""
         return self.rows(FileSource(path), layout, wanted, mark.place)
 
     def layout(self, source: FileSource) -> Layout:
@@ -224,12 +225,12 @@ def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()]
 
 
 def _require_end(source: FileSource, layout: Layout) -> None:
-    """Raise an error if the last number may be cut off.
+    """Raise an error if the last number of the text was cut off.
 
     Raises
     ------
     ReadError
-        If it was cut off, and bad lines are not skipped.
+        If the last number was cut off, and bad lines are not skipped.
     """
     cut = layout.state.cut
     if cut and not layout.skip_bad_lines:

@@ -120,7 +120,7 @@ class RowParser:
                     )
 
     def count(self, block: bytes, line: int) -> int:
-        """Return the number of rows in a block that begins in `line`. It is parsed only if it contains quotes or
+        """Return the number of rows in a block that begins in `line`. The block is parsed only if it has quotes or
         comments."""
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
@@ -254,7 +254,7 @@ class RowParser:
                 yield number, text
 
     def _explain_stamp(self, block: bytes, line: int, column: int, row: int) -> NoReturn:
-        """Raise the error for the time stamp in a row of a block, counted from 0."""
+        """Raise the error for the invalid time stamp in row number `row` (from 0) of a block."""
         number, text = next(islice(self._lines(block, line), row, None))
         cell = split(text, self.dialect.delimiter)[column]
         raise ReadError(
@@ -298,7 +298,7 @@ class RowParser:
 
 
 def _text(line: bytes) -> str:
-    """Decode a line to text, without the line end of Windows."""
+    """Decode a line to a string, without the carriage return of Windows."""
     try:
         return line.decode("utf-8").strip("\r")
     except UnicodeDecodeError:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import polars as pl
 
 UNIT = "ns"
-"""Unit in which time stamps are counted, dates from 1970 and times of day from midnight."""
+"""Unit of the time stamps. Dates are counted from 1970, and times of day from midnight."""
 
 _SECOND = 10**9
 _DAY = 86_400 * _SECOND
@@ -105,7 +105,7 @@ def require_readable(cell: str, path: object) -> None:
     Raises
     ------
     ReadError
-        If it is a date without a time, with day and month in an unknown order, or without seconds.
+        If the cell is a date without a time, has day and month in an unknown order, or has no seconds.
     """
     text = cell.strip()
     if is_stamp(text) or not _LOOKS.search(text):
@@ -140,14 +140,14 @@ def what_is_wrong(cell: str, first: str) -> str:
 
 
 def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
-    """Parse time stamps to datetime64[ns] in UTC, times of day on the first day of 1970.
+    """Parse time stamps to datetime64[ns] in UTC. Times of day are on the first day of 1970.
 
     Parameters
     ----------
     cells : Series of String, without nulls
     first : str
-        The first time stamp of the column in the file, which decides between dates and times of day, and whether there
-        are offsets.
+        The first time stamp of the column in the file. It shows whether the column has dates or times of day, and
+        whether it has offsets from UTC.
 
     Returns
     -------

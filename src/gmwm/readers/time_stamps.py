@@ -1,7 +1,7 @@
 """Analyse time stamps: their unit, the rate, the gaps between segments, and their irregularities.
 
-Time stamps are counted in their own unit from the first one, so that integers stay exact: float64 holds nanoseconds
-since 1970 only to 256 ns.
+Time stamps are counted in their own unit from the first one, so that integers stay exact. In float64, nanoseconds since
+1970 would be rounded to 256 ns.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
 
 
 _COUNTABLE = 1e25
-"""Size of a time stamp that no clock reaches in any unit: 300 million years in nanoseconds."""
+"""Absolute value of a time stamp that no clock reaches in any unit; it is 300 million years in nanoseconds."""
 
 
 def require_countable(values: NDArray[Any]) -> None:

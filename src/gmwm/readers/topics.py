@@ -15,12 +15,12 @@ from gmwm.remarks import Remark
 
 
 def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
-    """Choose the recording to read: the one named `topic`, or the only one that is inertial.
+    """Choose the recording to read: the recording named `topic`, or the only inertial recording.
 
     Raises
     ------
     OptionError
-        If there is no recording of this name, or several.
+        If there is no recording with this name, or several.
     ReadError
         If no name is given and the choice is not unique, or the recording cannot be read.
     """

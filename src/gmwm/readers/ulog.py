@@ -93,7 +93,7 @@ class _Selection:
     message : Message
         The message to read.
     names : tuple of str
-        Field of each column; the temperature of another message has none.
+        Field of each column. A temperature column from another message has no field.
     temperatures : (times, values) or None
         Temperatures of another message, which are interpolated linearly.
     """

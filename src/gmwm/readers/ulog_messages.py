@@ -83,7 +83,7 @@ class Log:
     _bounds: list[int] = field(default_factory=list)
 
     def tables(self, names: tuple[str, ...]) -> Iterator[tuple[Message, Table]]:
-        """Read the file, and yield the messages with some names: one table for each message and block.
+        """Read the file, and yield the messages with the wanted names as tables, one for each message and block.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class Log:
         Raises
         ------
         ReadError
-            If it is invalid.
+            If the message is invalid.
         """
         try:
             if kind == _FORMAT:
@@ -174,7 +174,8 @@ class Log:
         return Message(name, instance, np.dtype([(one, f"<{kind}") for one, kind in fields]), sizes)
 
     def _flat(self, name: str, prefix: str, above: tuple[str, ...], budget: list[int]) -> Iterator[tuple[str, str]]:
-        """Yield name and type of each field of a message and of its nested types, at most `budget[0]`."""
+        """Yield the name and the type of each field of a message and of its nested types, for at most `budget[0]`
+        fields."""
         if name in above:
             raise self._damaged(f"the type {name!r} contains itself", code="type-recursive")
         if len(above) > _DEEPEST:

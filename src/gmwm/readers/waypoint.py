@@ -156,7 +156,7 @@ def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
     Raises
     ------
     ReadError
-        If there are none, or the last one is incomplete.
+        If there are no records, or the last one is incomplete.
     """
     records, over = divmod(path.stat().st_size - offset, dtype.itemsize)
     if over:
@@ -274,7 +274,7 @@ def _plausible(times: NDArray[Any]) -> bool:
 
 
 def _gravity(head: bytes, kind: RecordType) -> float:
-    """Return the norm of the mean specific force (m/s²) in the first records, read as this type."""
+    """Return the norm of the mean specific force (m/s²) in the first records if they are of this type."""
     with np.errstate(all="ignore"):  # records of another type may overflow
         return _mean_norm(head, kind)
 

@@ -73,7 +73,7 @@ class SimulatedSignal:
     def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
         """Draw the simulated signal over time and, below it, each latent process.
 
-        Gravity is subtracted from the signal, and the title says so. All panels have the same scale, unless a curve
+        Gravity is subtracted from the signal, and the title states it. All panels have the same scale, unless a curve
         would be flat.
 
         Parameters

@@ -1,4 +1,4 @@
-"""Wavelet variances and spectra of recordings of any length, in one or two passes over their batches."""
+"""Compute wavelet variances and spectra of recordings of any length, in one or two passes over their batches."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Measurement(Protocol):
         """Return the samples of a batch to be measured, before their gaps are filled."""
 
     def update(self, signal: Signal, continues: bool, /) -> None:
-        """Add samples. Some of them may be filled in for lost ones, and they may continue the last segment."""
+        """Add samples. Some of them may replace lost samples, and they may continue the last segment."""
 
 
 def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PATIENCE = 10
-"""Time (s) within which a scheduler must answer: a choice, longer than the delay of any network."""
+"""Time (s) within which a scheduler must answer. It is a choice, longer than the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent process may end the
 workers."""
@@ -97,7 +97,7 @@ def library() -> Any:
     Raises
     ------
     MissingDependencyError
-        If it is not installed.
+        If the package is not installed.
     """
     try:
         import distributed
