@@ -49,24 +49,23 @@ time assumes the speed of a plain copy of as many samples (a copy reads 8 bytes 
 
 {table}
 
-- **The running sum** is the step of the wavelet variance that memory limits. For 10⁷ samples it takes {sum:.1f} times
-  as long as a copy of as many bytes, and {fresh:.0f} % of that is for pages that the system provides and zeroes at
-  every call. `np.cumsum` is slower, because each addition waits for the previous one.
-- **The levels** read one running sum and write nothing. A tile of 4096 samples (32 KiB) passes five levels at once,
-  which share their reads. Samples at the lags h and 2h are in a near cache up to h of about 10⁵ samples. A sample is
-  therefore read from memory once, and from a cache for each of the 19 levels (10⁶ samples) or 23 (10⁷). This takes
-  {near:.2f} ns per sample and level at 10⁶ for reads and arithmetic (one and a half loads and three or four
-  operations per vector of coefficients).
-- **Beyond the caches** (10⁷ samples, a running sum of 80 MB) the lags of the coarsest levels exceed the last cache.
-  Each such level is another stream from memory, and the levels take {far:.2f} ns per sample and level instead of
-  {near:.2f}. In chunks these levels use only every τ/64-th coefficient and need no such streams: {chunks:.1f} ns per
-  sample in all, of which the memory traffic alone would need {memory:.1f}.
-- **Possible improvement**: with all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
-  {real:.1f}. This would need coarse levels from every τ/64-th coefficient, as in a stream. In memory gmwm uses every
-  coefficient, as the definition does.
-- **Robust curves, the likelihood and fits** are limited by arithmetic and by dependent operations. They use a small
-  share of the bandwidth.
-  Threads over axes help; a faster memory would not."""
+- **The running sum** is the only step of the wavelet variance that the memory bandwidth limits. For 10⁷ samples it
+  takes {sum:.1f} times as long as a copy of as many bytes. {fresh:.0f} % of its time is spent on new memory pages,
+  which the system sets to zero at every call. `np.cumsum` is slower, because each addition waits for the previous one.
+- **The levels** read one running sum and write nothing. gmwm processes the sum in tiles of 4096 samples (32 KiB), and
+  five levels at once, so that these levels share their reads. Samples at the lags h and 2h are in a near cache up to h
+  of about 10⁵ samples. A sample is therefore read from memory once, and from a cache for each of the 19 levels (10⁶
+  samples) or 23 levels (10⁷ samples). At 10⁶ samples, this takes {near:.2f} ns per sample and level for reads and
+  arithmetic (one and a half loads and three or four operations per vector of coefficients).
+- **Beyond the caches.** With 10⁷ samples (a running sum of 80 MB), the lags of the coarsest levels exceed the size of
+  the last cache. Each such level needs another stream from memory, and the levels take {far:.2f} ns per sample and
+  level instead of {near:.2f}. In chunks, these levels use only every τ/64-th coefficient and need no such streams. All
+  levels together then take {chunks:.1f} ns per sample; the memory traffic alone would need {memory:.1f}.
+- **Possible improvement.** With all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
+  {real:.1f}. The coarse levels would have to use only every τ/64-th coefficient, as in a stream. In memory, gmwm uses
+  every coefficient, as the definition requires.
+- **Robust curves, the likelihood and fits** are limited by arithmetic and by operations that depend on one another.
+  They use a small share of the bandwidth. Threads over axes help; a faster memory would not."""
 
 
 def bandwidth_words(results: Results) -> str:
@@ -79,7 +78,9 @@ def bandwidth_words(results: Results) -> str:
             f"| {kernel.name} | 10{'⁶' if kernel.samples == 10**6 else '⁷'} | {1e9 * took:.2f} | {kernel.moved} "
             f"| {'< 1' if share < 0.01 else f'{100 * share:.0f}'} % | {kernel.reason} |"
         )
-    head = "| kernel | samples | ns a sample | bytes | share | what limits it |\n| :-- | --: | --: | --: | --: | :-- |"
+    head = (
+        "| kernel | samples | ns per sample | bytes | share | what limits it |\n| :-- | --: | --: | --: | --: | :-- |"
+    )
     running = results.took("running sum of 10^7", "np.cumsum") / 1e7
     fresh = results.timing("fresh pages for 10^7", "pages that are there")
     return WORDS.format(

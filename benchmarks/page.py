@@ -20,21 +20,21 @@ NAME = "benchmarks"
 PAGE = """# Run time and memory
 
 The benchmarks time gmwm and another program alternately in one process, so that changes of the machine affect both.
-Each ratio is the run time of gmwm divided by the run time of the other program: the median over the pairs, on one
-thread unless stated otherwise. Below 1 gmwm is faster. Times in ms and ns are from one machine: {machine}.
-On this machine, a plain memory copy reaches {bandwidth:.1f} GB/s (bytes read plus bytes written).
+Each ratio is the run time of gmwm divided by the run time of the other program. The page states the median over the
+pairs of runs, on one thread unless stated otherwise. If a ratio is below 1, gmwm is faster. Times in ms and
+ns are from one machine: {machine}. On this machine, a plain memory copy reaches {bandwidth:.1f} GB/s (bytes read plus bytes written).
 
 `make bench` runs all benchmarks, prints them, and stores the numbers in `build/benchmarks.json`. `make bench PAGE=1`
 writes this page. No number is typed by hand.
 
-![Time of a sample against the length of the record; time against Gauss-Markov terms and axes; memory.](benchmarks.svg)
+![Time per sample by length of the record; time by number of Gauss-Markov terms and axes; memory.](benchmarks.svg)
 
 Top: time per sample. For small records, the confidence limits and the checks dominate: they take {small} µs per call.
-For longer records, the time per sample is constant until a record no longer fits into the caches; the working set of a
-chunk always fits. allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of
+For longer records, the time per sample is constant until a record no longer fits into the caches. In chunks, the data
+of one step always fit. allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of
 PyWavelets inserts zeros into its filters, so each level takes twice as long as the previous level. Bottom: fits,
 covariance and model selection from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest
-resident set beyond that of `import gmwm`, including the samples.
+resident memory in addition to `import gmwm`, including the samples.
 
 ## Comparison with the memory bandwidth
 
@@ -44,14 +44,14 @@ resident set beyond that of `import gmwm`, including the samples.
 
 {lengths}
 
-A record of {longest} samples in chunks takes {stream:.2g} ns per sample, {over:.2f} times as long as one of 10⁷ in
-memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than after the import, independent of
+A record of {longest} samples in chunks takes {stream:.2g} ns per sample, {over:.2f} times as long as a record of 10⁷
+samples in memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than after the import, independent of
 its length. The state between two chunks is {state:.1f} MB.
 
 ## Statements in the documentation
 
-The table compares statements about time and memory in README and the documentation with this run. A statement is kept
-if the measured value is at most {margin:g} times as large.
+The table compares statements about time and memory in README and the documentation with this run. A statement counts
+as confirmed if the measured value is at most {margin:g} times the stated one.
 
 {claims}
 
@@ -110,7 +110,7 @@ def _lengths(results: Results) -> str:
     for curve in curves:
         times = dict(zip(curve["at"], curve["seconds"], strict=True))
         rows.append([curve["name"], *(number_text(1e9 * times[n] / n, 2) if n in times else "" for n in at)])
-    return table(["ns a sample", *(power_text(n) for n in at)], rows)
+    return table(["ns per sample", *(power_text(n) for n in at)], rows)
 
 
 def _claims(results: Results) -> str:
@@ -120,7 +120,7 @@ def _claims(results: Results) -> str:
         said, measured = (_figure(value, claim.unit) for value in (claim.said, found))
         quote = " ".join(claim.words.replace("|", " ").split())
         rows.append([Path(claim.file).name, f"… {quote} …", said, measured, claim.verdict(results)])
-    return table(["in", "words", "said", "found", "kept"], rows, 2)
+    return table(["file", "statement", "stated", "measured", "confirmed"], rows, 2)
 
 
 def _figure(value: float, unit: str) -> str:

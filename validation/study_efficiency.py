@@ -150,7 +150,7 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             "The next table comes from theory, without simulation. It has the standard error "
-            'divided by the bound. "No ends" is the limit of a long recording, in which every '
+            'divided by the Cramér-Rao bound. "No ends" is the limit of a long recording, in which every '
             "level has as many coefficients as there are samples; the other rows use the "
             "exact covariance."
         ),

@@ -187,18 +187,21 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: the right models, then those of which a term is weak or missing."""
     lines = [
         (
-            f"{result['recordings']} recordings of each model are fitted with the Ω of the "
-            "true model: 1 / V_jj (diagonal), V⁻¹ (optimal), or 1 / (upper − lower)² from the "
+            f"{result['recordings']} recordings of each model are fitted. The optimism of a fit is the expected "
+            f"difference between its loss on another recording and its loss on the fitted one. The weighting matrix Ω "
+            f"comes from the true model: 1 / V_jj (diagonal), V⁻¹ (optimal), or 1 / (upper − lower)² from the "
             "confidence limits of the true curve (limits). ± is one standard error."
         ),
         *legend(
             {
-                "simulated": "2 tr Cov(ν̂, Ων(θ̂)) over all recordings",
-                "asymptotic: truth": "from theory, at the true parameters",
+                "simulated": "optimism 2 tr Cov(ν̂, Ων(θ̂)) of the measured ν̂ and the fitted ν(θ̂), over all recordings",
+                "asymptotic: truth": "optimism from theory, at the true parameters",
                 "fits, 90 % of fits": (
-                    f"from theory, the mean over the fits to {result['fits']} recordings, and their central 90 %"
+                    f"optimism from theory, at the fitted parameters: mean over the fits to {result['fits']} "
+                    f"recordings, and range of the central 90 % of these fits"
                 ),
-                "bootstrap": f"mean over {result['bootstraps']} fits, with {result['draws']} draws each",
+                "bootstrap": f"optimism from simulated recordings: mean over {result['bootstraps']} fits, with "
+                f"{result['draws']} draws each",
                 "ratio": "ratio to the simulated value",
             }
         ),

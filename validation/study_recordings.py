@@ -140,10 +140,10 @@ def table(result: dict[str, Any]) -> str:
         ),
         *legend(
             {
-                "parameters": "share in which the test of equal parameters rejects at the 5 % level",
+                "parameters": "share of repeats in which the test of equal parameters rejects at the 5 % level",
                 "curves": "the same for the test without a model",
-                "both": "share in which `Replicates.differs` is true",
-                "fit": "share in which the goodness-of-fit test of the pooled curve rejects",
+                "both": "share of repeats in which `Replicates.differs` is true",
+                "fit": "share of repeats in which the goodness-of-fit test of the pooled curve rejects",
             }
         ),
         "",

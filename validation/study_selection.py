@@ -84,10 +84,13 @@ def table(result: dict[str, Any]) -> str:
         *legend(
             {
                 "recommended": "share of recordings in which the true model is recommended",
-                "least criterion": "share in which the true model has the smallest criterion",
-                "in the set": "share in which the true model is among the equivalent models",
-                "under": ("share in which the recommended model lacks a term of the true model and has no other term"),
-                "over": "share in which the recommended model has all terms of the true model and more",
+                "least criterion": "share of recordings in which the true model has the smallest criterion",
+                "in the set": "share of recordings in which the true model is among the equivalent models",
+                "under": (
+                    "share of recordings in which the recommended model lacks a term of the true model and has "
+                    "no other term"
+                ),
+                "over": "share of recordings in which the recommended model has all terms of the true model and more",
             }
         ),
         "",

@@ -200,8 +200,8 @@ def table(result: dict[str, Any]) -> str:
         *legend(
             {
                 "wanted": (
-                    "the curve that the rule should choose: the classical curve for tails, and the classical curve "
-                    "after replacement for knocks, motion and isolated wrong samples"
+                    "curve that `calibrate` should choose, which is the classical curve for heavy tails, and the "
+                    "classical curve after replacement for knocks, motion and isolated wrong samples"
                 ),
                 "robust": "share of recordings with the robust curve",
                 "replaced": "share of samples that were replaced",
