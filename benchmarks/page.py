@@ -22,7 +22,8 @@ PAGE = """# Run time and memory
 The benchmarks time gmwm and another program alternately in one process, so that changes of the machine affect both.
 Each ratio is the run time of gmwm divided by the run time of the other program. The page states the median over the
 pairs of runs, on one thread unless stated otherwise. If a ratio is below 1, gmwm is faster. Times in ms and
-ns are from one machine: {machine}. On this machine, a plain memory copy reaches {bandwidth:.1f} GB/s (bytes read plus bytes written).
+ns are from one machine: {machine}. On this machine, a plain memory copy reaches {bandwidth:.1f} GB/s
+(bytes read plus bytes written).
 
 `make bench` runs all benchmarks, prints them, and stores the numbers in `build/benchmarks.json`. `make bench PAGE=1`
 writes this page. No number is typed by hand.
