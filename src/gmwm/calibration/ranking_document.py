@@ -31,7 +31,7 @@ def ranking_document(ranking: Ranking) -> dict[str, Any]:
     place = {key: k for k, key in enumerate(fits)}
     content = ranking.to_dict()
     for candidate, values in zip(ranking, content["candidates"], strict=True):
-        values["asked"] = str(candidate.model)  # with fixed values
+        values["asked"] = str(candidate.model)  # This text includes fixed values.
         values["fit"] = place[id(candidate.fit)]
     return {
         **content,

@@ -232,7 +232,7 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
 
 
 def _csv_text(results: Mapping[str, ClusterVariance]) -> str:
-    """Format CSV with one line for each cluster size of each axis."""
+    """Format the variances as CSV, with one line for each cluster size of each axis."""
     lines = ["axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"]
     for name, result in results.items():
         columns = zip(

@@ -115,7 +115,7 @@ def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None
 
 
 def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem, path: Path) -> None:
-    """Plot one panel for each axis."""
+    """Plot the curves to a file, with one panel for each axis."""
     from gmwm import compare as draw_one
     from gmwm.plots.imu import plot_imu
     from gmwm.plots.labels import axis_title

@@ -86,7 +86,7 @@ class OnceCommand(TyperCommand):
     """A command that raises an error if a single-valued option is given twice. Click would ignore the first value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments of the command."""
+        """Parse the arguments of the command. Raises a usage error if a single-valued option is given twice."""
         order = self.make_parser(ctx).parse_args(args=list(args))[2]
         for one in order:
             several = one.nargs != 1 or getattr(one, "multiple", False) or getattr(one, "is_flag", False)

@@ -198,7 +198,7 @@ class _Choice(TypedDict):
 
 
 def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _Choice) -> Outcome:
-    """Write one format, or print it if there is no output file."""
+    """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
     from gmwm.exporters import export as exported
     from gmwm.exporters.api import require_extension
 

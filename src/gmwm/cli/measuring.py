@@ -189,7 +189,7 @@ def opened_together(
 
 
 def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
-    """Return the axes that --axis selects and that all recordings have.
+    """Return those axes of --axis that all recordings have.
 
     Raises
     ------

@@ -147,7 +147,7 @@ Seed = Annotated[int, typer.Option(help="Seed of the simulated records.", min=0,
 
 
 def parse_within(text: str) -> Model:
-    """Parse the model of --within.
+    """Parse the value of --within to a model.
 
     >>> parse_within("GM + WN")
     Model('GM + WN')
@@ -159,7 +159,7 @@ def parse_within(text: str) -> Model:
 
 
 def parse_searched(text: str) -> Model | str:
-    """Parse the model of --within of a calibration, which may be "auto".
+    """Parse the value of --within in commands that also accept "auto".
 
     >>> parse_searched("auto"), parse_searched("GM + WN")
     ('auto', Model('GM + WN'))

@@ -136,7 +136,7 @@ def _text(found: PowerSpectra) -> str:
 
 
 def _csv_text(found: PowerSpectra) -> str:
-    """Format CSV with one line for each frequency of each axis."""
+    """Format the spectra as CSV, with one line for each frequency of each axis."""
     lines = ["axis,unit,frequency_hz,density,lower,upper,degrees_of_freedom"]
     for axis, spectrum in found.items():
         columns = zip(

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from gmwm.likelihood import Tracks
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
-"""Names of the numbers of each process, in the unit of the data. A reach is half the width of the confidence band."""
+"""Names of the numbers that summarize a process, in the unit of the data. A reach is half the width of the confidence
+band."""
 
 
 def as_dict(model: AxisModel, found: Tracks, level: float) -> dict[str, Any]:

@@ -142,7 +142,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
     parts = [f"{first.extent}{transform}{robust}{limits}"]
-    # Deviations in deg/h and mg are mostly between 0.01 and 1000, so they are easier to read without an exponent.
+    # Deviations in deg/h and mg are neither very small nor very large, so they are easier to read without exponents.
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     for group in sensors.values():
         one = next(iter(group.values()))
@@ -162,7 +162,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
 
 
 def _csv_text(results: Mapping[str, WaveletVariance]) -> str:
-    """Format CSV with one line for each level of each axis, including the Allan deviation and its averaging time."""
+    """Format the wavelet variances and Allan deviations as CSV, with one line for each level of each axis."""
     from gmwm.plots.view import view_of
 
     lines = ["axis,unit,level,scale_samples,tau_s,variance,lower,upper,coefficients,averaging_time_s,allan_deviation"]

@@ -32,7 +32,7 @@ is a tenth of this time. Pinned by tests/test_datasheet.py."""
 _DENSITY = "N"
 
 _FLICKER = f"{SYMBOL}_f"
-"""Symbol of the coefficient of a flicker term."""
+"""Symbol of the coefficient of a flicker term, before it is renamed to B."""
 
 _ORDER = ("Q", "N", SYMBOL, _FLICKER, "K", "R")
 
@@ -178,7 +178,7 @@ def _acts(fit: Fit, term: str) -> str | None:
 
 
 def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[list[Entry], Remark | None]:
-    """Return the numbers of one term, or a remark with the reason why there are none."""
+    """Return the datasheet numbers of one term, or a remark with the reason why there are none."""
     wv = judged.fit.wavelet_variance
     if process.scale == 0 and free_shape(process):
         return [], Remark.of("no-numbers", wv.axis, term=label, because="zero", process="")

@@ -63,7 +63,7 @@ class ClusterView(View):
 
 
 def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
-    """Return the view of a result in SI or datasheet units."""
+    """Return the view of an Allan-type variance in SI or datasheet units."""
     shown = view_of(curve.unit, "allan", units)
     return ClusterView(shown.name, shown.unit, shown.factor, curve.title)
 
@@ -122,7 +122,7 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
 
 
 def with_guides(panel: Panel) -> Panel:
-    """Add guides for the slopes −1 to +1 in the emptiest corner of the panel."""
+    """Return the panel with guides for the slopes −1 to +1 in its emptiest corner."""
     if not panel.y.ticks:
         return panel
     wide = math.log10(panel.x.limits[1] / panel.x.limits[0])

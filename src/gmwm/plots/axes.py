@@ -19,8 +19,8 @@ _DURATIONS = (
 )  # fmt: skip
 
 MANY_DECADES = 2.5
-"""Number of decades from which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled too. Pinned by
-tests/plots/test_plot_axes.py."""
+"""Smallest length of an axis (decades) for which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled
+too. Pinned by tests/plots/test_plot_axes.py."""
 MANY_SIDED = 5.0
 """Like `MANY_DECADES`, for an axis that is linear about zero. Its linear part counts as one decade on each side. Pinned
 by tests/plots/test_plot_ranking.py."""

@@ -117,7 +117,7 @@ class Foot:
 
 @dataclass(frozen=True)
 class Text:
-    """A text in the panel, at a position in fractions of its width and height."""
+    """A text in a panel. Its position is given as fractions of the width and height of the panel."""
 
     text: str
     x: float = 0.5

@@ -48,7 +48,7 @@ NAMED, LETTERS = 3, 14
 """Largest number of outliers in a panel whose names are shown, and largest number of characters of such a name. Pinned
 by tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
-"""Height of a name and width of a letter, as fractions of the panel."""
+"""Height of the name of an outlier, and width of each of its letters, as fractions of the panel."""
 SMALL = 0.005
 """If no value of a panel reaches this number, its axis label has a power of ten. Pinned by
 tests/plots/test_plot_fleet.py."""

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from gmwm.joint.fusion_result import VirtualAxis, VirtualSensor
 
 EACH = Stroke(PALE, 0.8, SOLID)
-"""Stroke of one sensor of the array."""
+"""Stroke of the curve of each sensor of the array."""
 AVERAGE = Stroke(ORANGE, 1.2, DASHED)
-"""Stroke of the average of all sensors."""
+"""Stroke of the curve of the average of all sensors."""
 VIRTUAL = Stroke(BLUE, 1.4, SOLID)
-"""Stroke of the virtual sensor."""
+"""Stroke of the curve of the virtual sensor."""
 HERE = Stroke(BLUE, 0.0, SOLID, "circle", filled=False)
 """Stroke of the deviation that the virtual sensor has in the recording from which its weights were computed."""
 MOST_COLUMNS = 3

@@ -172,6 +172,6 @@ def letter_stroke(letter: str) -> Stroke | None:
 
 
 def curve_stroke(index: int) -> Stroke:
-    """Return the stroke of curve number `index` in a comparison."""
+    """Return the stroke of curve number `index` in a plot that compares curves."""
     colour, dash, symbol = _CURVES[index % len(_CURVES)]
     return Stroke(colour, 1.1, dash, symbol)
