@@ -114,7 +114,7 @@ def _words(result: Result) -> Iterator[str]:
     yield from legend(
         {
             "alarms": "share of healthy fleets with a device that is classified as an outlier, at the 5 % level for "
-            "one number, and at 5 % for 36 numbers together (0.14 % for one)",
+            "one number, and at 5 % for 36 numbers together (0.14 % for each)",
             "covered": "share of 95 % intervals that contain μ, τ, and the true number of a further device",
         }
     )

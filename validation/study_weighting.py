@@ -70,7 +70,7 @@ def swing(samples: int, rng: np.random.Generator) -> Vector:
 
 
 def heavy_tails(samples: int, rng: np.random.Generator) -> Vector:
-    """Student's t with five degrees of freedom for the white noise, of the same variance."""
+    """White noise of the same variance from Student's t distribution with five degrees of freedom."""
     coloured = TRUTH.with_values({"WN.sigma2": 0.0}).simulate(samples, RATE, rng)
     return np.asarray(coloured + np.sqrt(WHITE * 3 / 5) * rng.standard_t(5, samples))
 
@@ -217,9 +217,9 @@ def table(result: dict[str, Any]) -> str:
             "other standard errors to it. For a slightly wrong model, one of 25 disturbances "
             "is added (a sinusoid with a period of 3 to 46 000 samples, a Gauss-Markov "
             "process with β from 0.01 to 100, rounding), with the size that the best test for "
-            "it would detect at three standard deviations. The table then has the root mean "
-            "square error over all disturbances, from bias and standard deviation, in "
-            "standard errors of optimal weights, and the share of disturbances for which "
+            "it would detect at three standard deviations. The table then has the root mean square error over all "
+            "disturbances, which combines bias and standard deviation, divided by the standard error with optimal "
+            "weights, and the share of disturbances for which "
             "diagonal weights have the smaller error."
         ),
         "",
