@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 HORIZONS = (0.1, 1.0, 10.0, 100.0)
 """Horizons (s) for which the head lists N and K."""
 FAR, NEARER = 0.2, 2.0
-"""The head states the errors of N and K and of two Gauss-Markov states if the relative error of N and K in the Allan
-deviation is at least FAR, and at least NEARER times the error of two states. Both limits are conventions
-(tests/exporters/test_two_states.py)."""
+"""The head states the errors of N and K and of two Gauss-Markov states if N and K are much worse. The relative error of
+N and K in the Allan deviation must be at least FAR, and at least NEARER times the error of two states. Both limits are
+conventions (tests/exporters/test_two_states.py)."""
 ALIKE = 5e-3
 """If N or K of the file differs from the datasheet by more than this relative amount, the head states both values."""
 _POWERS = {"N": 0.5, "K": -0.5}

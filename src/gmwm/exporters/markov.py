@@ -1,4 +1,4 @@
-"""Reduce the slow terms of a model to one Gauss-Markov bias, for programs with such a bias."""
+"""Reduce the slow terms of a model to one Gauss-Markov bias, for programs whose bias is a Gauss-Markov process."""
 
 from __future__ import annotations
 

@@ -22,11 +22,11 @@ def differences(
 ) -> tuple[AxisDifference, ...]:
     """Test for each noise parameter whether the axes of a sensor differ.
 
-        T² = n d̄ᵀ S⁻¹ d̄,   (n − p) T² / (p (n − 1)) ~ F(p, n − p)
+        T² = n d̄ᵀ S⁻¹ d̄,   (n − p) T² / (p (n − 1)) ~ F(p, n − p).
 
-    where d (p,) are the differences between successive axes (x and y, y and z) in a unit, d̄ is their mean over the n
-    units with values on all axes, S is their covariance, and p is the number of axes minus one. A factor that all axes
-    of a unit share cancels in d. The axes may have different precision.
+    Here d (p,) are the differences between successive axes (x and y, y and z) in a unit, and p is the number of axes
+    minus one. d̄ is their mean over the n units with values on all axes, and S is their covariance. A factor that all
+    axes of a unit share cancels in d. The axes may have different precision.
 
     Parameters
     ----------

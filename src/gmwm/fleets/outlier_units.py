@@ -38,8 +38,8 @@ class Deviants:
 
 
 def looked_for(count: Vector) -> NDArray[np.int64]:
-    """Return how many of `count` units are tested as outliers: a tenth of them, but at least one, and none of few
-    units.
+    """Return how many of `count` units are tested as outliers: a tenth of them and at least one, but no unit of a small
+    fleet.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
     [0, 1, 2, 100]
@@ -50,15 +50,15 @@ def looked_for(count: Vector) -> NDArray[np.int64]:
 def deviants(x: Matrix, s2: Matrix) -> Deviants:
     """Remove the farthest unit repeatedly, and test each removed unit against the remaining ones.
 
-    For unit i with the estimate x_i and the standard error s_i, the statistic is
+    For unit i with the estimate x_i and the standard error s_i, the test statistic is
 
-        t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i²
+        t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i².
 
-    where μ̂_{−i} and τ̂²_{−i} are the estimated mean and variance between the remaining units. It is compared with the
-    t distribution with ν_i degrees of freedom (Satterthwaite's approximation), at most n − 2. Because the unit is the
-    farthest of the n units that were left, its p-value is multiplied by n. The p-value of each unit is then replaced by
-    the smallest one of itself and of the units removed after it, so that all units up to the last significant one are
-    outliers. If all s_i are zero, this is Rosner's generalised ESD procedure with ν_i = n − 2.
+    Here μ̂_{−i} and τ̂²_{−i} are the estimated mean and variance between the remaining units. The statistic is compared
+    with the t distribution with ν_i degrees of freedom (Satterthwaite's approximation), at most n − 2. Because the unit
+    is the farthest of the n units that were left, its p-value is multiplied by n. The p-value of each unit is then
+    replaced by the smallest p-value of this unit and the units removed after it. All units up to the last significant
+    one are therefore outliers. If all s_i are zero, this is Rosner's generalised ESD procedure with ν_i = n − 2.
 
     Parameters
     ----------

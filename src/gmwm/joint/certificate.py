@@ -3,9 +3,9 @@
 The shape of a term is its wavelet variance at unit scale over the levels; it depends on the correlation time. A node of
 the search tree has an interval of shapes for each term whose correlation time is searched. The relaxed problem of the
 node allows any mixture of the shapes in the interval, each shape with its own covariance matrix. It is convex, and its
-dual gives a lower bound. Let r be the residual of any fit, z a vector whose product with every allowed column of the
-design is positive, and δ the smallest number for which y = r − δ z has no positive product with an allowed column. Then
-the objective of every allowed fit is at least (yᵀb)²/(yᵀy), where b is the weighted data.
+dual gives a lower bound. Let r be the residual of any fit, and z a vector whose product with every allowed column of
+the design is positive. δ is the smallest number for which y = r − δ z has no positive product with an allowed column.
+Then the objective of every allowed fit is at least (yᵀb)²/(yᵀy), where b is the weighted data.
 
 The products of y with the columns of a shape κ are vᵀ A v for unit vectors v. The matrix A = Σ_j κ_j R_j is linear in
 κ, with one matrix R_j for each level j that depends on y. The largest product is therefore the largest eigenvalue of A.

@@ -48,8 +48,8 @@ def cross(
 ) -> CrossCovariance:
     """Estimate the correlation of the noise of several axes at each scale, and test whether it is 0.
 
-    The cross-covariance at level j is estimated by the mean product of the Haar wavelet coefficients W_a and W_b of two
-    axes,
+    The estimate of the cross-covariance at level j is the mean product of the Haar wavelet coefficients W_a and W_b of
+    two axes,
 
         γ̂_j = Σ_t W_{a,j,t} W_{b,j,t} / M_j = (ν̂²_{a+b,j} − ν̂²_{a−b,j}) / 4,   r_j = γ̂_j / (ν̂_{a,j} ν̂_{b,j}).
 

@@ -1,13 +1,13 @@
 """A Kalman filter that estimates the slow noise of an array from the differences of its signals.
 
-Differences between signals of the same axis do not depend on the motion. Let x (d,) be the signals at one time, w₀ the
-weights with sum 1 that minimise the white noise of w₀ᵀ x, B (d − 1, d) a basis of the differences (B 1 = 0), and b =
-Σ_p b_p the noise that is not white, with a term b_p of covariance matrix Σ_p for each process p. The filter computes
-estimates b̂_p of the terms from B x, and the fused signal is
+Differences between signals of the same axis do not depend on the motion. Let x (d,) be the signals at one time. w₀ are
+the weights with sum 1 that minimise the white noise of w₀ᵀ x, and B (d − 1, d) is a basis of the differences (B 1 = 0).
+The noise that is not white is b = Σ_p b_p, with a covariance matrix Σ_p between the signals for each process p. The
+filter estimates b̂_p from B x. The fused signal is
 
     ŝ = w₀ᵀ x − Σ_p c_p B b̂_p,   c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺,
 
-because c_p B b_p is the best linear prediction of w₀ᵀ b_p. (⁺ is the pseudo-inverse.) The white noise of w₀ᵀ x is
+where ⁺ is the pseudo-inverse, because c_p B b_p is the best linear prediction of w₀ᵀ b_p. The white noise of w₀ᵀ x is
 independent of the differences.
 """
 
@@ -180,9 +180,9 @@ class ArrayNoise:
         """Return the state space of the fused signal of an array at rest, for any difference filter.
 
         The noise states z without a stationary distribution (random walks) make the filter states non-stationary too.
-        The filter states are therefore written as ξ = G z + e, where G is the steady-state response to a constant z and
-        e is stationary: e_t = A e_{t−1} − A G w_{t−1} + K B n_t. Here w are the increments of z, and n is all other
-        noise.
+        The filter states are therefore written as ξ = G z + e, where G is the steady-state response to a constant z.
+        The remainder e is stationary, with e_t = A e_{t−1} − A G w_{t−1} + K B n_t. Here w are the increments of z, and
+        n is all other noise.
         """
         from scipy.linalg import block_diag
 

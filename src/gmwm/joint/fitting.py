@@ -136,8 +136,8 @@ class _Mixed:
         Largest relative difference, in the last round, between the wavelet variances that gave the weights and the
         fitted ones.
     last : tuple of (K,) array, (P, d, d) array and (J, d) array, optional
-        Coordinates and matrices estimated in the last round, and the difference between the logarithms of its fitted
-        wavelet variances and of those that gave its weights.
+        Coordinates and matrices estimated in the last round, and the difference of two logarithms: of the fitted
+        wavelet variances, and of the wavelet variances that gave the weights of this round.
     """
 
     u: Vector

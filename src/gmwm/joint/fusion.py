@@ -47,15 +47,15 @@ def fuse(
 
     With `horizon`, the virtual sensor is the weighted sum with the smallest wavelet variance at this scale,
 
-        w = Γ̂⁻¹ 1 / (1ᵀ Γ̂⁻¹ 1),
+        w = Γ̂⁻¹ 1 / (1ᵀ Γ̂⁻¹ 1).
 
-    where Γ̂ is the covariance matrix of the Haar wavelet coefficients of all signals at this scale, interpolated
-    between the two nearest levels. Unlike weights by inverse variances, these weights take into account noise that the
-    sensors share.
+    Γ̂ is the covariance matrix of the Haar wavelet coefficients of all signals at this scale, interpolated between the
+    two nearest levels. Unlike weights by inverse variances, these weights take into account noise that the sensors
+    share.
 
-    Weights that are estimated from a recording fit its own noise, so the weighted sum has less noise in this recording
-    than in others. The attribute `variance` is corrected for this. If Γ̂ has η degrees of freedom, the expected
-    variance wᵀ Γ̂ w at the scale of the weights is (η − d + 1)/η · (η − d)/(η − 1) times the variance in other
+    Weights that are estimated from a recording fit the noise of this recording, so the weighted sum has less noise in
+    it than in other recordings. The attribute `variance` is corrected for this. If Γ̂ has η degrees of freedom, the
+    expected variance wᵀ Γ̂ w at the scale of the weights is (η − d + 1)/η · (η − d)/(η − 1) times the variance in other
     recordings. At another scale, the correction is reduced according to the regression of its wavelet variance on the
     one at the scale of the weights. With a model, the correction follows from a parametric bootstrap.
 

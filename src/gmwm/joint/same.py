@@ -40,10 +40,10 @@ def same(
 
     The wavelet variances ν² of two recordings are compared at each level j. With more than two recordings, each one is
     compared with the mean of the others. If the noise is the same, the ratio of the variances has approximately an F
-    distribution with η_1j and η_2j degrees of freedom, where η_j = 2 ν_j⁴ / V_jj and V is the covariance of the
-    estimated wavelet variances. V is computed for the mixture of processes with the highest likelihood given the mean
-    of all wavelet variances. The additional covariance from heavy tails or from a variance that changes with time is
-    added. The p-values of all levels, axes and recordings are adjusted by Holm's method.
+    distribution with η_1j and η_2j degrees of freedom, η_j = 2 ν_j⁴ / V_jj. V is the covariance of the estimated
+    wavelet variances. It is computed for the mixture of processes with the highest likelihood given the mean of all
+    wavelet variances. The additional covariance from heavy tails or from a variance that changes with time is added.
+    The p-values of all levels, axes and recordings are adjusted by Holm's method.
 
     With millions of samples, the test finds differences of 0.1 %. Set `tolerance` to test only for larger differences.
 

@@ -67,9 +67,9 @@ class Tracks:
         The recording; NaN for missing and for predicted samples.
     mean, error : mapping of label to (N,) array
         Expected value and standard deviation given the data, in the unit of the recording. The labels are the terms,
-        "level" for the constant mean (if no random walk includes it), and "bias" for the sum of the level and of all
-        terms with a correlation time of more than one sample. While the data do not determine a process, its error is
-        infinite and its mean is NaN.
+        "level" and "bias". "level" is the constant mean, if no random walk includes it. "bias" is the sum of the level
+        and of all terms with a correlation time of more than one sample. While the data do not determine a process, its
+        error is infinite and its mean is NaN.
 
     Examples
     --------

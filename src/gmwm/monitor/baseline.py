@@ -26,7 +26,7 @@ LONGEST_BURST = 256
 """Largest number of blocks that are averaged to estimate the variance of the mean squares. Charts raise an alarm within
 this number of blocks."""
 REACH = 5
-"""A chart of block means uses the largest scatter of its own level and this number of next coarser levels."""
+"""A chart of block means uses the largest scatter of its level and of this number of coarser levels."""
 BAND = 1.1
 """Dead band with a baseline (a factor of the variance). The variances of different parts of a recording in
 `docs/validation/monitor.md` differ by less than this."""

@@ -56,11 +56,11 @@ def redundant(
 ) -> Iterator[UnitEvent]:
     """Compare at least three units of the same type at rest with each other, and report which unit has changed.
 
-    For each of the n units, the monitored signal is the difference between the signal of the unit and the mean of the
-    other units, r_i = x_i − Σ_{j≠i} x_j/(n − 1). Its model is the model of one unit with all variances multiplied by 1
-    + 1/(n − 1). Effects that all units share, such as temperature and motion of the table, largely cancel in the
-    difference. A fault of one unit also changes the differences of the other units, but less. The unit of the first and
-    largest event on an axis is therefore reported.
+    For each of the n units, the monitored signal is the difference between this unit and the mean of the other units,
+    r_i = x_i − Σ_{j≠i} x_j/(n − 1). Its model is the model of one unit with all variances multiplied by 1 + 1/(n − 1).
+    Effects that all units share, such as temperature and motion of the table, largely cancel in the difference. A fault
+    of one unit also changes the differences of the other units, but less. The unit of the first and largest event on an
+    axis is therefore reported.
 
     Parameters
     ----------

@@ -7,8 +7,8 @@ from the state of the constant-gain filter by a vector B u, where u has a known 
 of the fixed filter is therefore e_t = ε_t + H Φᵗ B u, with ε_t the innovations of the constant-gain filter in its
 steady state. u is estimated by recursive least squares.
 
-The results are identical to the last bit however the samples are divided into chunks, because the same operations are
-applied to each sample.
+The results do not depend on how the samples are divided into chunks, not even in the last bit, because the same
+operations are applied to each sample.
 
 Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 5; de Jong (1991), The
 diffuse Kalman filter, Annals of Statistics 19, 1073-1083.

@@ -175,4 +175,4 @@ def _wanted(asked: Asked, temperature: bool) -> bool:
 
 
 NOTHING = Conditions()
-"""Conditions that stand for no regression."""
+"""Conditions of a recording without a regression."""

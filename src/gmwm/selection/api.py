@@ -74,12 +74,12 @@ def select(
 
     All models are fitted with the same weighting matrix Ω, which is computed from the estimate of the general model.
     They are compared by the wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂², ν²(θ̂)) Ω], where ν̂² is the
-    measured wavelet variance and ν²(θ̂) the one of the fitted model. The second term is the optimism: a fit is closer
-    to its own data than to other data. The criterion is uncertain and tends to keep unnecessary terms. A model is
-    therefore equivalent to the best one if the difference of their criteria can be due to chance: in more than 5 % of
-    the recordings simulated from this model, its criterion exceeds the smallest criterion by at least as much as in the
-    data. Models that contain a smaller equivalent model are left out, and the simplest of the remaining models is
-    recommended.
+    measured wavelet variance and ν²(θ̂) the one of the fitted model. The second term is the optimism, because a fit is
+    closer to the fitted data than to other data. The criterion is uncertain and tends to keep unnecessary terms. A
+    model is therefore equivalent to the best one if the difference of their criteria can be due to chance. The test
+    simulates recordings from the model. The model is equivalent if, in more than 5 % of them, its criterion exceeds the
+    smallest criterion by at least as much as in the data. Models that contain a smaller equivalent model are left out,
+    and the simplest of the remaining models is recommended.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ def explore(
     """Fit every candidate with the weighting matrix Ω of the general model.
 
     If the optimum of a model has terms that are zero, it is also the optimum of every smaller model that contains the
-    other terms. These models need no fit of their own, which saves most of the work. The objective of a model is never
+    other terms. These models are not fitted separately, which saves most of the work. The objective of a model is never
     larger than the objective of a model that it contains; `mend` ensures this.
     """
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
@@ -98,8 +98,8 @@ def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: 
     """Return the mean loss of each candidate for recordings that its fit did not use, or None for a single recording.
 
     Each recording r is left out once. The candidates are fitted to the other recordings with the Ω of the general
-    model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²), where ν²_r is the wavelet variance of the left-out recording, ν²
-    is the one of the fit, and Ω_r is the weighting matrix for a recording of this length.
+    model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²). ν̂²_r is the wavelet variance of the left-out recording, and ν²
+    is the one of the fit. Ω_r is the weighting matrix for a recording of this length.
     """
     wv = explored.general.wavelet_variance
     if len(wv.recordings) < 2:

@@ -89,8 +89,8 @@ class Searched:
     tried : tuple of str
         General models that were tried, in order.
     band : mapping of str to float
-        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r, if the
-        shape at high frequencies comes from the spectrum.
+        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of the
+        shape at high frequencies; empty if the shape is not from the spectrum.
     """
 
     ranking: Ranking
