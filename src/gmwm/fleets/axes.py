@@ -72,7 +72,7 @@ def differences(
 
 
 def hotelling(d: Matrix) -> float | None:
-    """Return the p-value of Hotelling's test that the columns of d (p, n) have the mean zero.
+    """Return the p-value of Hotelling's test that the mean of the differences d (p, n) over the n units is zero.
 
     The result is None if the covariance is singular.
     """

@@ -29,13 +29,13 @@ SHRINK = 0.02
 WARM = 1e-7
 """Barrier parameter μ of the solution that is kept as the start of a similar problem."""
 NEAR = (1.0, 0.1)
-"""Squared Newton decrement, in units of μ, at which the Newton steps of a round end: of all rounds but the last, and of
-the last one."""
+"""Squared Newton decrement, in units of μ, at which the Newton steps of a round end. The first value is for all rounds
+except the last one, and the second value for the last one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """The set of allowed covariance matrices of P terms: which of their entries are free.
+    """Pattern of the free entries in the covariance matrices of P terms.
 
     Attributes
     ----------

@@ -368,7 +368,8 @@ HISTORY_LEVEL = 6
 
 
 def differences(sums: Vector, m: int) -> Vector:
-    """Return, for all m consecutive sums, the sum of the last m/2 of them minus the sum of the first m/2."""
+    """Return, for each run of m consecutive sums, the total of the last m/2 of them minus the total of the first
+    m/2."""
     half = m // 2
     while half > 1:
         # Sums of 2, then of 4 consecutive entries, by adding neighbours.

@@ -46,8 +46,9 @@ def level_threshold(run_length: float) -> float:
 
 
 def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
-    """Return the threshold h of the chart S ← max(0, S + l), l = k[y(1 − 1/R) − ln R], for independent y ~ Gamma(k),
-    mean 1.
+    """Return the threshold h of the chart S ← max(0, S + l) with the increments l = k[y(1 − 1/R) − ln R].
+
+    The values y are independent and have a Gamma distribution with shape k and mean 1.
 
     The average run length is at least e^h (Lorden). By renewal theory, it is C e^h for large h. Page's integral
     equation, solved for a run length of 10⁵ blocks, gives C.

@@ -399,9 +399,9 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Return the number of parameters plus 2 for each term without a correlation time or shape parameters that is no
-    sinusoid.
+    """Return the number of parameters, plus 2 for each term like flicker noise.
 
+    The additional count is for terms that are not sinusoids and have neither a correlation time nor shape parameters.
     Flicker noise has one parameter, but its wavelet variance is similar to a sum of several Gauss-Markov processes.
     Without the additional count, it would often replace a single Gauss-Markov process in short recordings.
     """

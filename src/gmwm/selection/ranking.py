@@ -178,7 +178,8 @@ class Ranking:
         return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
 
     def label(self, candidate: Candidate) -> str:
-        """Return a candidate as text. A long text has no fixed values, if no other candidate has the same terms."""
+        """Return a candidate as text. Fixed values are left out of a long text if no other candidate has the same
+        terms."""
         whole, short = candidate.structure, candidate.model.structure
         return short if len(whole) > LONG and self._terms[short] == 1 else whole
 

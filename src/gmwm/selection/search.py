@@ -357,8 +357,7 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
 
 
 def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float) -> Vector:
-    """Return the sum (n,) of the spectral densities of the slow processes at given frequencies, per cycle per
-    sample."""
+    """Return the spectral density (n,) of all slow processes together, multiplied by the sampling rate."""
     total = np.zeros(frequencies.size)
     for process in processes:
         if process.scale == 0 or process.line(rate) is not None:
