@@ -248,7 +248,7 @@ class _Maker:
         self, parts: Sequence[tuple[dict[str, Matrix], Matrix]], column: int, size: float | Vector, *, name: str,
         title: str, unit: str,
     ) -> Growth:  # fmt: skip
-        """Return the error in a column of the mean squares as a `Growth`. `size` is its unit in SI units."""
+        """Return the error in a column of the mean squares as a `Growth`. `size` is the unit of the error in SI."""
         squares = {label: square[:, column] for terms, _ in parts for label, square in terms.items()}
         whole = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
         error = np.sqrt(sum(errors[:, column] ** 2 for _, errors in parts))

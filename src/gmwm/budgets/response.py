@@ -47,7 +47,9 @@ class Response:
     Attributes
     ----------
     a : (q, q) array, in 1/s
+        System matrix.
     drive : (q,) array
+        Effect of e on the derivative of each error.
     at_start : (q,) array
         Errors n at the start per unit of the mean of e over the rest before.
     removed : bool

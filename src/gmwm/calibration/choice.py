@@ -19,7 +19,7 @@ def chosen_model(
 ) -> Searched:
     """Choose the model of one axis as the options say.
 
-    gmwm searches for the model, selects among the parts of a largest model, or uses the model that the user gave.
+    gmwm searches for the model, compares all models that are part of a largest model, or uses the model of the user.
 
     Parameters
     ----------

@@ -198,9 +198,10 @@ def held_lines(model: Model) -> list[str]:
 
 
 def _shown(found: AxisCalibration) -> dict[str, Entry]:
-    """Return the datasheet entries to show by symbol, without the entries of held lines.
+    """Return the datasheet entries to show, by symbol.
 
-    If there is only one other line, its symbols have no index.
+    Sinusoids whose parameters are all held fixed are left out. If there is only one other sinusoid, its symbols have no
+    index.
     """
     model = found.fit.model
     lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}

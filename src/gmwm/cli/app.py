@@ -29,7 +29,7 @@ def app(
     """Calibrate in the browser: look at a recording, leave out time ranges, try models, and download the files.
 
     The page runs on this computer only: nothing is sent over the network. It shows the commands that repeat what
-    was done. Ctrl-C stops it. The page needs Dash, which the optional dependencies "app" of gmwm install.
+    was done. Ctrl-C stops it. The page needs the optional dependencies "app" of gmwm.
     """
     from gmwm.app.server import serve
 

@@ -57,7 +57,7 @@ class AxisModel:
     model : Fit, LikelihoodFit or Model
         The fit, or the model if its values were given.
     origin : str
-        Where the values come from, for the output.
+        Description of where the values come from, which the output shows.
     own : bool
         Whether the values were estimated from the recording that the command reads.
     """

@@ -43,7 +43,9 @@ _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit in which terms that act as another process are replaced, with its confidence intervals.
+    """A fit with its confidence intervals, after the replacement of terms that act as another process.
+
+    A term acts as another process if the data cannot distinguish it from this process.
 
     Attributes
     ----------
@@ -77,9 +79,10 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
         B = √B² of a flicker term, otherwise min over τ of the model's Allan deviation / √(2 ln 2/π)
         A = √(2P)   f_0 of a sinusoid
 
-    Here f = 1/Δt is the sampling rate. The other symbols are the parameters of the processes per sample: σ² of white
-    noise, Q_d of quantization noise, γ² of a random walk, ω of a drift, β and σ²_GM of a Gauss-Markov process, and the
-    power P of a sinusoid.
+    Here f = 1/Δt is the sampling rate, and the other symbols are parameters of the model: the variance σ² of white
+    noise, the standard deviation Q_d of the rounding error of quantization noise, the variance γ² of the steps of a
+    random walk and the slope ω of a drift (both per sample), the inverse correlation time β (1/s) and the variance
+    σ²_GM of a Gauss-Markov process, the coefficient B² of flicker noise, and the power P of a sinusoid.
 
     If the model has a flicker term that is not zero, the bias instability B is its coefficient, as the standard defines
     it. Otherwise B is computed from the minimum of the Allan deviation of the model without its sinusoids, so it
@@ -92,9 +95,9 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     process.
 
     Confidence intervals are symmetric on a logarithmic scale. They come from the delta method with the joint covariance
-    of the estimates. The interval of R, which has a sign, is R ± z SE instead. A number is an upper limit if its term
-    cannot be distinguished from zero (as in `Fit.confidence_intervals`). B is an upper limit if the data do not show
-    that the curve has a minimum.
+    of the estimates. R can be negative, so its interval is R ± z SE with the standard error SE and the normal quantile
+    z. A number is an upper limit if its term cannot be distinguished from zero (as in `Fit.confidence_intervals`). B is
+    an upper limit if the data do not show that the curve has a minimum.
 
     Parameters
     ----------

@@ -151,7 +151,7 @@ def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Lin
 
 
 def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
-    """Return the largest value of `heights` within two bins, or 2 %, of a frequency."""
+    """Return the largest value of `heights` at most two bins or 2 %, whichever is more, away from a frequency."""
     near = np.abs(spectrum.frequencies - frequency) <= max(2 * spectrum.resolution, 0.02 * frequency)
     values = heights[near & np.isfinite(heights)]
     return float(values.max()) if values.size else float("nan")
