@@ -55,7 +55,9 @@ def agree(
             show_default=False,
         ),
     ] = None,
-    size: Annotated[float, typer.Option(help="Probability that any number is marked if all agree.")] = 0.05,
+    size: Annotated[
+        float, typer.Option(help="Significance level: probability that any number is marked if all agree.")
+    ] = 0.05,
     horizon: Annotated[
         str,
         typer.Option(

@@ -45,7 +45,9 @@ def budget(
     latitude: Annotated[float, typer.Option(help="Latitude (deg).")] = LATITUDE,
     rate: Annotated[
         float | None,
-        typer.Option(help="Sampling rate (Hz), for a source without a recording.", show_default=False),
+        typer.Option(
+            help="Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it.", show_default=False
+        ),
     ] = None,
     level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
     against: Annotated[

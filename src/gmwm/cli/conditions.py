@@ -1,4 +1,4 @@
-"""gmwm fit --conditions: fit one model to parts of a recording that were made at different known conditions."""
+"""gmwm fit --conditions: fit one model to the parts of a recording that have different known conditions."""
 
 from __future__ import annotations
 

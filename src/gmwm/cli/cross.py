@@ -39,7 +39,10 @@ def cross(
     chunked: Chunked = "auto",
     size: Annotated[
         float,
-        typer.Option(help="Probability of any false detection in all tests together.", rich_help_panel="Estimation"),
+        typer.Option(
+            help="Significance level: probability of any false detection in all tests together.",
+            rich_help_panel="Estimation",
+        ),
     ] = 0.05,
     csv: Annotated[
         Path | None,

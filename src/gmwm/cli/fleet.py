@@ -100,7 +100,7 @@ def fleet(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Number of worker processes on this machine; 0 works in the main process. Default: one for each "
+            help="Number of worker processes on this machine; 0 uses only the main process. Default: one for each "
             "processor.",
             min=0,
             rich_help_panel=MACHINES,

@@ -78,7 +78,7 @@ def fuse(
     ] = None,
     csv: Annotated[
         Path | None,
-        typer.Option(help="Write the predicted deviations to this CSV file.", rich_help_panel=RESULT),
+        typer.Option(help="Write the predicted wavelet deviations to this CSV file.", rich_help_panel=RESULT),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)

@@ -32,7 +32,9 @@ def same(
     tolerance: Annotated[
         float, typer.Option(help="Largest |ln| of the ratio of two deviations that counts as equal: 0.1 allows 10 %.")
     ] = 0.0,
-    size: Annotated[float, typer.Option(help="Probability of any false difference in all tests together.")] = 0.05,
+    size: Annotated[
+        float, typer.Option(help="Significance level: probability of any false difference in all tests.")
+    ] = 0.05,
 ) -> Outcome:
     """Test whether recordings have the same noise at each scale, without a model.
 
