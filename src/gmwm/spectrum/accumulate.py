@@ -1,4 +1,4 @@
-"""Power spectral density of a recording in chunks, in bounded memory."""
+"""Power spectral density of a recording that is read in chunks, in bounded memory."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ from gmwm.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_s
 SHORTEST = 32
 """Smallest length of the blocks (samples) that is chosen automatically."""
 LONGEST = 1 << 16
-"""Largest default length of a block (samples): 11 min at 100 Hz, 1 MB of memory."""
+"""Largest length of a block (samples) that is chosen automatically. It is 11 min at 100 Hz and takes 1 MB of memory."""
 ENOUGH = 15
-"""Number of blocks of one length from which shorter blocks are not needed: 8 lengths of a recording without gaps. The
-standard error of the density is then 27 %, and the mean of neighbouring frequencies is as precise as with shorter
-blocks."""
+"""Number of blocks of one length that is enough, so that shorter blocks are not used. A recording of eight block
+lengths without gaps has 15 overlapping blocks. The standard error of the density is then 27 %, and the mean over
+neighbouring frequencies is as precise as with shorter blocks."""
 LEAST_SAMPLES = 64
-"""Smallest number of samples without a gap for an estimate of the spectrum: three blocks of the shortest length."""
+"""Smallest number of samples without a gap for an estimate of the spectrum. They contain three blocks of the shortest
+length."""
 FOLD = 1 << 18
 """Number of samples that are buffered before they are processed."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Sums over the blocks of one length, the number of blocks that overlap with the previous block, and the first and
-    last sample.
+    """Sums over the blocks of one length.
 
-    `first` and `last` are the beginnings of the first and the last block.
+    `pairs` is the number of blocks that overlap with the previous block. `first` and `last` are the indices of the
+    first samples of the first and the last block.
     """
 
     sums: Periodograms
@@ -56,13 +57,14 @@ class _Sums:
 
 
 class SpectrumAccumulator(OneAtATime):
-    """Accumulator of the power spectral density, for a recording that exceeds memory or is still growing.
+    """Accumulator of the power spectral density of a recording that does not fit into memory or is still growing.
 
     Blocks begin at multiples of half their length, counted from the beginning of the recording, so the result does not
     depend on how the recording is split. Parts can be accumulated separately, with `start` as the number of the first
     sample, and merged in order. Call `gap()` between two chunks if samples are missing: no block extends across a gap.
 
-    Unless `length` is given, the length is the greatest power of two, up to 2^16 samples, that leaves 15 blocks.
+    Unless `length` is given, the block length is the largest power of two, up to 2^16 samples, for which there are at
+    least 15 blocks.
 
     Parameters
     ----------
@@ -71,9 +73,9 @@ class SpectrumAccumulator(OneAtATime):
     length : int, optional
         Length of the blocks (samples), an even number from 8.
     detrend : "constant" or "linear"
-        What is removed from each block: its mean, or a straight line.
+        Trend that is subtracted from each block: its mean, or a straight line.
     start : int
-        Number of the first sample, for a part of a recording.
+        Index of the first sample in the recording, if the accumulator processes a part of a recording.
     unit, axis : str
         Unit and name of the signal, for the result.
 
@@ -124,7 +126,7 @@ class SpectrumAccumulator(OneAtATime):
 
     @property
     def stop(self) -> int:
-        """Index in the recording of the next sample; samples missing in gaps are not counted."""
+        """Index of the next sample in the recording; missing samples in gaps are not counted."""
         return self.start + len(self)
 
     @property
@@ -163,12 +165,12 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def merge(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
-        """Return an accumulator of this part and of `following`, which directly follows it.
+        """Merge this part with the part that directly follows it, into a new accumulator.
 
         Raises
         ------
         OptionError
-            If the other does not begin where this one ends, or has other options.
+            If `following` does not begin where this part ends, or was made with other options.
         """
         if not isinstance(following, SpectrumAccumulator):
             raise OptionError(argument="following", expected="a SpectrumAccumulator", got=following)
@@ -192,12 +194,13 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
-        """Return an accumulator of this recording and another, independent one; no block has samples of both.
+        """Return an accumulator of this recording and an independent recording. No block has samples of both.
 
         Parameters
         ----------
         other : SpectrumAccumulator
-            An accumulator with the same options. The rate of the result is the rate of this recording.
+            Accumulator of the other recording, with the same options. The result has the sampling rate of this
+            recording.
         """
         self.gap()
         other.gap()
@@ -245,11 +248,11 @@ class SpectrumAccumulator(OneAtATime):
     def __repr__(self) -> str:
         return f"SpectrumAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
-    # --- inside ---------------------------------------------------------------------------------------
+    # --- private methods ------------------------------------------------------------------------------
 
     @property
     def _reach(self) -> int:
-        """Return the number of samples at an end of this part that a block across the end can use."""
+        """Number of samples at each end of this part that blocks across the end can contain."""
         return max(self._sums) - 1
 
     def _fold(self) -> None:
@@ -270,9 +273,9 @@ class SpectrumAccumulator(OneAtATime):
         self._tail = values[-self._reach :].copy()
 
     def _add(self, values: Vector, boundary: int, *, after: int, crossing: bool = False) -> None:
-        """Add the blocks of `values` that end after the sample number `boundary`, which is values[after].
+        """Add the blocks of `values` that end at or after the sample with the index `boundary`, which is values[after].
 
-        With `crossing`, only blocks that begin before the boundary are added.
+        If `crossing`, only blocks that begin before this sample are added.
         """
         begin = boundary - after
         for n, sums in list(self._sums.items()):
@@ -288,12 +291,12 @@ class SpectrumAccumulator(OneAtATime):
         self._drop_shorter()
 
     def _drop_shorter(self) -> None:
-        """Remove the blocks that are shorter than the longest length with enough blocks."""
+        """Remove the sums for lengths that are shorter than the longest length with enough blocks."""
         enough = max((n for n, sums in self._sums.items() if sums.blocks >= ENOUGH), default=0)
         self._sums = {n: sums for n, sums in self._sums.items() if n >= enough}
 
     def _joined(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
-        """Return the accumulator of both parts. Their arrays never change, so both can share them."""
+        """Return the accumulator of both parts. It shares their arrays, which never change."""
         joint = SpectrumAccumulator(
             self.rate, length=self.length, detrend=self.detrend, start=self.start, unit=self.unit,
             axis=self.axis or following.axis,
@@ -324,12 +327,12 @@ class SpectrumAccumulator(OneAtATime):
 
 
 def checked_length(length: int | None) -> int | None:
-    """Check the length of the blocks: an even number from 8, or None.
+    """Check the length of the blocks, and return it.
 
     Raises
     ------
     OptionError
-        If the value is anything else.
+        If the length is neither None nor an even number of at least 8.
     """
     if length is None:
         return None

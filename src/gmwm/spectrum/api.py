@@ -49,32 +49,32 @@ def psd(
 ) -> PowerSpectrum | PowerSpectra:
     """Estimate the power spectral density of a signal, or of each axis of a recording, and find lines and bumps in it.
 
-    Welch's method: the recording is divided into K blocks of L samples that overlap by one half. The mean is removed
-    from each block, and the density is the mean of the periodograms under a Hann window w,
+    The method is Welch's. The recording is divided into K blocks of L samples that overlap by one half. The mean is
+    subtracted from each block k, and the density is the mean of the periodograms with a Hann window w,
 
-    Ŝ(f) = 2 / (K f_s Σ w_t²) Σ_k |Σ_t w_t x_{k,t} e^{−2πi f t / f_s}|².
+    Ŝ(f) = 2 / (K f_s Σ w_t²) Σ_k |Σ_t w_t x_{k,t} e^{−2πi f t / f_s}|²,
 
-    It has about 1.9 K degrees of freedom. Values at neighbouring frequencies are nearly independent, so their mean,
-    which plots and the summary show, is as precise as the density from shorter blocks.
+    at the sampling rate f_s. It has about 1.9 K degrees of freedom. Values at neighbouring frequencies are nearly
+    independent, so their mean, which plots and the summary show, is as precise as the density from shorter blocks.
 
     A **line** is a significant peak that is a few frequencies wide, or whose frequency is at least 60 times its width.
-    A **bump** is a wider significant peak, such as a resonance. A peak is significant if it is above the medians of the
-    densities on both of its sides. The probability of any false one in a recording of noise with a monotone spectrum is
-    at most 1 %. `PowerSpectrum.detectable_amplitude` is the smallest amplitude of a line that is found. Lines below 12
-    times the spacing of the frequencies, f_s / L, are not found, and a resonance narrower than twice the spacing cannot
-    be distinguished from a line.
+    A **bump** is a wider significant peak, such as a resonance. A peak is significant if it is significantly above the
+    medians of the densities on both of its sides. The probability of any false line or bump in a recording of noise
+    with a monotone spectrum is at most 1 %. `PowerSpectrum.detectable_amplitude` is the smallest amplitude of a line
+    that is found. Lines below 12 times the frequency spacing f_s / L are not found, and a resonance that is narrower
+    than twice the spacing cannot be distinguished from a line.
 
     Parameters
     ----------
     x : Imu, Signal, or (N,) array in any unit
-        Finite samples, at least 64 without a gap. No block extends across a gap of a Signal that is not filled.
+        Finite samples, at least 64 without a gap. No block extends across a gap that is not filled.
     rate : float
         Sampling rate (Hz); leave it out for an Imu or a Signal.
     length : int, optional
-        Length L of the blocks (samples), an even number from 8. By default the greatest power of two, up to 65536,
-        that leaves at least 15 blocks.
+        Length L of the blocks (samples), an even number from 8. By default it is the largest power of two, up to 65536,
+        for which there are at least 15 blocks.
     detrend : "constant" or "linear"
-        The trend to remove from each block: its mean, or a straight line.
+        Trend that is subtracted from each block: its mean, or a straight line.
     confidence : float
         Confidence level of the limits, from 0.5 to below 1.
     fill_gaps : bool
@@ -127,7 +127,7 @@ def signal_psd(
     confidence: float = 0.95,
     fill_gaps: bool = True,
 ) -> PowerSpectrum:
-    """Estimate the power spectral density of one signal; a recording of several axes is an error. See `psd`."""
+    """Estimate the power spectral density of one signal, as `psd` does; the arguments are the same."""
     segments: list[Vector]
     if isinstance(x, Signal):
         if rate is not None and as_rate(rate) != x.rate:

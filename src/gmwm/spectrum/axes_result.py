@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
-    """Power spectral densities of the axes of one recording: a mapping of axis to `PowerSpectrum`.
+    """Power spectral densities of the axes of one recording, as a mapping of axis to `PowerSpectrum`.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
         Parameters
         ----------
         models : mapping of axis to Model, Process or str, optional
-            Models with values, which are drawn over the spectra.
+            Models with values, whose densities are drawn on top of the spectra.
         units : "si" or "datasheet"
-            rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+            Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -94,7 +94,7 @@ class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
         Raises
         ------
         OptionError
-            If `units` is unknown, or is "datasheet" for a signal of another kind.
+            If `units` is unknown, or is "datasheet" and an axis is neither an angular rate nor an acceleration.
         """
         from gmwm.plots.spectrum import plot_spectra
 
@@ -105,7 +105,7 @@ class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
         return {axis: spectrum.to_dict() for axis, spectrum in self.spectra.items()}
 
     def summary(self) -> str:
-        """Format the root density in each octave, and the lines and bumps, of every axis."""
+        """Format, for every axis, the root density in each octave, the lines and the bumps."""
         return "\n\n".join(spectrum.summary() for spectrum in self.spectra.values())
 
     def __repr__(self) -> str:

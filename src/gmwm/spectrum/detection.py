@@ -1,4 +1,4 @@
-"""The smallest amplitude of a sinusoid that the search for lines can find."""
+"""Smallest amplitude of a sinusoid that the search for lines can detect."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: float = 0.9) -> Vector:
     """Return the smallest detectable amplitudes (u); see `PowerSpectrum.detectable_amplitude`.
 
-    The density at the nearest frequency of the spectrum is S χ²_ν(ν q) / ν, a noncentral χ² variable, where q is the
-    ratio of the line to the level S. The threshold is r times the higher one of both flanks. q is the noncentrality at
-    which the threshold is exceeded with the probability `power`.
+    At the frequency of the spectrum nearest to a line, the density is S χ²_ν(ν q) / ν. Here S is the level of the
+    noise, q is the ratio of the density of the line to S, and χ²_ν(ν q) is a noncentral chi-square variable with ν
+    degrees of freedom. The line is detected if the density exceeds a multiple of the higher one of the two flank
+    medians. q is the ratio at which this happens with the probability `power`, and it determines the amplitude.
     """
     from scipy.special import chndtrinc, fdtri
 
@@ -39,7 +40,7 @@ def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: f
         spectrum.density[FIRST_BIN:size], spectrum.degrees_of_freedom[FIRST_BIN:size], NEAR, FAR, least=LEAST_FLANK
     )
     tests = size - 2 * FIRST_BIN - NEAR - LEAST_FLANK + 1
-    # The flanks of frequencies close to half the rate are those on the left.
+    # Frequencies close to half the rate have only a left flank, which is used for both sides.
     left, right = beside.left, np.where(np.isnan(beside.right), beside.left, beside.right)
     level, higher = np.full((2, size), np.nan)
     level[FIRST_BIN:], higher[FIRST_BIN:] = np.sqrt(left * right), np.maximum(left, right)
@@ -54,5 +55,5 @@ def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: f
 
 
 def _gain(away: Vector) -> Vector:
-    """Power gain of the Hann window for a sinusoid `away` bins from a frequency, at most a half."""
+    """Return the power gain of the Hann window at a distance of `away` bins (at most ½) from a sinusoid."""
     return np.asarray((np.sinc(away) / (1 - away**2)) ** 2)

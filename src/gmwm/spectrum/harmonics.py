@@ -12,10 +12,11 @@ HIGHEST = 40
 
 
 def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
-    """Return the lines by frequency, with the number of the harmonic and the fundamental of those in a group.
+    """Return the lines sorted by frequency. The lines of a group have the number k of their harmonic and the
+    fundamental.
 
-    A line belongs to a fundamental f₀ if it differs from k f₀ by at most the resolution and three standard errors. The
-    fundamental with the most harmonics is taken first.
+    A line belongs to the group of the fundamental f₀ if its frequency differs from k f₀ by at most the resolution (Hz)
+    plus three standard errors. The fundamental with the most harmonics is chosen first.
     """
     waiting = sorted(lines, key=lambda line: line.frequency)
     done: list[Line] = []

@@ -1,4 +1,4 @@
-"""Local level of a power spectral density beside each frequency, and the significance of a density above it."""
+"""Level of a power spectral density on both sides of each frequency, and the significance of a density above it."""
 
 from __future__ import annotations
 
@@ -10,36 +10,38 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gmwm._arrays import Vector, row_medians
 
 NEIGHBOURS = (4 / 9, 1 / 36)
-"""Correlation of Hann periodograms one and two bins apart: (2/3)² and (1/6)²."""
+"""Correlations (2/3)² and (1/6)² of the values of a periodogram with a Hann window that are one and two bins apart."""
 FLANK_SHARE = 5.0
-"""Degrees of freedom of the median of a flank, relative to the degrees of freedom of a value: 8 independent values,
-times the efficiency 2/π of a median. 16 neighbouring frequencies of a Hann spectrum have the information of 8
-independent ones."""
+"""Degrees of freedom of the median of a flank, relative to the degrees of freedom of one value. The 16 neighbouring
+frequencies of a flank have the information of 8 independent values, and a median has the efficiency 2/π."""
 GROUP = 256
-"""Number of frequencies whose scatter is used to check the degrees of freedom; the scatter then has a standard error of
-7 %."""
+"""Number of neighbouring frequencies whose scatter is used to check the degrees of freedom. The scatter then has a
+standard error of 7 %."""
 
 
 class Flanks(NamedTuple):
-    """Medians of the values on the left and on the right of each value; NaN if there are too few."""
+    """Medians of the values to the left and to the right of each value; NaN if there are too few values."""
 
     left: Vector
     right: Vector
 
     @property
     def level(self) -> Vector:
-        """The higher of the two medians: at least the level between them, for every monotone spectrum."""
+        """Higher one of the two medians, which is at least the level between them for every monotone spectrum."""
         return np.maximum(self.left, self.right)
 
     @property
     def between(self) -> Vector:
-        """The geometric mean of the two medians: the level between them for a power law."""
+        """Geometric mean of the two medians, which is the level between them for a power law."""
         return np.sqrt(self.left * self.right)
 
 
 def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, least: int) -> Flanks:
-    """Compute local levels from the values that are `nearest` to `farthest` places away, at least `least` on each
-    side."""
+    """Compute the medians of the values that are `nearest` to `farthest` positions away on each side of every value.
+
+    They are divided by the median of χ²_ν / ν, so that they estimate the level. A side with fewer than `least` values
+    gives NaN.
+    """
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
     windows = sliding_window_view(padded, width)
@@ -56,12 +58,13 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
 
 
 def median_factor(freedom: Vector) -> Vector:
-    """Return the median of χ²_ν / ν (Wilson and Hilferty 1931)."""
+    """Return the median of χ²_ν / ν for `freedom` ν (Wilson and Hilferty 1931)."""
     return (1 - 2 / (9 * freedom)) ** 3
 
 
 def p_values(ratio: Vector, freedom: Vector) -> Vector:
-    """Return the probability that noise gives a larger ratio of a value to the median of a flank: an F distribution."""
+    """Return the probability that noise gives a larger ratio of a value to the level of a flank, by the F
+    distribution."""
     from scipy.special import fdtrc
 
     return np.asarray(fdtrc(freedom, FLANK_SHARE * freedom, ratio))
@@ -70,7 +73,7 @@ def p_values(ratio: Vector, freedom: Vector) -> Vector:
 def effective_freedom(density: Vector, freedom: Vector) -> Vector:
     """Return the degrees of freedom of each density, reduced where neighbouring densities scatter more than expected.
 
-    They do if the noise is not stationary, for example if single blocks contain knocks.
+    The scatter is larger if the noise is not stationary, for example if some blocks contain knocks.
     """
     from scipy.special import polygamma
 
@@ -79,7 +82,7 @@ def effective_freedom(density: Vector, freedom: Vector) -> Vector:
         logs = np.log(density)
     for first in range(2, density.size - GROUP // 4, GROUP):
         part = slice(first, first + GROUP)
-        # Second differences of values that are three bins apart, nearly independent, have no part of a smooth spectrum.
+        # Values three bins apart are nearly independent, and their second differences remove a smooth spectrum.
         values = logs[part]
         if values.size < 16 or not np.all(np.isfinite(values)):
             continue
@@ -93,6 +96,9 @@ def effective_freedom(density: Vector, freedom: Vector) -> Vector:
 
 
 def pooled_freedom(freedom: Vector, count: Vector) -> Vector:
-    """Return the degrees of freedom of the mean of `count` neighbouring densities of a Hann spectrum."""
+    """Return the degrees of freedom of the mean of `count` neighbouring densities of a spectrum with a Hann window.
+
+    `freedom` are the degrees of freedom of one density.
+    """
     one, two = NEIGHBOURS
     return freedom * count / (1 + 2 * one * (1 - 1 / count) + 2 * two * np.maximum(1 - 2 / count, 0))

@@ -5,28 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 LEAST_QUALITY = 60.0
-"""Smallest ratio of frequency to width for which a peak is a line: twice the Q factor of a sharp resonance, 30."""
+"""Smallest ratio of frequency to width for which a peak is a line. It is twice the Q factor of a sharp resonance,
+30."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """A line in a spectrum: a sinusoid, or a disturbance whose frequency wanders by less than 1/60 of itself.
+    """Line in a spectrum, caused by a sinusoid or by a disturbance whose frequency varies by less than 1/60.
 
     Attributes
     ----------
     frequency, frequency_error : float
-        Frequency of the line (Hz) and its standard error. For a wandering line, it is the mean frequency.
+        Frequency of the line (Hz) and its standard error. For a line whose frequency varies, it is the mean frequency.
     amplitude, amplitude_error : float
-        Amplitude A of the sinusoid (u), √2 times its root mean square, and its standard error.
+        Amplitude of the sinusoid (u), which is √2 times its root mean square, and its standard error.
     width : float
-        Width at half the power (Hz) without the width of the window; 0 if the line is narrower than can be measured.
+        Width of the line at half the power (Hz), without the width of the window; 0 if it is too small to be measured.
     height : float
-        Ratio of the density of the line to the local level.
+        Ratio of the density of the line to the level of the spectrum on both sides of it.
     p_value : float
-        Probability that noise gives so high a density at this frequency.
+        Probability that noise gives a density at this frequency that is as high as that of the line.
     harmonic, fundamental : int or None, float or None
-        k and f₀ (Hz) if the frequency is k f₀ and other lines are at multiples of f₀ too. The fundamental itself has
-        k = 1.
+        The numbers k and f₀ (Hz) if the frequency is k f₀ and there are other lines at multiples of f₀. The fundamental
+        has k = 1.
     """
 
     frequency: float
@@ -41,11 +42,11 @@ class Line:
 
     @property
     def narrow(self) -> bool:
-        """Whether the line is narrower than can be measured."""
+        """Whether the width of the line is too small to be measured."""
         return self.width == 0
 
     def described(self, unit: str = "u") -> str:
-        """Format frequency and amplitude with their standard errors, width and harmonic.
+        """Format the frequency and the amplitude with their standard errors, the width and the harmonic.
 
         Parameters
         ----------
@@ -62,20 +63,20 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True)
 class Bump:
-    """A bump in a spectrum: a broad peak, such as a mechanical resonance of the sensor or its mounting.
+    """Bump in a spectrum, which is a broad peak such as a mechanical resonance of the sensor or its mounting.
 
     Attributes
     ----------
     frequency : float
         Frequency of the peak (Hz).
     width : float
-        Width at half the power above the level beside it (Hz).
+        Width (Hz) at half the height above the level of the spectrum on both sides of the peak.
     height : float
-        Ratio of the density at the peak to the level beside it.
+        Ratio of the density at the peak to the level on both sides of it.
     density : float
         Power spectral density at the peak (u²/Hz, one-sided).
     p_value : float
-        Probability that noise gives so high a peak at this frequency.
+        Probability that noise gives a peak at this frequency that is as high.
     """
 
     frequency: float
@@ -86,10 +87,10 @@ class Bump:
 
     @property
     def quality(self) -> float:
-        """Q factor: frequency divided by width."""
+        """Q factor, which is the frequency divided by the width."""
         return self.frequency / self.width
 
     def described(self) -> str:
-        """Format frequency, height, width and Q."""
+        """Format the frequency, the height, the width and the Q factor."""
         size = f"{self.height:.3g} × its surroundings, width {self.width:.2g} Hz, Q {self.quality:.2g}"
         return f"{self.frequency:.3g} Hz, {size}"

@@ -1,4 +1,4 @@
-"""Frequency, amplitude and width of a line from the density above the local level."""
+"""Frequency, amplitude and width of a line, from the density above the level on both sides of it."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 CORRELATIONS = (1.0, 2 / 3, 1 / 6)
-"""Correlation of the Fourier coefficients of Hann blocks 0, 1 and 2 bins apart, in absolute value."""
+"""Absolute correlations of the Fourier coefficients of a block with a Hann window that are 0, 1 and 2 bins apart."""
 FREQUENCY_OVERLAP = 0.4
-"""Variance of the mean frequency over blocks that overlap by one half, relative to independent blocks. The noise enters
-with the weights h = w w', whose overlapping halves have the correlation −3/10: 1 − 2 · 3/10."""
+"""Variance of the mean frequency over blocks that overlap by one half, relative to independent blocks. The noise is
+weighted by the window w times its derivative; the weights of overlapping halves have the correlation −3/10, which gives
+1 − 2 · 3/10."""
 WINDOW_MOMENT = 1 / 3
-"""Second central moment (bins²) of a line under the Hann window: −r''(0) / 4π², with r the autocorrelation of the
-window."""
+"""Second central moment (bins²) of a line with a Hann window. It is −r''(0) / 4π², where r is the autocorrelation of
+the window."""
 TRUNCATION = 3e-4
-"""Largest error (bins) of the mean frequency over seven bins, from the side lobes beyond them."""
+"""Largest error (bins) of the mean frequency over seven bins that the side lobes outside these bins cause."""
 GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
-"""Width at half the height of a Gaussian shape, in units of its standard deviation."""
+"""Width of a Gaussian shape at half its height, in units of its standard deviation."""
 
 
 def measured_line(
@@ -32,9 +33,11 @@ def measured_line(
 ) -> Line:
     """Measure the line in the bins `first` to `last`.
 
-    The sum of the excess over the level is the power A²/2. Its mean is the frequency, and its second moment the width.
-    All three are linear in the density, so their standard errors follow from its covariance. For a narrow line, this
-    is the covariance for a sinusoid in noise; otherwise it is the covariance for narrow-band noise.
+    The excess is the density minus `level`. Its sum gives the power A²/2 of a sinusoid with the amplitude A, its mean
+    position gives the frequency, and its second moment the width. All three are linear in the density, so their
+    standard errors follow from the covariance of the density. A narrow line is treated as a sinusoid in noise, and a
+    wider line as narrow-band noise. `freedom` are the degrees of freedom of a density; `height` and `p_value` are
+    copied.
     """
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level
@@ -70,12 +73,13 @@ def measured_line(
 def _variance(
     weights: Vector, excess: Vector, *, level: float, freedom: float, wandering: bool, overlap: float = 1.0
 ) -> float:
-    """Compute the variance of Σ weights · excess, with the error of the level.
+    """Compute the variance of Σ weights · excess, including the error of the level.
 
-    `overlap` is the effect of overlapping blocks on the product of the sinusoid and the noise.
+    If `wandering`, the line is treated as narrow-band noise, and otherwise as a sinusoid. `overlap` is the factor by
+    which overlapping blocks change the variance of the product of the sinusoid and the noise.
     """
     line = np.maximum(excess, 0.0)
-    # The level is the mean of two medians of 16 bins each: ten times the degrees of freedom of a bin.
+    # The level is the mean of two medians of 16 bins each, so it has ten times the degrees of freedom of a bin.
     total = (float(weights.sum()) * level) ** 2 / 10
     for lag, correlation in enumerate(CORRELATIONS):
         one, two = slice(0, weights.size - lag), slice(lag, None)

@@ -1,4 +1,4 @@
-"""Narrow lines: single peaks of a few bins above the level on both of their sides."""
+"""Search for narrow lines, which are peaks of a few bins above the level on both of their sides."""
 
 from __future__ import annotations
 
@@ -19,32 +19,34 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 FIRST_BIN = 2
-"""First bin that is used: the Hann window spreads the mean that was removed over the bins 0 and 1."""
+"""First bin that is used. The bins 0 and 1 are affected by the subtraction of the mean, because of the Hann window."""
 NEAR, FAR = 4, 19
-"""Distances (bins) at which the flanks of a line begin and end: outside the four bins of the Hann window, 16 bins on
-each side."""
+"""Distances (bins) at which the flanks of a line begin and end. A flank has 16 bins, outside the four bins over which
+the Hann window spreads a line."""
 LEAST_FLANK = 6
-"""Smallest number of bins of a flank. With fewer, the frequency is too close to zero for the test."""
+"""Smallest number of bins of a flank. If there are fewer, the frequency is too close to zero for the test."""
 INNER, OUTER = 2, 8
 """A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
 OUTSIDE_NOISE = 6.0
-"""Standard error of the excess at 3 to 8 bins on both sides, relative to the standard error of a density: √12 for 12
-bins, √1.94 for the correlation of neighbours, and 12 times 0.3 for the level."""
+"""Standard error of the summed excess at 3 to 8 bins on both sides, relative to the standard error of one density. The
+factors are √12 for 12 bins and √1.94 for the correlation of neighbours; the error of the level adds 12 times 0.3."""
 CORE = 3
-"""Number of bins on each side that contain all power of a line under the Hann window except 7e-5."""
+"""Number of bins on each side of a line. With a Hann window, they contain all of its power except a share of 7e-5."""
 
 
 def narrow_lines(
     spectrum: PowerSpectrum, freedom: Vector, testable: NDArray[np.bool_], *, level: float
 ) -> tuple[list[Line], list[Bump], NDArray[np.bool_]]:
-    """Return the narrow peaks that are significant at a level for all bins together, and the bins without lines.
+    """Return the significant narrow lines and bumps, and the bins that are free of them.
 
-    A peak of a few bins with the shape of a resonance is a bump; the others are lines.
+    `level` is the significance level for all bins together, by Bonferroni's inequality. `freedom` are the degrees of
+    freedom of each density, and `testable` marks the bins in which peaks are searched. A peak of a few bins with the
+    shape of a resonance is a bump; other peaks are lines.
     """
     density, size = spectrum.density, spectrum.density.size - 1
     free = testable.copy()
-    # A sampled spectrum is symmetric about half the rate, so a line close to it has a flank on each side too. The
-    # density at half the rate itself is of another scale and is left out.
+    # The spectrum of a sampled signal is symmetric about half the rate, so a line close to it has flanks on both sides.
+    # The density at half the rate has half the degrees of freedom and is left out.
     shown = np.concatenate([density[FIRST_BIN:size], density[size - 1 : size - 1 - FAR : -1]])
     of_each = np.concatenate([freedom[FIRST_BIN:size], freedom[size - 1 : size - 1 - FAR : -1]])
     found = flanks(shown, of_each, NEAR, FAR, least=LEAST_FLANK)
@@ -74,22 +76,22 @@ def narrow_lines(
             bumps.append(
                 Bump(frequency=line.frequency, width=width, height=ratio, density=float(shown[k]), p_value=line.p_value)
             )
-            # No second peak is looked for in its shape.
+            # No further peak is searched within the resonance.
             free[max(center - OUTER, 0) : center + OUTER + 1] = False
             continue
         lines.append(line)
-        # Beyond the skirt the side lobes of the window, which fall as 1 / π² x⁶, are below a tenth of the level.
+        # Outside `skirt` bins, the side lobes of the line are below a tenth of the level. They fall as 1 / π² x⁶.
         skirt = max(half, math.ceil((10 * ratio / math.pi**2) ** (1 / 6)))
         free[max(center - skirt, 0) : center + skirt + 1] = False
     return lines, bumps, free
 
 
 def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> float | None:
-    """Return the width (Hz) of a resonance that looks like a line of some bins; None if it is too narrow for a
+    """Return the width (Hz) of a resonance that is only a few bins wide; None if the peak is too narrow for a
     resonance.
 
-    The fitted width is the width of a Lorentz shape under the Hann window, a Voigt shape: 0.5346 w + √(0.2166 w² + v²)
-    by Olivero and Longbothum, where v is the width of the window.
+    The Hann window broadens the Lorentz shape of width w to a Voigt shape, whose width is fitted. By Olivero and
+    Longbothum, the fitted width is 0.5346 w + √(0.2166 w² + v²), where v is the width of the window.
     """
     if line.narrow or line.frequency >= LEAST_QUALITY * line.width:
         return None
@@ -109,13 +111,15 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
 
 
 def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
-    """Return the number of bins on each side that contain the power of the peak at k; None if the peak is not
-    narrow."""
+    """Return the number of bins on each side that contain the power of the peak at bin k; None if it is not narrow.
+
+    `noise` is the standard error of one density.
+    """
     excess = density[max(k - OUTER, 0) : k + OUTER + 1] - level
     distance = np.abs(np.arange(excess.size) - min(k, OUTER))
     inside, outside = float(excess[distance <= INNER].sum()), float(excess[distance > INNER].sum())
     if outside > inside / 2 + OUTSIDE_NOISE * noise:
         return None
-    # A few bins wide: more than the window and the noise explain lies outside of the core.
+    # The peak is wider than the core if the power outside the core exceeds what the window and the noise explain.
     beyond = float(excess[distance > CORE].sum())
     return OUTER if beyond > inside / 10 + OUTSIDE_NOISE * noise else CORE

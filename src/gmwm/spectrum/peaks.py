@@ -1,4 +1,4 @@
-"""Lines and bumps in a power spectral density: peaks above both of their flanks, from narrow to wide."""
+"""Search for lines and bumps in a power spectral density, which are peaks above both of their flanks."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 FALSE_ALARMS = 0.01
-"""Probability of a false line or bump in a spectrum of noise whose density is monotone, by Bonferroni's inequality: one
-half for narrow lines, one half for wide peaks. Pinned by tests/spectrum/test_false_alarms.py."""
+"""Largest probability of a false line or bump in a spectrum of noise with a monotone density, by Bonferroni's
+inequality. One half is for narrow lines, and one half for wide peaks. Pinned by tests/spectrum/test_false_alarms.py."""
 
 STATIONARY = 0.5
-"""Smallest degrees of freedom, relative to stationary noise, at which peaks are tested. If knocks have most of the
-power, densities at neighbouring frequencies are not independent: a short knock has a random spectrum with bumps."""
+"""Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. If knocks have most of the
+power, densities at neighbouring frequencies are not independent, because the spectrum of a short knock has bumps."""
 
 
 def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, ...]]:
-    """Return the lines and the bumps of a spectrum, by frequency.
+    """Return the lines and the bumps of a spectrum, sorted by frequency.
 
-    A line is a peak whose density is significantly above the medians of 16 bins on both of its sides and that is a few
-    bins wide. Wider peaks are found in the same way on grids of constant relative resolution, from 1/3072 to 1/6
-    octave. A peak whose frequency is at least 60 times its width is a line that wanders, and any other peak is a bump.
+    A line is a peak of a few bins whose density is significantly above the medians of 16 bins on both of its sides.
+    Wider peaks are found in the same way on grids of constant relative resolution, from 1/3072 to 1/6 octave. A wider
+    peak is a line of varying frequency if its frequency is at least 60 times its width, and a bump otherwise.
     Frequencies at which the power of the noise differs much between the blocks are not searched.
     """
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):

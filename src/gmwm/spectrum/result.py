@@ -1,4 +1,4 @@
-"""Result of a power spectral density of one signal."""
+"""Power spectral density of one signal."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ class PowerSpectrum(Summarised):
     frequencies : (n,) array
         Frequencies (Hz), ascending, from 0 to half the rate.
     density : (n,) array, in unit²/Hz
-        One-sided power spectral density: its integral over the frequencies is the variance of the signal. A model's
-        `psd` is two-sided, one half of this.
+        One-sided power spectral density, whose integral over the frequencies is the variance of the signal. The `psd`
+        of a model is two-sided and therefore half as large.
     degrees_of_freedom : (n,) array
         Equivalent degrees of freedom of each density.
     rate : float
         Sampling rate (Hz).
     samples : int
-        Length of the signal (samples), without gaps.
+        Length of the signal, without the missing samples in gaps.
     length, blocks : int
-        Length of the blocks (samples), and their number.
+        Length of the blocks (samples), and number of blocks.
     unit, axis : str
         Unit and name of the signal; "" if they are unknown.
     confidence : float
         Confidence level of the limits.
     lines : tuple of Line
-        Lines by frequency, with at most 1 % false alarms in a recording.
+        Lines, sorted by frequency. The probability of any false line or bump in a recording of noise is at most 1 %.
     bumps : tuple of Bump
-        Broad peaks by frequency.
+        Broad peaks, sorted by frequency.
 
     Examples
     --------
@@ -107,7 +107,7 @@ class PowerSpectrum(Summarised):
 
     @property
     def resolution(self) -> float:
-        """Width (Hz) at half the power of a sinusoid in this spectrum. Lines closer than this are not separated."""
+        """Width (Hz), at half its power, of a sinusoid in this spectrum. Lines closer than this are not separated."""
         return HALF_POWER_WIDTH * self.rate / self.length
 
     @property
@@ -121,13 +121,13 @@ class PowerSpectrum(Summarised):
     def smoothed(self, per_octave: int = 24) -> PowerSpectrum:
         """Return the spectrum with densities averaged over bins of constant relative width, except around lines.
 
-        At low frequencies, and within six bins of a line, every frequency is kept. The frequency 0, which has the mean
-        of the signal, and the last frequency are left out. `Calibration` keeps this spectrum, and plots show it.
+        At low frequencies, and within six bins of a line, every frequency is kept. The frequency 0, which contains the
+        mean of the signal, and the last frequency are left out. `Calibration` stores this spectrum, and plots show it.
 
         Parameters
         ----------
         per_octave : int
-            Bins per octave, from 1.
+            Number of bins per octave, at least 1.
         """
         from gmwm.spectrum.smoothing import smoothed
 
@@ -146,12 +146,12 @@ class PowerSpectrum(Summarised):
         Returns
         -------
         array
-            NaN if a frequency is too close to 0 or above half the rate.
+            Amplitude for each frequency; NaN if a frequency is too close to 0 or above half the rate.
 
         Raises
         ------
         DataError
-            If the spectrum is a smoothed one.
+            If the spectrum is smoothed.
 
         Examples
         --------
@@ -174,18 +174,18 @@ class PowerSpectrum(Summarised):
     ) -> MatplotlibFigure:
         """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
 
-        The density is averaged over 1/24 octave, except around lines. It is one-sided: white noise with the density N
-        of a datasheet, which is two-sided, lies at √2 N.
+        The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
+        two-sided density N of a datasheet is drawn at √2 N.
 
         Parameters
         ----------
         model : Model, Process or str, optional
-            A model with values, `fit.model` for example, whose density and terms are drawn over the spectrum. A cross
-            shows how high a sinusoid reaches in this spectrum.
+            Model with values, such as `fit.model`. Its density and the densities of its terms are drawn on top of the
+            spectrum. A cross marks the height of a sinusoid of the model in this spectrum.
         units : "si" or "datasheet"
-            rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+            Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; by default the axes of a new figure.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -196,14 +196,14 @@ class PowerSpectrum(Summarised):
         Raises
         ------
         OptionError
-            If `units` is unknown, or is "datasheet" for a signal of another kind.
+            If `units` is unknown, or is "datasheet" and the signal is neither an angular rate nor an acceleration.
         """
         from gmwm.plots.spectrum import plot_spectrum
 
         return plot_spectrum(self, model=model, units=units, ax=ax, path=path)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers, lists and strings, ready for JSON."""
+        """Return all fields as plain numbers, lists and strings for JSON."""
         return {
             "frequencies": self.frequencies.tolist(),
             "density": self.density.tolist(),
@@ -247,7 +247,7 @@ class PowerSpectrum(Summarised):
         )
 
     def summary(self) -> str:
-        """Format the root density in each octave, and the lines and bumps."""
+        """Format the root density in each octave, the lines and the bumps."""
         unit = self.unit or "u"
         lines = [
             f"Power spectral density{' of ' + self.axis if self.axis else ''}: {self.extent}, "

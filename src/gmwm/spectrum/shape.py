@@ -1,4 +1,4 @@
-"""Fit a resonance: a Lorentz shape on a power law."""
+"""Fit of a resonance by a Lorentz shape on top of a power law."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from gmwm._arrays import Vector
 
 LEAST_POINTS = 8
-"""Smallest number of densities for the five parameters of the shape."""
+"""Smallest number of densities to which the five parameters of the shape are fitted."""
 WITHIN = 3.0
-"""Largest shift of the frequency, in widths, and largest factor on the width at which a fit is used. With a larger
-change, the fit describes something else."""
+"""Largest factor by which a fit may change the width. After a larger change, the fit describes another feature of the
+spectrum and is rejected. The frequency may change by at most one width."""
 
 
 def lorentz_fit(
@@ -20,19 +20,20 @@ def lorentz_fit(
 ) -> tuple[float, float] | None:
     """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities by maximum likelihood.
 
-    Each density has a gamma distribution. The sum of the squares of its deviance residuals is minimised.
+    Each density has a gamma distribution. The sum of the squared deviance residuals is minimised. In the formula, c is
+    `center`, a (f/c)^b is the level, h is the height of the peak, f₀ its frequency and w its width.
 
     Parameters
     ----------
     frequencies, density, freedom : (n,) arrays
         Frequencies (Hz), densities (u²/Hz) and their degrees of freedom.
     center, width : float
-        First values of f₀ and w (Hz).
+        Starting values of f₀ and w (Hz).
 
     Returns
     -------
     (float, float) or None
-        f₀ and w (Hz); None if the fit does not succeed.
+        Fitted f₀ and w (Hz); None if the fit fails.
     """
     from scipy.optimize import least_squares
 

@@ -1,4 +1,4 @@
-"""Fit the power spectral density of an ARMA process to a measured one, by least squares of logarithms."""
+"""Fit of the power spectral density of an ARMA process to a measured density, by least squares of logarithms."""
 
 from __future__ import annotations
 
@@ -13,32 +13,35 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector, freeze
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
-"""Numbers of roots (p, q) that are added to the best process so far (tests/spectrum/test_short_memory.py: filters up to
-order 4, moving averages, resonances)."""
+"""Numbers of roots (p, q) that are added to the best process so far. They are sufficient for filters up to order 4,
+moving averages and resonances (tests/spectrum/test_short_memory.py)."""
 HIGHEST = 10
 """Largest order p or q."""
 SURE = 0.05
-"""Largest standard error of the logarithm of the density at 0. N, the square root of the density, is then known within
-2.5 %."""
+"""Largest accepted standard error of the logarithm of the density at the frequency 0. N, the square root of the
+density, then has a relative standard error of at most 2.5 %."""
 POLE, ZERO = 0.987, 1 - 1e-6
-"""Largest modulus of a pole and of a zero. A pole of 0.987 has a width of 0.4 % of the rate, 0.4 Hz at 100 Hz. Its
-memory is 2000 samples, the largest that the covariance supports. A zero must be inside the unit circle."""
+"""Largest moduli of poles and of zeros. A pole of 0.987 has a width of 0.4 % of the sampling rate, 0.4 Hz at 100 Hz.
+Its memory is 2000 samples, the most that the covariance supports. A zero must be inside the unit circle."""
 FLAT = 0.25
-"""Largest logarithm of the density at 0, relative to the lowest frequency of the data: a resonance at four times this
-frequency changes it by 0.13, and no data support a larger step."""
+"""Largest absolute logarithm of the ratio of the density at the frequency 0 to the density at the lowest frequency of
+the data. A resonance at four times the lowest frequency changes it by 0.13, and the data cannot support a larger
+step."""
 ACCURACY = 0.005
-"""Relative error that every density has at least, so that a few precise frequencies do not determine the shape."""
+"""Relative error that is added to the error of every density, so that a few precise frequencies do not determine the
+shape."""
 FLOOR = 1e-4
-"""Density, relative to the density at low frequencies, below which a stop band is ignored: it is far below the noise
+"""Density, relative to the density at low frequencies, below which a stop band is ignored. It is far below the noise
 that rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
 KNOWN = 2.0
-"""Standard deviation of the logarithm of the factor on the known part, which is also fitted: the slow terms come from a
-fit without this shape, and may be wrong by a factor of several (docs/validation/sensors.md)."""
+"""Prior standard deviation of the logarithm of the factor by which the known part is multiplied in the fit. The slow
+terms of the known part come from a fit without this shape, and may be wrong by a factor of several
+(docs/validation/sensors.md)."""
 LEAST_KNOWN = 1e-3
-"""Smallest known part that is assumed, relative to the lowest density. It decreases with frequency as for a random
-walk."""
+"""Smallest known part that is assumed, relative to the density at low frequencies. It decreases with frequency in the
+same way as the density of a random walk."""
 LIKELY = 0.01
-"""Smallest weight of another order that is reported in addition to the best one."""
+"""Smallest weight for which a process of another order is reported in addition to the best process."""
 _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
 _NEAR = 1e-4
 _SMOOTH = 5
@@ -46,14 +49,14 @@ _SMOOTH = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alternative:
-    """A process of another order that describes the density nearly as well.
+    """Process of another order that describes the density nearly as well as the best process.
 
     Attributes
     ----------
     phi, theta : (p,), (q,) arrays
         Coefficients, as in `SpectralShape`.
     density : float
-        Density at the frequency 0, per sample.
+        Density at the frequency 0 (unit² per cycle per sample).
     weight : float
         Posterior probability among all orders that were tried, by the Bayesian information criterion.
     """
@@ -66,18 +69,19 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpectralShape:
-    """An ARMA process whose power spectral density follows the measured one at high frequencies.
+    """ARMA process whose power spectral density describes the measured density at high frequencies.
 
     Attributes
     ----------
     phi, theta : (p,), (q,) arrays
-        Coefficients: X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}.
+        Coefficients of the process X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}.
     innovation : float
         Variance of ε, in unit².
     covariance : (p + q, p + q) array
-        Covariance of the coefficients.
+        Covariance of the errors of the coefficients.
     misfit : float
-        Mean squared distance between the logarithms, relative to its expectation; near 1 for a good fit.
+        Mean squared difference between the logarithms of the measured and the fitted density, relative to its
+        expectation; near 1 for a good fit.
     alternatives : tuple of Alternative
         Processes of other orders with a weight of at least 1 %.
     """
@@ -95,32 +99,33 @@ class SpectralShape:
 
     @property
     def density(self) -> float:
-        """Density at the frequency 0, per sample: σ² (1 + Σθ)² / (1 − Σφ)²."""
+        """Density at the frequency 0 (unit² per cycle per sample), which is σ² (1 + Σθ)² / (1 − Σφ)²."""
         return self.innovation * (1 + float(self.theta.sum())) ** 2 / (1 - float(self.phi.sum())) ** 2
 
 
 def short_memory(
     frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector
 ) -> SpectralShape:
-    """Fit the ARMA process of lowest order that describes a power spectral density, in addition to a known part.
+    """Fit an ARMA process to the part of a power spectral density that other processes do not explain.
 
-    The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). Starting from white
-    noise, one to four roots are added at a time, from several starting points near the largest residuals, as long as
-    the sum of squares falls by more than log(n) for each coefficient. At the end, the size of the known part is fitted
-    too, for all orders near the best one. A process whose density at the frequency 0 is uncertain is not used.
+    The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). The search starts with
+    white noise and adds one to four roots at a time, from several starting points near the largest residuals. It stops
+    when the sum of squares decreases by less than log(n) for each coefficient. At the end, the factor on the known part
+    is fitted too, for all orders that are nearly as good as the best one. A process whose density at the frequency 0 is
+    uncertain is not used.
 
     Parameters
     ----------
     frequencies : (n,) array
         Frequencies (Hz), ascending, without the frequencies of lines.
     density : (n,) array
-        Measured two-sided density per sample, in unit²: σ² for white noise.
+        Measured two-sided density (unit² per cycle per sample), which is σ² for white noise.
     degrees_of_freedom : (n,) array
-        Their degrees of freedom η.
+        Degrees of freedom η of each density.
     rate : float
         Sampling rate (Hz).
     known : (n,) array
-        The part of the density that other processes explain.
+        Density of the other processes, called the known part.
 
     Returns
     -------
@@ -128,8 +133,8 @@ def short_memory(
 
     References
     ----------
-    Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the likelihood of which these least
-    squares are an approximation.
+    Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the likelihood that these least
+    squares approximate.
     """
     angles = 2 * math.pi * frequencies / rate
     lags = np.arange(1, HIGHEST + 1)
@@ -143,7 +148,7 @@ def short_memory(
     )  # fmt: skip
     white = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
     price = math.log(density.size)
-    # The known part is held at first: it could take the place of the filter. Then its size is fitted too.
+    # At first the known part is fixed, because it could replace the shape of the filter. Then its factor is fitted too.
     tried = _grown(data, white, price, free=False)
     each, before = _best_of_each_order(tried), min(tried, key=lambda point: _score(point, price))
     best = _freed(data, before)
@@ -155,7 +160,7 @@ def short_memory(
         tried += _grown(data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True)
     sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
     if not sure:
-        # The orders near the best one leave the density at 0 open; smaller ones do not.
+        # The best orders do not determine the density at 0; smaller orders do.
         tried = _supported(data, (_freed(data, point) for point in each))
         sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
     chosen = min(sure, key=lambda point: _score(point, price), default=white)
@@ -163,12 +168,12 @@ def short_memory(
 
 
 def _supported(data: _Data, points: Iterable[_Point]) -> list[_Point]:
-    """Return the points without a step below the lowest frequency."""
+    """Return the points whose density does not change much between the lowest frequency of the data and 0."""
     return [point for point in points if abs(_bend(data, point)) <= FLAT]
 
 
 def _freed(data: _Data, point: _Point) -> _Point:
-    """Return the point after a descent in which the size of the known part is also free."""
+    """Return the optimum from this point if the factor on the known part is also fitted."""
     return _descend(data, point.a, point.b, point.scale, free=True)
 
 
@@ -187,8 +192,12 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
 
 
 def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
-    """Return the optimum with more roots, from the starting points that have descended farthest after a few steps."""
-    # A real root does not depend on the angle, and both residuals can be largest at the same frequency.
+    """Return the optimum with more roots.
+
+    All starting points are improved by a few steps, and the best of them are then optimised completely.
+    """
+    # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
+    # at the same frequency.
     distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
     short = [_descend(data, a, b, best.scale, slow=best.slow, free=free, steps=_FIRST) for a, b in distinct]
     first = sorted(short, key=lambda point: point.loss)[:_KEPT]
@@ -205,7 +214,10 @@ def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
 
 
 def _log_bias(degrees_of_freedom: Vector) -> Vector:
-    """Return the expectation (n,) of the logarithm of a chi-square estimate relative to its expectation, about −1/η."""
+    """Return the mean (n,) of the logarithm of an estimate divided by its expectation.
+
+    For a chi-square estimate with η degrees of freedom it is about −1/η.
+    """
     from scipy.special import digamma
 
     half = degrees_of_freedom / 2
@@ -224,9 +236,10 @@ class _Data:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """Coefficients of the polynomials a and b of |b|²/|a|², without the leading 1, and the logarithm of the scale.
+    """Process with the density e^scale |b|²/|a|², its loss, and the arrays that give its derivatives.
 
-    `slow` is the logarithm of the factor on the known part.
+    `a` and `b` are the coefficients of the two polynomials without the leading 1. `slow` is the logarithm of the factor
+    on the known part.
     """
 
     a: Vector
@@ -253,8 +266,7 @@ class _Point:
 
     @cached_property
     def jacobian(self) -> Matrix:
-        """Derivatives (n, 2 + p + q) of the logarithm of the density with respect to the scale, a, b and the known
-        part."""
+        """Derivatives (n, 2 + p + q) of the logarithm of the density with respect to `scale`, `a`, `b` and `slow`."""
         p, q = self.a.size, self.b.size
         found = np.empty((self.left.size, 2 + p + q))
         with np.errstate(all="ignore"):
@@ -296,7 +308,7 @@ def _descend(
 ) -> _Point:
     """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
 
-    The factor on the known part is fitted if it is free.
+    If `free`, the factor on the known part is fitted too.
     """
     here, damping = _evaluated(data, a, b, scale, slow=slow), 1e-3
     for _ in range(steps):
@@ -343,8 +355,7 @@ def _error_at_zero(point: _Point, data: _Data) -> float:
 
 
 def _scatter(point: _Point, data: _Data) -> Matrix:
-    """Return the covariance of the logarithm of the scale, of the coefficients a and b, and of the factor on the known
-    part."""
+    """Return the covariance (2 + p + q, 2 + p + q) of the errors of `scale`, `a`, `b` and `slow`."""
     root = np.sqrt(data.weights)[:, None] * point.jacobian
     root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / KNOWN)])
     length = np.linalg.norm(root, axis=0)
@@ -357,7 +368,7 @@ def _scatter(point: _Point, data: _Data) -> Matrix:
 
 
 def _bend(data: _Data, point: _Point) -> float:
-    """Return the logarithm of the density at frequency 0, relative to the density at the lowest frequency of the
+    """Return the logarithm of the ratio of the density at the frequency 0 to the density at the lowest frequency of the
     data."""
     below, above = (
         abs(1 + data.waves[0, : tail.size] @ tail) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b)
@@ -366,8 +377,10 @@ def _bend(data: _Data, point: _Point) -> float:
 
 
 def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
-    """Move the roots of 1 + c₁z⁻¹ + … inside the unit circle; also return the logarithm of the factor by which |·|²
-    decreases."""
+    """Return the coefficients of the polynomial 1 + c₁z⁻¹ + … after its roots are moved inside the unit circle.
+
+    The second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle.
+    """
     if not tail.size:
         return tail, 0.0
     roots = np.roots(np.concatenate([[1.0], tail]))
@@ -380,8 +393,10 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
 
 
 def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
-    """Yield starting points: the best process so far, with additional roots where its residuals are largest, and at the
-    ends."""
+    """Yield starting points, which are the best process so far with additional roots.
+
+    The additional roots are at the frequencies of the largest residuals, and at high and low frequencies.
+    """
     scaled = np.sqrt(data.weights) * best.left
     smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
     for residual in (smooth, scaled):
@@ -398,7 +413,7 @@ def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[
 
 
 def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
-    """Return the polynomial with `count` more roots at a radius and an angle."""
+    """Return the coefficients of the polynomial with `count` additional roots at a radius and an angle."""
     whole = np.concatenate([[1.0], tail])
     for _ in range(count // 2):
         whole = np.convolve(whole, [1.0, -2 * radius * math.cos(angle), radius**2])
@@ -408,8 +423,11 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 
 
 def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
-    """Return the best process of each other order, with its weight exp(−difference / 2), scaled so that all weights sum
-    to 1."""
+    """Return the best process of each other order that has a weight of at least `LIKELY`.
+
+    The weight is proportional to exp(−d/2), where d is the difference of the information criterion from that of the
+    chosen process. All weights sum to 1.
+    """
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
     own = _score(chosen, price, spread)

@@ -1,4 +1,4 @@
-"""Average a spectrum over bins of constant relative width, with the lines in full resolution."""
+"""Average a spectrum over bins of constant relative width, but keep the full resolution around lines."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 AROUND = 6
-"""Number of bins on each side of a line that keep their own density: the four bins of the window, and some of the
-level."""
+"""Number of bins on each side of a line whose densities are not averaged. They are the four bins over which the window
+spreads the line, and some bins of the level."""
 
 
 def smoothed(spectrum: PowerSpectrum, per_octave: int = 24) -> PowerSpectrum:
@@ -26,14 +26,14 @@ def smoothed(spectrum: PowerSpectrum, per_octave: int = 24) -> PowerSpectrum:
     if spectrum.frequencies[0] != 0:
         raise DataError("the spectrum is already smoothed", argument="spectrum", got=spectrum)
     last, spacing = spectrum.density.size - 1, spectrum.rate / spectrum.length
-    # Bins of one frequency, up to where 1 / per_octave octaves have two.
+    # Up to this frequency, 1 / per_octave octaves contain fewer than two frequencies, so each frequency is one bin.
     single = min(last, math.ceil(per_octave / math.log(2)))
     steps = math.ceil(per_octave * math.log2(last / single)) + 1
     edges = {*range(1, single + 1), last}
     edges |= {round(single * 2 ** (step / per_octave)) for step in range(steps)}
     for line in spectrum.lines:
         center = round(line.frequency / spacing)
-        # A line that wanders has four bins in its width.
+        # Around a line of varying frequency, there are four bins per width of the line.
         step = max(1, round(line.width / spacing / 4))
         edges |= set(range(center - AROUND * step, center + AROUND * step + 2, step))
     begins = np.array(sorted(edge for edge in edges if 1 <= edge < last), dtype=np.int64)

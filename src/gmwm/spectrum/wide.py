@@ -1,4 +1,4 @@
-"""Wide peaks: bumps, and lines whose frequency wanders, on grids of constant relative resolution."""
+"""Search for wide peaks on grids of constant relative resolution: bumps, and lines of varying frequency."""
 
 from __future__ import annotations
 
@@ -21,23 +21,25 @@ if TYPE_CHECKING:
     from gmwm.spectrum.result import PowerSpectrum
 
 RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
-"""Bins per octave of the grids, the finest first: for widths from 0.02 % to 50 % of the frequency."""
+"""Number of bins per octave of each grid, the finest grid first. The grids find widths from 0.02 % to 50 % of the
+frequency."""
 LEAST_BINS = 2
-"""Smallest number of bins of the spectrum in a bin of a grid."""
+"""Smallest number of frequencies of the spectrum in a bin of a grid."""
 NEAR, FAR = 4, 11
-"""Distances at which the flanks begin and end, in bins of the grid: 8 bins on each side."""
+"""Distances, in bins of the grid, at which the flanks begin and end. A flank has 8 bins."""
 LEAST_FLANK = 3
 """Smallest number of bins of a flank at the ends of the grid."""
 INNER, OUTER = 1, 5
-"""Distances of the test whether a peak belongs to a grid: its excess at 2 to 5 bins is less than half of its excess
-within one bin, so that its flanks are outside it. Otherwise it belongs to a coarser grid."""
+"""Distances, in bins of the grid, for the test whether a grid is coarse enough for a peak. The excess of the peak at 2
+to
+5 bins must be less than half of its excess within one bin, so that the flanks are outside the peak."""
 SHARP = 3.0
-"""Q factor from which a resonance has a Lorentz shape, so that its frequency and width are fitted."""
+"""Smallest Q factor of a resonance whose frequency and width are fitted with a Lorentz shape."""
 AROUND, PER_WIDTH = 3.0, 6.0
-"""The fit uses three widths on each side, and bins of at most a sixth of the width."""
+"""The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
 LEAST_HEIGHT = 1.25
-"""Smallest ratio of a bump to the level beside it, so that ripples in the response of a sensor's filter are not
-reported."""
+"""Smallest ratio of the density of a bump to the level on both sides. Ripples in the response of the filter of a sensor
+are smaller and are not reported."""
 
 
 class Grid(NamedTuple):
@@ -50,7 +52,10 @@ class Grid(NamedTuple):
 
 
 class WidePeak(NamedTuple):
-    """A significant peak on a grid."""
+    """Significant peak on a grid.
+
+    `compact` tells whether the grid is coarse enough for the peak; the other attributes are as in `Bump`.
+    """
 
     frequency: float
     width: float
@@ -62,12 +67,12 @@ class WidePeak(NamedTuple):
 
     @property
     def height(self) -> float:
-        """Ratio of the peak to the level beside it."""
+        """Ratio of the density at the peak to the level on both sides of it."""
         return self.density / self.level
 
 
 def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> Grid:
-    """Return the means of the density over bins of 1 / per_octave octaves, of at least two frequencies each."""
+    """Return the means of the density over bins of 1 / per_octave octaves, each with at least two frequencies."""
     size = spectrum.density.size - 1
     lowest = max(FIRST_BIN, math.ceil(LEAST_BINS * per_octave / math.log(2)))
     count = int(per_octave * math.log2(size / lowest)) + 1 if lowest < size else 0
@@ -94,9 +99,11 @@ def wide_peaks(
     narrow: tuple[Sequence[Line], Sequence[Bump]],
     level: float,
 ) -> tuple[list[Line], list[Bump]]:
-    """Return the wide lines and the bumps that are significant at a level for all bins of all grids together.
+    """Return the significant wide lines and bumps.
 
-    The pedestal of a line in `narrow` is not a peak of its own, nor are the flanks of a bump in it.
+    `level` is the significance level for all bins of all grids together, by Bonferroni's inequality. `freedom` are the
+    degrees of freedom of each density, and `free` marks the bins without a narrow peak. `narrow` has the lines and
+    bumps that `narrow_lines` found. A broad base of such a line or bump is not reported as another peak.
     """
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
@@ -107,7 +114,7 @@ def wide_peaks(
             if _is_known(peak, *narrow) or any(_overlap(peak, one, grid) for one in found):
                 continue
             (found if peak.compact else wider).append(peak)
-    # Peaks that no coarser grid can measure, because they are close to an end.
+    # The remaining peaks are so close to an end of the spectrum that no coarser grid can measure them.
     for peak in reversed(wider):
         if not any(_overlap(peak, one, None) for one in found):
             found.append(peak)
@@ -155,11 +162,11 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
 
 
 def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
-    """Return the peak with the frequency and the width of a fitted Lorentz shape, if it is sharp."""
+    """Return the peak with the frequency and the width of a fitted Lorentz shape; a peak with a low Q is unchanged."""
     if peak.frequency < SHARP * peak.width:
         return peak
     fine = [grid for grid in grids if peak.frequency * math.log(2) / grid.per_octave <= peak.width / PER_WIDTH]
-    # The coarsest one of them, if its bins reach down to the peak, or else the finest that does.
+    # The coarsest of the fine grids that reach down to the peak is used, or else the finest grid that reaches it.
     reaching = [grid for grid in grids if grid.density.size and grid.frequencies[0] < peak.frequency - peak.width]
     usable = [grid for grid in fine if any(grid is other for other in reaching)] or reaching[:1]
     if not usable:
@@ -173,8 +180,11 @@ def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
 
 
 def _width(grid: Grid, k: int, half: float) -> float | None:
-    """Return the width (Hz) at a density on both sides of bin k, minus the width of the bins; None if one side does not
-    reach the density."""
+    """Return the width (Hz) of the peak at bin k, measured where its density falls to `half`.
+
+    The width of the bins is subtracted in quadrature. The result is None if the density does not fall to `half` on one
+    side.
+    """
     ends = []
     for step in (-1, 1):
         j = k
@@ -190,7 +200,7 @@ def _width(grid: Grid, k: int, half: float) -> float | None:
 
 
 def _summit(grid: Grid, k: int) -> float:
-    """Return the frequency (Hz) of the peak at bin k: the vertex of a parabola through the logarithms of three bins."""
+    """Return the frequency (Hz) of the peak at bin k, by a parabola through the logarithms of three bins."""
     with np.errstate(divide="ignore"):
         left, top, right = np.log(grid.density[k - 1 : k + 2])
     curve = left - 2 * top + right
@@ -199,7 +209,7 @@ def _summit(grid: Grid, k: int) -> float:
 
 
 def _is_compact(grid: Grid, k: int, level: float) -> bool:
-    """Return whether most of the excess of the peak at bin k over a level is within few bins."""
+    """Return whether most of the excess of the peak at bin k over `level` is within one bin."""
     first = max(k - OUTER, 0)
     excess = np.nan_to_num(grid.density[first : k + OUTER + 1] - level)
     near = np.abs(np.arange(excess.size) - (k - first)) <= INNER
@@ -207,16 +217,18 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
 
 
 def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
-    """Return whether two peaks are the same: closer than the width of the wider peak, or than two bins."""
+    """Return whether two peaks count as the same peak.
+
+    They do if they are closer than the width of the wider peak, or closer than two bins of `grid`.
+    """
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
     return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
 
 
 def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:
-    """Return whether the peak belongs to a narrow bump close to it, or is the pedestal of a line whose phase is not
-    steady.
+    """Return whether a peak is the flank of a narrow bump, or the broad base of a line whose phase is not steady.
 
-    A pedestal has less than half the power of the line within it.
+    Such a base has less than half the power of the line in it.
     """
     if any(abs(bump.frequency - peak.frequency) <= 4 * bump.width + peak.width for bump in bumps):
         return True
@@ -226,7 +238,7 @@ def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> b
 
 
 def _line(spectrum: PowerSpectrum, peak: WidePeak) -> Line:
-    """Measure a peak that is narrow enough for a line."""
+    """Measure a wide peak that is narrow enough to be a line."""
     spacing = spectrum.rate / spectrum.length
     reach = 1.5 * peak.width
     first = max(FIRST_BIN, round((peak.frequency - reach) / spacing))

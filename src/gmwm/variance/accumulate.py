@@ -29,13 +29,13 @@ from gmwm.variance.winsorised_mean import ThinnedValues
 
 
 class WaveletAccumulator(SegmentedAccumulator):
-    """Accumulator of the Haar wavelet variance, for a recording that exceeds memory or is still growing.
+    """Accumulator of the Haar wavelet variance of a recording that does not fit into memory or is still growing.
 
     Levels up to `exact` use every coefficient. Higher levels use the coefficients that end at multiples of τ/64,
     counted from the beginning of the recording. This raises the variance of the estimate by 0.1 % for white noise, and
-    by nothing for a random walk or a Gauss-Markov process. Only quantization noise would lose more, but it never
-    dominates at these scales. The attribute `strides` of the result has these distances, and its covariance takes them
-    into account.
+    does not change it for a random walk or a Gauss-Markov process. The increase is larger for quantization noise, but
+    that noise never dominates at these scales. The attribute `strides` of the result has the distances between the
+    coefficients, and the covariance of the result takes them into account.
 
     The result does not depend on how the recording is split. Parts can be accumulated separately, with `start` as the
     number of the first sample, and merged in order. Call `gap()` between two chunks if samples are missing: no
@@ -46,20 +46,21 @@ class WaveletAccumulator(SegmentedAccumulator):
     rate : float
         Sampling rate (Hz).
     levels : int, optional
-        Number of levels J; by default all levels with a coefficient.
+        Number of levels J; by default all levels that have a coefficient.
     exact : int
-        Number of levels that use every coefficient, 6 to 24. Memory is 16 · 2^exact bytes and some MB of samples.
+        Number of levels that use every coefficient, from 6 to 24. The accumulator takes 16 · 2^exact bytes, and some MB
+        for samples that are not processed yet.
     start : int
-        Number of the first sample, for a part of a recording.
+        Index of the first sample in the recording, if the accumulator processes a part of a recording.
     unit, axis : str
         Unit and name of the signal, for the result.
     robust : bool
-        Whether to support robust results. Histograms of |W| with fine bins then take some 64 kB per level, and the time
-        is four times as long. Robust results have a relative error of 1e-4 (5e-3 at a level with so many outliers that
-        only the median is defined); `second_pass` makes them exact.
+        Whether to support robust results. Fine histograms of the coefficients then take some 64 kB per level, and the
+        run time is four times as long. Robust results have a relative error of 1e-4, or 5e-3 at a level with so many
+        outliers that only the median is defined. `second_pass` makes them exact.
     held : int, optional
-        Number of samples up to which the samples themselves are kept, and all results equal the results of
-        `wavelet_variance`, to the last bit; 2^exact − 1 by default. Memory is 8 bytes for each sample.
+        Largest number of samples that are stored, 2^exact − 1 by default. Up to this number, all results equal the
+        results of `wavelet_variance`, to the last bit. Each stored sample takes 8 bytes.
 
     Raises
     ------
@@ -164,8 +165,8 @@ class WaveletAccumulator(SegmentedAccumulator):
         efficiency : float
             As for `wavelet_variance`.
         start : int, optional
-            Number of the first sample, if the second pass is for a part and will be merged; by default the first
-            sample of the recording.
+            Index of the first sample, if the second pass processes a part of the recording and is merged later; by
+            default the first sample of the recording.
 
         Raises
         ------
@@ -218,7 +219,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         efficiency: float | None = None,
         slope: float | None = None,
     ) -> WaveletVariance:
-        """Make the result of the samples so far: classical, or with the given robust variances."""
+        """Return the result for the samples so far, with classical variances or with the robust variances `found`."""
         self._fold()
         variance, counts = self._measured()
         lengths = self.lengths
@@ -251,8 +252,10 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
-        """Return the whole state as numbers, texts and arrays, which pickle, `numpy.savez`, or JSON with lists can
-        store."""
+        """Return the whole state as numbers, strings and arrays.
+
+        They can be stored by pickle or `numpy.savez`, or in JSON if the arrays are converted to lists.
+        """
         self._fold()
         kept: Any = self._statistics if self.robust else Sketches()
         return {
@@ -314,10 +317,10 @@ class WaveletAccumulator(SegmentedAccumulator):
     def __repr__(self) -> str:
         return f"WaveletAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
-    # --- inside ---------------------------------------------------------------------------------------
+    # --- private methods ------------------------------------------------------------------------------
 
     def _copy(self) -> WaveletAccumulator:
-        """Copy the accumulator. Both copies share the data of closed segments, which never change."""
+        """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
         self._fold()
         made = WaveletAccumulator(
             self.rate,
@@ -353,7 +356,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             )
 
     def _signal(self) -> Signal:
-        """Return all samples so far, if they are held."""
+        """Return all samples so far as a Signal; this requires that all of them are stored."""
         values = self._held.joined()
         ends = np.cumsum([0, *map(len, values)]).tolist()
         x = values[0] if len(values) == 1 else np.concatenate(values)
@@ -370,7 +373,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             )
 
     def _measured(self) -> tuple[Vector, Counts]:
-        """Return the variances and numbers of coefficients of the levels that have any."""
+        """Return the variances and the numbers of coefficients of the levels that have coefficients."""
         self._require_samples()
         squares, counts = self._sums()
         reach = int(np.argmin(np.append(counts > 0, False)))

@@ -18,7 +18,7 @@ from gmwm.variance.noise_type import NoiseType, noise_types
 from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 
 REDDEST = -2
-"""Exponent of the reddest noise with a finite Allan variance, random walk FM (NIST SP 1065)."""
+"""Exponent α of random walk FM, the reddest noise with a finite Allan variance (NIST SP 1065)."""
 
 
 def allan_variance(
@@ -40,8 +40,8 @@ def allan_variance(
     accelerometers, which measure a rate, the phase is the angle or the velocity. A constant offset has no effect.
 
     The confidence limits use a noise type that is identified from the same data. At the longest averaging times the
-    identification is uncertain: there the 95 % limits cover white noise with 87 to 90 %, and random walk and
-    quantization noise with 94 to 96 %.
+    identification is uncertain: there the 95 % limits contain the true value for 87 to 90 % of recordings of white
+    noise, and for 94 to 96 % of recordings of random walk or quantization noise.
 
     Parameters
     ----------
@@ -52,14 +52,16 @@ def allan_variance(
     kind : "overlapping", "nonoverlapping" or "modified"
         Kind of Allan variance.
     clusters : "octave", "decade", "all", or (J,) int array
-        Cluster sizes n (samples): 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40 …; all sizes, which takes time proportional to N²;
-        or ascending sizes up to N/2 (modified: (N + 1)/3).
+        Cluster sizes n (samples). "octave" means 1, 2, 4, 8, …, "decade" means 1, 2, 4, 10, 20, 40, …, and "all" means
+        every size, which takes time proportional to N². An array must have ascending sizes up to N/2, or up to
+        (N + 1)/3 for the modified variance.
     data : "rate" or "phase"
         Whether x contains samples of the rate or of its integral, in unit times second.
     confidence : float
         Confidence level of the limits, from 0.5 to below 1.
     progress : callable, optional
-        progress(done, total) is called before each cluster size and after the last. Ctrl-C stops between two sizes.
+        Function progress(done, total), which is called before each cluster size and after the last one. Ctrl-C stops
+        between two sizes.
 
     Returns
     -------
@@ -134,14 +136,19 @@ def allan_variance(
 
 
 def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:
-    """Count the differences of an order in a phase of `points` values, at each position or at each n-th position."""
+    """Count the differences of order `order` of a phase of `points` values at each cluster size n.
+
+    Overlapping differences start at every value, other differences at every n-th value.
+    """
     places = points - order * clusters
     return places if overlapping else (places - 1) // clusters + 1
 
 
 def modified_ratio(phase: Vector, n: int) -> float:
-    """Return the ratio of the modified to the overlapping Allan variance at one cluster size; 1 if the modified one is
-    undefined."""
+    """Return the ratio of the modified to the overlapping Allan variance at one cluster size.
+
+    The ratio is 1 if the phase is too short for the modified variance.
+    """
     if 3 * n > phase.size:
         return 1.0
     modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2

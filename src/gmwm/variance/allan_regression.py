@@ -1,4 +1,4 @@
-"""Allan variance linear regression: estimate Q, N, B, K and R from lines of fixed slope through an Allan deviation."""
+"""Allan variance linear regression: estimate Q, N, B, K and R from lines of fixed slope in an Allan deviation."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class AllanRegression(Summarised):
     Attributes
     ----------
     allan : ClusterVariance
-        The curve.
+        Allan deviation to which the lines are fitted.
     lines : tuple of SlopeLine
-        The fitted lines, one for each term found.
+        Fitted lines, one for each term that was found.
     remarks : tuple of Remark
-        One remark for each term that was not found; its subject is the term, and its fact `reason` is "slope",
-        "chance", "few" or "rising".
+        One remark for each term that was not found. The subject of the remark is the term, and its fact `reason` is
+        "slope", "chance", "few" or "rising".
     """
 
     allan: ClusterVariance
@@ -54,7 +54,7 @@ class AllanRegression(Summarised):
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """Map each term found to its coefficient, in the unit of the data and seconds."""
+        """Coefficient of each term that was found, in the unit of the data and seconds."""
         return {line.term: line.coefficient for line in self.lines}
 
     def __getitem__(self, term: str) -> SlopeLine:
@@ -89,7 +89,7 @@ class AllanRegression(Summarised):
         return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, remarks=remarks)
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
-        """Format a table in `units`, "si" or "datasheet": coefficient, unit and averaging times of the fit."""
+        """Format a table of the coefficients, their units ("si" or "datasheet") and the averaging times of the fits."""
         of = f" of {self.allan.axis}" if self.allan.axis else ""
         title = self.allan.title[0].lower() + self.allan.title[1:]
         rows = [f"Slopes of the {title}{of}: {self.allan.samples} samples at {self.allan.rate:g} Hz"]
@@ -114,17 +114,17 @@ class AllanRegression(Summarised):
         ax: Axes | None = None,
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
-        """Draw the Allan deviation with the fitted lines and the points where Q, N, B, K and R are read.
+        """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
 
         Parameters
         ----------
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg; coefficients in deg/√h, deg/h and similar.
+            Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
         guides : bool
             Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
             (ramp).
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; by default the axes of a new figure.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -155,42 +155,44 @@ def avlr(
     tolerance: float = 0.2,
     least_freedom: float = 5.0,
 ) -> AllanRegression:
-    """Estimate noise coefficients by regression on the slopes of the Allan deviation: the classical method, as a
-    baseline.
+    """Estimate noise coefficients by regression on the slopes of the Allan deviation.
 
-    Each term has its line in the logarithmic plot of σ over τ: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3), R τ/√2. A term is
-    fitted to the longest range on which the curve has about this slope, as the mean of log σ − slope · log τ.
-    B is read at the minimum. Q is the height of its line at τ = √3 s, N at 1 s, K at 3 s, R at √2 s.
+    This is the classical method, which gmwm includes for comparison. In the logarithmic plot of the Allan deviation σ
+    over the averaging time τ, each term is a straight line: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3) and R τ/√2. A line is
+    fitted to the longest range in which the curve has about the slope of the line, by the mean of log σ − slope · log
+    τ. Q is the value of its line at τ = √3 s, N at 1 s, K at 3 s, and R at √2 s. B follows from the minimum of the
+    curve.
 
     The estimator is inconsistent: on any range all other terms add to the curve, and more data do not remove this
     bias. A Gauss-Markov process produces slopes that belong to none of the terms. Use `gmwm.fit` for consistent
-    estimates. Its parameters at the rate f are: WN σ² = N² f, RW γ² = K²/f, drift ω = R/f, quantization noise Q² f².
+    estimates. At the sampling rate f, the coefficients correspond to the parameters σ² = N² f of white noise, γ² = K²/f
+    of a random walk, ω = R/f of a drift, and Q² f² of quantization noise.
 
     Parameters
     ----------
     x : ClusterVariance, Signal, or (N,) array
-        An Allan or total deviation, or the data from which to compute one at octaves. Clusters closer than an octave
-        are thinned to octaves.
+        Allan or total deviation, or a signal whose Allan deviation is computed at octaves. If averaging times are
+        closer than an octave, only some of them are used.
     rate : float
-        Sampling rate (Hz), for an array.
+        Sampling rate (Hz), required if `x` is an array.
     terms : sequence
-        Which terms to look for.
+        Terms to estimate.
     ranges : mapping of term to (first, last), optional
-        Averaging times (s) on which to fit a term regardless of the slope there.
+        Range of averaging times (s) to which a term is fitted, whatever the slope of the curve is there.
     tolerance : float
         Largest difference between the local slope of the curve and the slope of the term.
     least_freedom : float
-        Values with fewer degrees of freedom are not used.
+        Smallest number of degrees of freedom of the values that are used.
 
     Returns
     -------
     AllanRegression
-        Lines, coefficients, and a remark about each term that was not found.
+        Lines, coefficients, and a remark for each term that was not found.
 
     Raises
     ------
     DataError
-        If the signal cannot be measured.
+        If the Allan variance of the signal cannot be computed.
     OptionError
         If an option is invalid, or the curve is a modified or a Hadamard deviation, whose lines have other factors.
 
@@ -246,12 +248,12 @@ def avlr(
 
 
 def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
-    """Return whether the term alone exceeds the upper limit of the curve by more than half at some averaging time."""
+    """Return whether the line exceeds 1.5 times the upper confidence limit of the curve at some averaging time."""
     return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 
 
 def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
-    """Return indices of usable values at least about an octave apart: slopes between closer values are too noisy."""
+    """Return indices of usable values that are about an octave apart; slopes between closer values are too noisy."""
     kept: list[int] = []
     for k in np.flatnonzero(usable).tolist():
         if not kept or tau[k] >= OCTAVE * tau[kept[-1]]:
@@ -272,7 +274,10 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
 
 
 def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
-    """Find the longest run of values in which the curve has about this slope; empty if there is none."""
+    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`.
+
+    No value is marked if there is no such run.
+    """
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
     length, start = 0.0, None

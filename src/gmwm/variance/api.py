@@ -77,8 +77,9 @@ def wavelet_variance(
     """Estimate the wavelet variance of a signal, or of each axis of a recording, with chi-square confidence limits.
 
     The classical estimate ν̂_j² is the mean square of the coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l} of level j, over
-    the M_j = N − L_j + 1 coefficients that use samples of the recording only. The decimated transform uses every
-    2^j-th of them. Both estimates are unbiased; the decimated one has the larger variance.
+    the M_j = N − L_j + 1 coefficients that only use samples of the recording, where L_j is the length of the filter at
+    level j. The decimated transform uses every 2^j-th of them. Both estimates are unbiased; the decimated one has the
+    larger variance.
 
     For the Haar filter W_{j,t} = (P_t − 2 P_{t−h} + P_{t−2h}) / 2^j, where P is the running sum of the signal and
     h = 2^(j−1). Then M_j = N − 2^j + 1, and twice ν̂_j² is the Allan variance at the averaging time τ_j / 2.
@@ -88,7 +89,7 @@ def wavelet_variance(
     c σ have no influence. A bad sample affects 2^j coefficients of level j: 1 % of bad samples has little effect on
     the first levels, but makes levels with 2^j > 25 useless. As the share of large outliers among the coefficients
     grows, ν̂² is biased downwards (by 21 % at a share of 10 %, efficiency 0.6). Above a share of 26 % (42 % at
-    efficiency 0.8, 56 % at 0.9) the estimate is (MAD / 0.67449)².
+    efficiency 0.8, 56 % at 0.9) the estimate is (MAD / 0.67449)², where MAD is the median of |W|.
 
     Parameters
     ----------
@@ -98,12 +99,12 @@ def wavelet_variance(
     rate : float
         Sampling rate (Hz); leave it out for an Imu or a Signal.
     filter : str
-        Wavelet filter, see `gmwm.filters.find_filter`: "haar", "d4", "la8", … A filter with two or more vanishing
-        moments removes a drift.
+        Wavelet filter, such as "haar", "d4" or "la8"; see `gmwm.filters.find_filter`. A filter with two or more
+        vanishing moments removes a drift.
     transform : "modwt" or "dwt"
         Maximal-overlap or decimated transform.
     levels : int, optional
-        Number of levels J; by default all levels with a coefficient, floor(log2 N) for the Haar filter.
+        Number of levels J; by default all levels that have a coefficient, floor(log2 N) for the Haar filter.
     robust : bool
         Whether to use the robust estimate.
     efficiency : float
@@ -113,7 +114,7 @@ def wavelet_variance(
         Confidence level of the limits, from 0.5 to below 1.
     fill_gaps : bool
         Whether to fill the gaps of a Signal that are short compared with the samples around them, see
-        `Signal.fill_gaps`. The limits take account of the loss.
+        `Signal.fill_gaps`. The confidence limits account for the missing information.
 
     Returns
     -------
@@ -176,7 +177,7 @@ def signal_wavelet_variance(
     confidence: float = 0.95,
     fill_gaps: bool = True,
 ) -> WaveletVariance:
-    """Estimate the wavelet variance of one signal; a recording of several axes is an error. See `wavelet_variance`."""
+    """Estimate the wavelet variance of one signal, as `wavelet_variance` does; the arguments are the same."""
     as_confidence(confidence)
     wavelet = find_filter(filter)
     one_of(transform, "transform", ("modwt", "dwt"))
@@ -248,14 +249,17 @@ def signal_wavelet_variance(
 def variances_alone(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
 ) -> Vector:
-    """Estimate ν̂_j² of levels 1 … J from segments of finite samples; robust if an efficiency is given."""
+    """Estimate the wavelet variances of levels 1 … J from segments of finite samples, without limits and remarks.
+
+    The estimates are robust if an efficiency is given, and classical if it is None.
+    """
     if efficiency is None:
         return _classical(segments, filter, transform, levels)
     return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
 
 
 def _classical(segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Compute the mean squares over all coefficients of all segments."""
+    """Compute the mean square, at each level, over all coefficients of all segments."""
     alone = _core.haar_variance if _by_running_sum(filter, transform) else partial(_by_pyramid, filter, transform)
     if len(segments) == 1:
         return alone(segments[0], levels)
@@ -275,7 +279,7 @@ def _by_pyramid(filter: WaveletFilter, transform: Transform, values: Vector, lev
 def _robust(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
 ) -> RobustVariances:
-    """Compute robust estimates: one estimating equation for each level, over all coefficients of all segments."""
+    """Compute robust estimates from all coefficients of all segments, with one estimating equation for each level."""
     sources: list[Coefficients] = [
         HaarCoefficients(segment, reach)
         if _by_running_sum(filter, transform)
@@ -300,17 +304,16 @@ def _by_running_sum(filter: WaveletFilter, transform: Transform) -> bool:
 
 
 def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> PlainCoefficients:
-    """Return all coefficients by level. The rounding error of a coefficient is proportional to the length of the
-    filter."""
+    """Return the coefficients as one array per level. Their rounding error is proportional to the filter length."""
     rounding = float(np.finfo(float).eps * np.abs(values).max() * filter.length)
     return PlainCoefficients(inner_coefficients(values, filter, transform, levels), [rounding] * levels)
 
 
 def _slope(segments: Sequence[Vector]) -> float:
-    """Return the mean slope (unit per sample). Raises DataError if a value is not finite.
+    """Return the mean slope of a signal (unit per sample). Raises DataError if a value is not finite.
 
-    Segments are weighted by the squares of their lengths: the best weights are the lengths for a random walk, and
-    their cubes for white noise.
+    Segments are weighted by the squares of their lengths. This is a compromise: the optimal weights are the lengths for
+    a random walk, and the cubes of the lengths for white noise.
     """
     long = [segment for segment in segments if segment.size > 1]
     if len(long) == 1:

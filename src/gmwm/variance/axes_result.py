@@ -1,4 +1,4 @@
-"""Wavelet variances of all axes of a recording: a mapping with plots and a summary table."""
+"""Wavelet variances of all axes of a recording, with plots and a summary table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
-    """Wavelet variances of the axes of one recording: a mapping of axis to `WaveletVariance`.
+    """Wavelet variances of the axes of one recording, as a mapping of axis to `WaveletVariance`.
 
     Parameters
     ----------
@@ -84,12 +84,13 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         Parameters
         ----------
         split : bool
-            One panel for each axis, with a row for each sensor; otherwise one panel for each sensor, with x, y and z in
-            vermillion, green and blue.
+            Whether to draw one panel for each axis, with a row for each sensor. Otherwise there is one panel for each
+            sensor, with x, y and z in vermillion, green and blue.
         view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
+            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+            averaging time τ/2 (s).
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
+            Units of the plot: rad/s and m/s², or deg/h and mg.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -111,13 +112,13 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         return {axis: wv.to_dict() for axis, wv in self.curves.items()}
 
     def to_frame(self) -> DataFrame:
-        """Return the curves as a Polars data frame: one row for each axis and level."""
+        """Return the curves as a Polars data frame with one row for each axis and level."""
         from polars import concat, lit
 
         return concat([curve.to_frame().select(lit(axis).alias("axis"), "*") for axis, curve in self.items()])
 
     def summary(self) -> str:
-        """Format a table for each sensor: the variance of each axis at every scale."""
+        """Format one table for each sensor, with the variance of each axis at every scale."""
         first = next(iter(self.curves.values()))
         name = first.filter.capitalize() if first.filter == "haar" else first.filter.upper()
         robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""

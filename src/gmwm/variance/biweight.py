@@ -1,4 +1,4 @@
-"""Tukey's biweight M-estimator of scale: constants for any efficiency, and the root near a starting value."""
+"""Tukey's biweight M-estimator of scale: its constants for any efficiency, and the root of its estimating equation."""
 
 from __future__ import annotations
 
@@ -29,28 +29,33 @@ Criterion = Callable[[float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Biweight:
-    """Biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, else 0; σ solves mean ρ(W/σ) = a = E ρ(r) under N(0, 1).
+    """Tukey's biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, and 0 otherwise.
+
+    The M-estimate of the scale σ of coefficients W solves mean ρ(W/σ) = a.
 
     Attributes
     ----------
     c : float
-        Cut-off: coefficients beyond c σ have no weight.
+        Cut-off. Coefficients beyond c σ have no weight.
     a : float
-        E ρ(r), r ~ N(0, 1).
+        Expectation of ρ(r) for r with the distribution N(0, 1).
     """
 
     c: float
     a: float
 
     def criterion(self, cubed: Number, fourth: Number, count: Number) -> tuple[Number, Number]:
-        """Compute mean ρ − a and its derivative with respect to log σ² from Σ v q³ and Σ v q⁴, v = min(r²/c², 1), q = 1
-        − v."""
+        """Compute mean ρ − a and its derivative with respect to log σ².
+
+        `cubed` and `fourth` are the sums Σ v q³ and Σ v q⁴ over `count` coefficients, with v = min(r²/c², 1) and
+        q = 1 − v.
+        """
         square = self.c**2
         return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
 
     @property
     def least_share(self) -> float:
-        """Smallest share of nonzero coefficients for which a root exists: a / max ρ."""
+        """Smallest share of nonzero coefficients for which a root can exist, which is a / max ρ."""
         return self.a / (self.c**2 * 4**4 / 5**5)
 
 
@@ -77,13 +82,13 @@ def biweight(efficiency: float) -> Biweight:
 
 
 def require_robust(robust: bool, efficiency: float | None) -> None:
-    """Raise if an efficiency other than the default is given for a classical estimate."""
+    """Raise OptionError if an efficiency other than the default is given for a classical estimate."""
     if not robust and efficiency not in (None, EFFICIENCY):
         raise unused_efficiency(efficiency)
 
 
 def unused_efficiency(efficiency: float | None) -> OptionError:
-    """Make the error for an efficiency that is given for a classical estimate."""
+    """Return the error for an efficiency that is given for a classical estimate."""
     return OptionError(
         f"the efficiency {efficiency!r} applies to the robust wavelet variance only",
         argument="efficiency",
@@ -104,7 +109,7 @@ def _biweight(efficiency: float) -> Biweight:
 
 
 def _moments(c: float) -> tuple[float, float]:
-    """Compute a(c) and the efficiency e(c) by Gauss quadrature; the integrands are smooth up to c."""
+    """Compute a and the efficiency e for a cut-off c by Gauss quadrature, because the integrands are smooth up to c."""
     nodes, weights = _legendre()
     r = c * (1 + nodes) / 2
     # Twice the density of N(0, 1), for both signs of r.
@@ -125,8 +130,8 @@ def _legendre() -> tuple[Vector, Vector]:
 def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
     """Find the root that Newton's method in log σ² reaches from 0; return it and the number of evaluations.
 
-    The root is None if the criterion stops falling or an iterate leaves the accepted range. This excludes the
-    spurious root at 0.07 σ², where the criterion rises; even clean data have it.
+    The root is None if the criterion does not decrease at an iterate, or if an iterate leaves the accepted range. This
+    excludes the spurious root at 0.07 σ², at which the criterion increases. It exists even for data without outliers.
     """
     place = 0.0
     for count in range(1, 41):
@@ -144,7 +149,17 @@ def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
 
 @dataclass(frozen=True)
 class Scan:
-    """Scan of a criterion over the accepted range: the root, the local maxima and the number of evaluations."""
+    """Result of the scan of a criterion over the accepted range of log σ².
+
+    Attributes
+    ----------
+    root : float or None
+        Root that `scan` found.
+    peaks : tuple of (float, float)
+        Position and value of each local maximum.
+    evaluations : int
+        Number of evaluations of the criterion.
+    """
 
     root: float | None
     peaks: tuple[tuple[float, float], ...]
@@ -152,11 +167,11 @@ class Scan:
 
 
 def scan(criterion: Criterion, tolerance: float) -> Scan:
-    """Find the falling root that belongs to the starting value 0, and all local maxima as position and value.
+    """Find a root at which the criterion decreases, starting from log σ² = 0, and all local maxima.
 
-    A positive criterion means that σ² is too small, a negative one that it is too large. The root is the first falling
-    root in this direction, to which σ² ← σ² mean ρ / a would converge. If there is none, it is the nearest root on the
-    other side.
+    If the criterion is positive at 0, σ² is too small there, and the first root above 0 is chosen. If it is negative,
+    σ² is too large, and the first root below 0 is chosen. The iteration σ² ← σ² mean ρ / a would converge to the same
+    root. If there is no root in this direction, the nearest root in the other direction is chosen.
     """
     grid = np.linspace(-REACH, REACH, 61)
     values = np.array([criterion(float(place))[0] for place in grid])
@@ -173,7 +188,10 @@ def scan(criterion: Criterion, tolerance: float) -> Scan:
 
 
 def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[float | None, int]:
-    """Find the falling root next to the local maximum near `peak`, if that is positive, and count the evaluations."""
+    """Find the root above the local maximum near `peak`, and return it with the number of evaluations.
+
+    The root is None if no positive value of the criterion is found near `peak`.
+    """
     low, high = peak - 0.2, peak + 0.2
     value, place, count = -1.0, peak, 0
     while value <= 0:
@@ -194,7 +212,10 @@ def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[fl
 
 
 def _between(criterion: Criterion, low: float, high: float, tolerance: float) -> tuple[float, int]:
-    """Find the root between a positive and a negative value by Newton's method, constrained to the interval."""
+    """Find the root between `low`, where the criterion is positive, and `high`, where it is negative.
+
+    Newton's method is used, constrained to the interval. The number of evaluations is returned as well.
+    """
     place, count = (low + high) / 2, 0
     for count in range(1, 101):  # noqa: B007
         value, slope = criterion(place)

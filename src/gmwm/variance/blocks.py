@@ -1,7 +1,7 @@
-"""Block sums of a segment of samples for the coefficients of large scales, with 64 blocks per scale.
+"""Block sums of a segment of samples, from which the coefficients of large scales are computed; 64 blocks per scale.
 
-Block k of a step s holds the samples k s … (k + 1) s − 1, counted from the beginning of the whole record. Therefore two
-consecutive segments have the same blocks as their union.
+Block k of a step s contains the samples k s … (k + 1) s − 1, counted from the beginning of the whole recording.
+Therefore two consecutive segments have the same blocks as their union.
 """
 
 from __future__ import annotations
@@ -15,29 +15,30 @@ from gmwm.variance.coefficients import haar_resolution
 from gmwm.variance.statistics_protocol import LevelStatistic, StatisticsCollector
 
 STEPS = 64
-"""Number of blocks per scale τ: coefficients are computed at every τ/64-th sample."""
+"""Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample."""
 _KEPT = STEPS - 1
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Blocks of one step in a segment of samples, with the sum of squares of their coefficients.
+    """Blocks of one step in a segment of samples, with the sum of the squared coefficients.
 
     Attributes
     ----------
     step : int
-        Samples in a block, τ/64.
+        Number of samples in a block, τ/64.
     first, last : int
-        Index of the first complete block, and one past the last; last < first if no multiple of the step lies inside
-        the segment or at its ends.
+        Index of the first complete block, and one past the index of the last complete block. last < first if no
+        multiple of the step lies inside the segment or at its ends.
     before, after : float
-        Sum of the samples before the first block and after the last; the sum of all samples if no multiple is inside.
+        Sums of the samples before the first and after the last complete block. If last < first, `before` is the sum of
+        all samples.
     heads, tails : arrays
-        The first and the last 63 blocks.
+        Sums of the samples in the first and the last 63 blocks.
     squares, count : float, int
-        Σ (sum of 32 blocks − sum of the 32 before)², and the number of terms.
+        Sum of (sum of 32 blocks − sum of the 32 preceding blocks)², and the number of terms.
     total, moment : float
-        Σ b_k and Σ (k − first) b_k over all complete blocks.
+        Σ b_k and Σ (k − first) b_k over all complete blocks with the sums b_k.
     part, resolution : LevelStatistic or None, float
         Further statistics of the coefficients W, and the largest |W| that can be a rounding error.
     """
@@ -101,7 +102,7 @@ class Blocks:
 
     @property
     def rise(self) -> float | None:
-        """Estimate the rise per sample from the block means by least squares; None for fewer than two blocks."""
+        """Least-squares estimate of the rise per sample from the block means; None for fewer than two blocks."""
         n = self.last - self.first
         if n < 2:
             return None
@@ -109,7 +110,7 @@ class Blocks:
         return about / (n * (n * n - 1.0) / 12.0) / self.step**2
 
     def numbers(self) -> list[float]:
-        """Return all fields except the blocks, for storage."""
+        """Return the numbers that `restored` needs besides the sums of the blocks."""
         return [
             self.first, self.last, self.before, self.after, self.squares, self.count, self.total, self.moment,
             self.heads.size,
@@ -117,7 +118,7 @@ class Blocks:
 
     @classmethod
     def restored(cls, step: int, numbers: list[float], heads: Vector, tails: Vector) -> Blocks:
-        """Restore the blocks from the stored values."""
+        """Restore the blocks from the output of `numbers` and the sums of the first and last blocks."""
         first, last, before, after, squares, count, total, moment, _ = numbers
         return cls(
             step=step,
@@ -152,8 +153,7 @@ class Blocks:
 def measured(
     blocks: Vector, step: int, collector: StatisticsCollector | None
 ) -> tuple[float, int, LevelStatistic | None, float]:
-    """Compute Σ (sum of 32 blocks − sum of the preceding 32)², the number of terms, the statistics and the
-    resolution."""
+    """Compute `squares`, `count`, `part` and `resolution` of `Blocks` from the sums of consecutive blocks."""
     count = blocks.size - STEPS + 1
     if count < 1:
         return 0.0, 0, _empty(collector, step), 0.0
@@ -163,7 +163,7 @@ def measured(
     if collector is None:
         return float(w @ w), count, None, 0.0
     level = _level(step)
-    # The same as for a running sum of single samples of which only the last value of each step is available.
+    # The same bound as for a running sum of samples of which only the last value of each block is known.
     resolution = haar_resolution(float(np.abs(sums).max()), level)
     return float(w @ w), count, collector.values(np.ldexp(w, -level), level), resolution
 
@@ -179,7 +179,10 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 def blocks_of(
     values: Vector, start: int, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """Build the blocks of a segment that begins at `start`, for each step: powers of two times the first step."""
+    """Build the blocks of a segment that begins at sample `start`, for each step.
+
+    The steps are powers of two times the first step.
+    """
     base, stop = steps[0], start + values.size
     first, last = -(-start // base), stop // base
     if first > last:
@@ -204,7 +207,7 @@ def blocks_of(
 
 
 def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:
-    """Make the blocks from `marks`, the sums of all samples before each multiple of the step."""
+    """Build the blocks of one step from `marks`, the sums of all samples before each multiple of the step."""
     first, last = -(-start // step), stop // step
     if first > last:
         return Blocks(step, first, last, total, part=_empty(collector, step))

@@ -1,5 +1,4 @@
-"""Result of an Allan, Hadamard or total variance: variance, confidence limits and dominant noise at each cluster
-size."""
+"""Result of an Allan, Hadamard or total variance, with confidence limits and noise types."""
 
 from __future__ import annotations
 
@@ -45,25 +44,25 @@ class ClusterVariance(Summarised):
     family : "allan", "hadamard" or "total"
         Family of the variance.
     kind : "overlapping", "nonoverlapping" or "modified"
-        Arrangement of the clusters in the record.
+        Kind of the variance, as for `allan_variance`.
     clusters : (J,) int array
         Cluster sizes n (samples), ascending.
     variance, lower, upper : (J,) arrays, in unit²
         Estimate and limits at `confidence`.
     counts : (J,) int array
-        Number of squared differences behind each estimate.
+        Number of squared differences that each estimate averages.
     degrees_of_freedom : (J,) array
         Equivalent degrees of freedom under the identified noise.
     noise : tuple of J str
-        The dominant noise at each cluster size, such as "white FM"; `noise_terms` gives the inertial terms.
+        Dominant noise at each cluster size, such as "white FM"; `noise_terms` has the names used for inertial sensors.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     samples : int
-        Number of input values: N rate values, or N + 1 phase values, for a record of N intervals.
+        Number of input values. A recording of N intervals has N values of the rate, or N + 1 values of the phase.
     unit : str
         Unit of the rate, and therefore of the deviation.
     axis : str
-        Axis of the signal.
+        Name of the axis.
     confidence : float
         Confidence level of the limits.
     data : "rate" or "phase"
@@ -114,7 +113,7 @@ class ClusterVariance(Summarised):
 
     @property
     def noise_terms(self) -> tuple[str, ...]:
-        """Inertial-sensor term for the dominant noise at each cluster size; "" if there is none."""
+        """Name for inertial sensors of the dominant noise at each cluster size; "" if there is none."""
         return tuple(noise_type(name).term for name in self.noise)
 
     @property
@@ -140,7 +139,10 @@ class ClusterVariance(Summarised):
         return cls(**(known | {"noise": tuple(known["noise"])}))
 
     def summary(self) -> str:
-        """Format a table: averaging time, deviation with limits, degrees of freedom and noise at every cluster size."""
+        """Format a table with one row for each cluster size.
+
+        A row has the averaging time, the deviation with its limits, the degrees of freedom and the noise type.
+        """
         unit = f" ({self.unit})" if self.unit else ""
         of = f" of {self.axis}" if self.axis else ""
         lines = [
@@ -168,19 +170,19 @@ class ClusterVariance(Summarised):
         ax: Axes | None = None,
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
-        """Draw the deviation over its averaging times, with its confidence band, on logarithmic axes.
+        """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
 
-        A variance of zero is marked at the foot of the axis.
+        A variance of zero is marked at the lower edge of the plot.
 
         Parameters
         ----------
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
+            Units of the plot: rad/s and m/s², or deg/h and mg.
         guides : bool
             Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
             (ramp).
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; by default the axes of a new figure.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 

@@ -1,4 +1,7 @@
-"""Sources of wavelet coefficients with a common interface: a running sum, arrays by level, or several segments."""
+"""Sources of wavelet coefficients with a common interface.
+
+The coefficients are computed from a running sum, stored as one array per level, or combined from several segments.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,25 @@ from gmwm.errors import DataError
 
 
 class Coefficients(Protocol):
-    """Interface to the coefficients of all levels, independent of how they are stored."""
+    """Interface to the wavelet coefficients W of all levels, independent of how they are stored.
+
+    The index k stands for level k + 1. `counts` has the number of coefficients of each level.
+    """
 
     counts: NDArray[np.int64]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Return Σ v q³, Σ v q⁴ and the count of each level with a limit (cσ)² > 0; `every` reads only a part."""
+        """Return Σ v q³, Σ v q⁴ and the number of terms for each level, with v = min(W²/limit, 1) and q = 1 − v.
+
+        `limits` has (cσ)² for each level; levels with a limit of 0 are skipped. If `every` is larger than 1, only about
+        one in `every` coefficients is used.
+        """
 
     def sample(self, k: int, size: int) -> Vector:
-        """Return |W| at `size` evenly spread places of level k + 1, or all values if there are no more."""
+        """Return |W| at `size` evenly spread positions, or all |W| if the level has no more than `size`."""
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Return the number of |W| ≤ `low`, and the values between `low` and `high`."""
+        """Return the number of |W| ≤ `low`, and the values with `low` < |W| ≤ `high`."""
 
     def median(self, k: int) -> float:
         """Return the median of |W|."""
@@ -36,11 +46,11 @@ class Coefficients(Protocol):
 
 
 SAMPLE = 2048
-"""Size of the sample of a level on which the first search for the root and the median runs."""
+"""Number of coefficients of a level that are used for the first search for the root and for the median."""
 
 
 def selected_median(source: Coefficients, k: int) -> float:
-    """Compute the exact median of |W|; only the coefficients near the sample median are stored and sorted."""
+    """Compute the exact median of |W| at level k + 1. Only the values near the median of a sample are stored."""
     count = int(source.counts[k])
     sample = np.sort(source.sample(k, SAMPLE))
     if sample.size < count:
@@ -56,22 +66,22 @@ def selected_median(source: Coefficients, k: int) -> float:
 
 
 def haar_resolution(peak: float, level: int) -> float:
-    """Return the bound on |W| at `level` due to rounding of a running sum whose largest value is `peak`."""
+    """Return the largest rounding error of |W| at `level` for a running sum whose largest absolute value is `peak`."""
     return float(np.finfo(float).eps * peak * (4 + 2 ** (level / 2)) / 2**level)
 
 
 LARGEST = 2.0**38
-"""Largest distance of a value from the median, in typical distances. With larger values, the rounding of the running
-sum exceeds 1e-4 of a typical coefficient."""
+"""Largest distance of a value from the median, relative to the median of these distances. With larger values, the
+rounding error of the running sum exceeds 1e-4 of a typical coefficient."""
 
 
 def require_digits(x: Vector) -> None:
-    """Raise an error if a value is so large that the running sum has no digits left for the others.
+    """Check that no value is so large that the running sum loses the digits of the other values.
 
     Raises
     ------
     DataError
-        With the value and its index.
+        If there is such a value. The message states the value and its index.
     """
     some = x[:: max(1, x.size // SAMPLE)]
     middle = float(np.median(some))
@@ -101,15 +111,15 @@ class HaarCoefficients:
         self._peak = max(float(self.sum.max()), -float(self.sum.min()))
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Compute the sums of all levels in one pass of the kernel."""
+        """Compute the sums of all levels in one pass over the running sum."""
         return _core.haar_biweight_sums(self.sum, limits, every)
 
     def sample(self, k: int, size: int) -> Vector:
-        """Compute the values with the kernel."""
+        """Compute |W| at evenly spread positions."""
         return _core.haar_sample(self.sum, k + 1, size)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Compute the values with the kernel."""
+        """Count the |W| up to `low`, and return the values between `low` and `high`."""
         return _core.haar_between(self.sum, k + 1, low, high)
 
     def median(self, k: int) -> float:
@@ -117,7 +127,7 @@ class HaarCoefficients:
         return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
-        """Return the rounding error of a zero coefficient, due to the running sum."""
+        """Return the largest |W| that can be a rounding error of the running sum."""
         return haar_resolution(self._peak, k + 1)
 
 
@@ -139,7 +149,10 @@ class PlainCoefficients:
         return sums[0], sums[1], sums[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """Take one value from each of `size` equal cells, at golden-ratio offsets to avoid aliasing of periodic W."""
+        """Return one |W| from each of `size` equal intervals, or all |W|.
+
+        The positions within the intervals follow the golden ratio, so that a periodic W does not alias.
+        """
         w = self.levels[k]
         if size >= w.size:
             return np.abs(w)
@@ -148,7 +161,7 @@ class PlainCoefficients:
         return np.abs(w[np.minimum(places, w.size - 1)])
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Count and select the values by comparison."""
+        """Count the |W| up to `low`, and return the values between `low` and `high`."""
         size = np.abs(self.levels[k])
         return int(np.count_nonzero(size <= low)), size[(size > low) & (size <= high)]
 
@@ -162,7 +175,7 @@ class PlainCoefficients:
 
 
 class PooledCoefficients:
-    """Coefficients of several segments together; segments can have different numbers of levels."""
+    """Coefficients of several segments, which can have different numbers of levels."""
 
     def __init__(self, sources: Sequence[Coefficients]) -> None:
         self.sources = sources
@@ -186,7 +199,7 @@ class PooledCoefficients:
         """Sample each segment in proportion to its number of coefficients."""
         sources, count = self._reaching(k), int(self.counts[k])
         ends = np.cumsum([0, *(int(source.counts[k]) for source in sources)])
-        # Round the cumulative counts, not each share: the shares add up, and short segments are not all omitted.
+        # Rounding the cumulative counts, and not each share, keeps the total and does not omit all short segments.
         shares = np.diff(ends if size >= count else ends * size // count).tolist()
         parts = [source.sample(k, share) for source, share in zip(sources, shares, strict=True) if share]
         return np.concatenate(parts)

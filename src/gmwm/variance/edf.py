@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 
 MOST_TERMS = 240
-"""Largest number of terms of the sum over lags; a longer sum is replaced by this many quadrature nodes."""
+"""Largest number of terms of the sum over lags; a longer sum is replaced by a quadrature rule with this many nodes."""
 LARGEST_FINITE = 100
-"""Largest n (d + 1) for which the sampled process is used. For larger values, the continuous process is used. Each call
-of the covariance uses only one of the two."""
+"""Largest product of the cluster size n and d + 1, with the order d of the differences, for which the covariance is
+that of the sampled process. For larger products, the covariance of the process in continuous time is used."""
 CHUNK = 2048
 """Number of cluster sizes processed together, to bound the memory."""
 
@@ -27,11 +27,14 @@ def degrees_of_freedom(
     overlapping: bool,
     modified: bool = False,
 ) -> Vector:
-    """Compute the equivalent degrees of freedom 2 E(V)²/Var(V) of a variance V of d-th phase differences, at least 1.
+    """Compute the equivalent degrees of freedom (edf) of variances that average squared phase differences of order d.
 
-    Let s_z(t) be the covariance of two d-th differences t clusters apart, S the number of estimates per cluster, M
-    their total number and J = min(M, (d + 1) S). Then
-    1/edf = [s_z(0)² + (1 − J/M) s_z(J/S)² + 2 Σ_{0<j<J} (1 − j/M) s_z(j/S)²] / (M s_z(0)²).
+    The edf of a variance V are 2 E(V)²/Var(V), and at least 1. Let s_z(t) be the covariance of two differences that are
+    t clusters apart, S the number of differences per cluster, M the total number of differences, and
+    J = min(M, (d + 1) S). Then
+
+        1/edf = [s_z(0)² + (1 − J/M) s_z(J/S)² + 2 Σ_{0<j<J} (1 − j/M) s_z(j/S)²] / (M s_z(0)²).
+
     A sum of more than 240 terms is replaced by the trapezoidal rule with 240 nodes on the same interval; Greenhall
     and Riley use tabulated limits of the same integrals instead. For small clusters, white and random walk FM are
     discrete-time processes, as in the rest of the package; Greenhall and Riley average the phase over a sample.
@@ -39,15 +42,15 @@ def degrees_of_freedom(
     Parameters
     ----------
     exponents : (n,) int array
-        Noise exponent α at each cluster size, 2 − 2d < α <= 2 and α > 1 − 2d.
+        Noise exponent α at each cluster size, with 2 − 2d < α <= 2 and α > 1 − 2d.
     clusters : (n,) int array
-        Cluster sizes m.
+        Cluster sizes m (samples).
     points : int
         Number of values of the phase.
     order : int
-        Order d of the differences: 2 for Allan, 3 for Hadamard.
+        Order d of the differences, 2 for the Allan variance and 3 for the Hadamard variance.
     overlapping : bool
-        Whether differences start at every sample (S = m) or at every m-th (S = 1).
+        Whether a difference starts at every sample (S = m) or at every m-th sample (S = 1).
     modified : bool
         Whether the differences are averaged over a cluster.
 
@@ -94,7 +97,7 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
     total = clusters * density
     finite = np.ones(m.size) if modified else np.where(m * (d + 1) <= LARGEST_FINITE, m, np.inf)
     if alpha == 1 and not modified:
-        # Flicker PM depends on the sampling at any n, by ln n, but only through the variance at lag 0.
+        # The variance of flicker PM at lag 0 depends on ln n for any n; its covariance at other lags does not.
         finite = np.where(coarse, density, m)
         at_zero = _covariance(
             np.zeros((m.size, 1)), np.asarray(m, dtype=np.float64)[:, None], alpha=alpha, d=d, modified=modified
@@ -114,8 +117,10 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
 
 
 def _white_phase(estimates: Vector, clusters: Vector, d: int) -> Vector:
-    """Compute the degrees of freedom for white PM: differences are correlated only at lags of whole clusters, by
-    binomial ratios."""
+    """Compute the degrees of freedom for white PM.
+
+    Differences are correlated only at lags of k clusters, k = 1 … d, with the correlation C(2d, d − k)/C(2d, d).
+    """
     square = np.ones(estimates.size)
     for k in range(1, d + 1):
         rho = comb(2 * d, d - k) / comb(2 * d, d)
@@ -124,7 +129,7 @@ def _white_phase(estimates: Vector, clusters: Vector, d: int) -> Vector:
 
 
 def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: bool) -> Vector:
-    """Compute s_z(t) up to a factor: the 2d-th difference of s_x at steps of one cluster."""
+    """Compute s_z(t) up to a factor, as the difference of order 2d of s_x with a step of one cluster."""
     result = np.zeros(np.broadcast_shapes(t.shape, filter_factor.shape))
     for k in range(-d, d + 1):
         result += (-1) ** k * comb(2 * d, d + k) * _averaged(t + k, filter_factor, alpha, modified)
@@ -132,9 +137,11 @@ def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: 
 
 
 def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> Vector:
-    """Compute s_x(t): −F² times the second difference of s_w at lag 1/F; for F → ∞ it is s_w for α + 2.
+    """Compute s_x(t), the generalised autocovariance of the phase, at a lag of t clusters.
 
-    For running sums of white and random walk samples it is exactly |t| and |t|³ − |t|/n² up to a factor.
+    s_x is −F² times the second difference, with a step of 1/F, of the kernel s_w for α, with F = `filter_factor`. For
+    F → ∞ it is the kernel for α + 2. For running sums of white and random-walk samples it is exactly |t| and
+    |t|³ − |t|/n², up to a factor.
     """
     endless = np.isinf(filter_factor)
     f = np.where(endless, 1.0, filter_factor)
@@ -150,7 +157,10 @@ def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> V
 
 
 def _kernel(t: Vector, alpha: int) -> Vector:
-    """Compute s_w(t), the generalised autocovariance for exponent α: |t|^(3−α), with a logarithm for even powers."""
+    """Compute the generalised autocovariance s_w(t) for the exponent α.
+
+    Up to the sign it is |t|^(3−α), multiplied by ln |t| if 3 − α is even.
+    """
     size = np.abs(t)
     power = size
     for _ in range(2 - alpha):
@@ -161,9 +171,9 @@ def _kernel(t: Vector, alpha: int) -> Vector:
 
 
 def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """Compute s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u| at lag 1.
+    """Compute s_x for α = 1 at the lag t = u/F, which is 2 ln F minus the second difference of u² ln|u| with step 1.
 
-    Far from 0 the difference is computed from its series, 2 ln|u| + 3 − 1/(6u²), which avoids cancellation.
+    Far from 0 the difference is computed from its series 2 ln|u| + 3 − 1/(6u²), which avoids cancellation.
     """
     far = np.abs(u) > 1000
     near = np.where(far, 0.0, u)

@@ -1,4 +1,4 @@
-"""The Hadamard variance, which does not depend on a linear change of the rate."""
+"""Hadamard variance, which a linear change of the rate does not affect."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gmwm.variance.noise_type import noise_types
 from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 
 REDDEST = -4
-"""Exponent of the reddest noise with a finite Hadamard variance, random run FM (NIST SP 1065)."""
+"""Exponent α of random run FM, the reddest noise with a finite Hadamard variance (NIST SP 1065)."""
 
 
 def hadamard_variance(
@@ -33,8 +33,8 @@ def hadamard_variance(
     """Estimate the Hadamard variance of a signal: a sixth of the mean squared second difference of cluster means.
 
     With the phase p and clusters of n samples, τ = n Δt, it is the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /
-    (6 τ²) over every i ("overlapping") or every n-th i ("nonoverlapping"). It equals the Allan variance for white
-    noise, and a rate ramp, such as warm-up, has no effect on it.
+    (6 τ²) over every i ("overlapping") or every n-th i ("nonoverlapping"). For white noise it equals the Allan
+    variance. A linear change of the rate, such as during warm-up, has no effect on it.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def hadamard_variance(
     kind : "overlapping" or "nonoverlapping"
         Kind of Hadamard variance.
     clusters, data, confidence, progress
-        As for `allan_variance`; cluster sizes up to N/3.
+        The same as for `allan_variance`, except that cluster sizes are at most N/3.
 
     Returns
     -------

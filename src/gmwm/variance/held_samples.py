@@ -1,4 +1,4 @@
-"""Unprocessed samples of a record, stored by segment."""
+"""Samples of a recording that are stored before they are processed, by segment."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SMALL = 4096
 
 
 class HeldSamples:
-    """Samples in the order of their arrival, with the gaps between them.
+    """Samples in the order of their arrival, divided into segments by gaps.
 
     Examples
     --------
@@ -34,7 +34,7 @@ class HeldSamples:
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Numbers of samples between the gaps. After a gap, the last number is 0."""
+        """Number of samples of each segment. Directly after a gap, the last number is 0."""
         return tuple(self._lengths)
 
     @property
@@ -43,7 +43,7 @@ class HeldSamples:
         return len(self._lengths) > 1 and not self._lengths[-1]
 
     def add(self, x: Vector) -> None:
-        """Add samples to the segment. An array that can be changed by its owner is copied."""
+        """Add samples to the current segment. A writable array is copied, because its owner can change it."""
         if x.size >= SMALL:
             self._flush()
             self._segments[-1].append(x.copy() if x.flags.writeable else x)
@@ -57,7 +57,7 @@ class HeldSamples:
         self._size += x.size
 
     def gap(self) -> None:
-        """End the segment."""
+        """End the current segment."""
         self._flush()
         if self._lengths[-1]:
             self._segments.append([])

@@ -1,4 +1,4 @@
-"""Identification of the dominant power-law noise at a cluster size: lag 1 autocorrelation, B1 and R(n)."""
+"""Identification of the dominant power-law noise at a cluster size, by the lag 1 autocorrelation, B1 and R(n)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class NoiseType:
     name : str
         Name in time keeping; PM is noise of the phase and FM is noise of its rate.
     exponent : int
-        α of the spectral density h f^α of the rate.
+        Exponent α of the spectral density of the rate, which is proportional to f^α.
     slope : float
         Slope of the Allan deviation (Hadamard deviation for α ≤ −3) over the averaging time on logarithmic axes.
     term : str
@@ -46,15 +46,16 @@ NOISE_TYPES = (
 )
 """The noise types in descending order of α."""
 DRIFT = NoiseType("drift", -2, 1.0, "rate ramp")
-"""A linear change of the rate. It uses the confidence limits of the smallest α valid for an Allan variance."""
+"""A linear change of the rate. Confidence limits are computed for α = −2, the smallest α with a finite Allan
+variance."""
 UNDETERMINED = NoiseType("undetermined", 0, -0.5)
-"""The type of a constant record; it uses the confidence limits of white FM."""
+"""The type of a constant recording. Confidence limits are computed as for white FM."""
 
 AUTOCORRELATION = {
     2: {2: -0.6667, 0: -0.5, -1: -0.2169, -2: 0.25},
     3: {2: -0.75, 0: -0.6667, -1: -0.5348, -2: -0.3333, -3: -0.0354, -4: 0.3939},
 }
-"""Lag 1 autocorrelation of the d-th phase differences for large clusters, by d and then by α."""
+"""Lag 1 autocorrelation of the phase differences of order d for large clusters, by d and then by α."""
 
 _BY_EXPONENT = {noise.exponent: noise for noise in NOISE_TYPES}
 _BY_NAME = {noise.name: noise for noise in (*NOISE_TYPES, DRIFT, UNDETERMINED)}
@@ -64,11 +65,12 @@ LEAST_AUTOCORRELATION = 30
 LEAST_RATIO = 10
 """Smallest number of cluster means for the ratio B1; with fewer, the type of the next smaller cluster is used."""
 LEAST_DRIFT = 16
-"""Smallest number of clusters in the record for which a ramp can be distinguished from a random walk."""
+"""Smallest number of clusters in the recording for which a drift can be distinguished from a random walk."""
 LEAST_PHASE_RATIO = 8
 """Smallest cluster size at which the modified Allan variance distinguishes white from flicker PM."""
 LEAST_FREQUENCY_RATIO = 64
-"""Smallest cluster size at which the same ratio also distinguishes white FM from flicker PM."""
+"""Smallest cluster size at which the ratio of the modified to the overlapping Allan variance also distinguishes white
+FM from flicker PM."""
 MOST_VALUES = 1024
 MOST_DIFFERENCES = 3
 
@@ -92,32 +94,32 @@ def noise_types(
 ) -> tuple[NoiseType, ...]:
     """Identify the dominant noise at each cluster size.
 
-    The phase is decimated to every n-th sample; of a long phase, the 1024 values in the middle are used. The method
-    depends on the number of values:
+    The phase is decimated to every n-th sample. If more than 1024 values remain, the 1024 values in the middle are
+    used. The method depends on the number of values:
 
-    - At least 30 values: the lag 1 autocorrelation r₁ of their d-th differences. With δ = r₁/(1 + r₁), d increases
-      until δ < 1/4, and α = 2 − 2d − round(2δ). For d ≥ 2 and n ≥ 2, cluster means are smoother than the fractional
-      noise of this rule, so the α with the nearest theoretical r₁ is used.
-    - At least 10 cluster means: B1, the ratio of their variance to their Allan variance.
-    - Fewer means: the type of the next smaller cluster.
+    - For at least 30 values, the lag 1 autocorrelation r₁ of their differences of order d is used. With
+      δ = r₁/(1 + r₁), d increases until δ < 1/4, and α = 2 − 2d − round(2δ). For d ≥ 2 and n ≥ 2, cluster means are
+      smoother than the fractional noise of this rule, so the α with the nearest theoretical r₁ is used.
+    - For at least 10 cluster means, B1 is used, the ratio of their variance to their Allan variance.
+    - For fewer cluster means, the type of the next smaller cluster is used.
 
-    For n ≥ 8, the ratio of the modified to the plain Allan variance distinguishes white from flicker PM; for n ≥ 64
-    it can also reject PM. If the mean linear rise of the rate causes more than half of an Allan variance, the type
-    is drift.
+    For n ≥ 8, the ratio of the modified to the overlapping Allan variance distinguishes white from flicker PM; for
+    n ≥ 64 it can also reject PM. If the mean linear rise of the rate causes more than half of an Allan variance, the
+    type is drift.
 
     Parameters
     ----------
     phase : (N + 1,) array
-        The phase with a line removed.
+        Phase from which a straight line was subtracted.
     clusters : (n,) int array
         Cluster sizes, ascending.
     variance : (n,) array
         Estimated variance at these cluster sizes.
     reddest : int
-        The smallest exponent α for which the variance exists: −2 for Allan, −4 for Hadamard, which is insensitive to
-        drift.
+        Smallest exponent α for which the variance is finite: −2 for the Allan variance, and −4 for the Hadamard
+        variance, which a drift does not affect.
     modified_ratio : callable
-        Function of the cluster size that returns the ratio of the modified to the plain Allan variance.
+        Function of the cluster size that returns the ratio of the modified to the overlapping Allan variance.
 
     References
     ----------
@@ -144,13 +146,13 @@ def noise_types(
 
 
 def _middle(phase: Vector) -> Vector:
-    """Return the phase, or the middle 1024 samples of a long phase, which estimate r₁ to about 0.03."""
+    """Return the phase, or the middle 1024 values of a longer phase, which are enough to estimate r₁ to about 0.03."""
     first = max(phase.size - MOST_VALUES, 0) // 2
     return np.ascontiguousarray(phase[first : first + MOST_VALUES])
 
 
 def _drift_variance(phase: Vector, n: int) -> float:
-    """Compute the Allan variance of the mean linear rise: half the squared change of the rate between clusters."""
+    """Compute the Allan variance of the mean linear rise, which is half the squared change of the rate per cluster."""
     # The mean of the second differences at every n-th sample telescopes to the differences at both ends.
     last = (phase.size - 1) // n * n
     change = (phase[last] - phase[last - n] - phase[n] + phase[0]) / (last // n - 1)
@@ -178,7 +180,9 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
 
 
 def b1_ratio(means: int, mu: int) -> float:
-    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance τ^μ.
+    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance.
+
+    The Allan variance is proportional to τ^μ.
 
     >>> b1_ratio(10, -1), b1_ratio(10, 1)
     (1.0, 5.0)
@@ -203,8 +207,10 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Classify by R(n), the ratio of modified to plain Allan variance: white PM 1/n, flicker PM 3.37/(1.04 + 3 ln n),
-    FM 1/2."""
+    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance.
+
+    The theoretical ratio is 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM.
+    """
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

@@ -1,4 +1,4 @@
-"""Sums over the coefficients of samples that arrive in chunks, with gaps: the closed segments, and the open one."""
+"""Sums over the wavelet coefficients of samples that arrive in chunks, with gaps between segments."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 EXACT = 14
 """Default number of levels at which an accumulator uses every coefficient."""
 LEAST_EXACT = 6
-"""Smallest number of exact levels: up to a scale of 64 samples, every τ/64-th coefficient is every coefficient."""
+"""Smallest number of exact levels. Up to a scale τ of 64 samples, every τ/64-th coefficient means every coefficient."""
 MOST_EXACT = 24
 """Largest number of exact levels."""
 SAMPLE_BYTES = 40
@@ -30,10 +30,10 @@ results computed from a panel and the samples before it."""
 DEEPEST = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
 MEMORY = 1 << 29
-"""Default limit (bytes) of the memory of the accumulators of all axes of a recording: a choice. For six axes, 8.4
-million samples are held, 23 h at 100 Hz or 2.3 h at 1 kHz; for more samples, 21 levels are exact."""
+"""Default limit (bytes) of the memory of the accumulators of all axes of a recording. For six axes, 8.4 million samples
+are stored, which is 23 h at 100 Hz or 2.3 h at 1 kHz. For more samples, 21 levels are exact."""
 HELD_BYTES = 8
-"""Memory (bytes) of an accumulator for each sample that is held."""
+"""Memory (bytes) of an accumulator for each sample that is stored."""
 PANEL = 1 << 20
 """Largest number of samples that are processed together."""
 LARGE = 1 << 18
@@ -41,12 +41,11 @@ LARGE = 1 << 18
 
 
 class SegmentedAccumulator(OneAtATime):
-    """Sums over the coefficients of a record that arrives in chunks. The result does not depend on the chunk sizes.
+    """Sums over the wavelet coefficients of a recording that arrives in chunks.
 
-    Several threads may use one accumulator: one call runs at a time, and samples are in the order of the calls.
-
-    Up to `held` samples are kept as they are: all their levels are exact. With more samples, the sums are formed panel
-    by panel.
+    The result does not depend on the sizes of the chunks. Several threads may use one accumulator: one call runs at a
+    time, and samples are in the order of the calls. Up to `held` samples are stored unprocessed. With more samples,
+    they are processed in panels, and only sums are kept.
 
     Parameters
     ----------
@@ -55,11 +54,11 @@ class SegmentedAccumulator(OneAtATime):
     exact : int
         Number of levels at which every coefficient is used.
     start : int
-        Index of the first sample in the record.
+        Index of the first sample in the recording.
     collector : StatisticsCollector or None
-        Collects further statistics of the coefficients, besides their squares.
+        Collector of further statistics of the coefficients, besides their squares.
     held : int, optional
-        Number of samples that are kept as they are; by default 2^exact − 1, which have no further levels.
+        Largest number of samples that are stored unprocessed; by default 2^exact − 1, for which all levels are exact.
     """
 
     def __init__(
@@ -69,7 +68,8 @@ class SegmentedAccumulator(OneAtATime):
         self.levels = whole(levels, "levels", 1, DEEPEST)
         self.start = whole(start, "start", 0, 1 << 62)
         self.held = (1 << self.exact) - 1 if held is None else whole(held, "held", 0, 1 << 62)
-        # The first segment, if a gap closed it; the sums of the segments in between; the open segment.
+        # `_first` is the first segment after a gap has closed it, `_last` is the open segment, and `_squares`,
+        # `_counts`, `_statistics`, `_lengths` and `_rises` are sums over the segments between them.
         self._first: SegmentState | None = None
         self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
         self._collector = collector
@@ -88,7 +88,7 @@ class SegmentedAccumulator(OneAtATime):
 
     @property
     def stop(self) -> int:
-        """Index in the record of the next sample; samples missing in gaps are not counted."""
+        """Index of the next sample in the recording; missing samples in gaps are not counted."""
         return self.start + len(self)
 
     @property
@@ -103,7 +103,7 @@ class SegmentedAccumulator(OneAtATime):
 
     @property
     def holds_all(self) -> bool:
-        """Whether all samples so far are held. The result is then computed as by `wavelet_variance`."""
+        """Whether all samples so far are stored. The result is then computed as in `wavelet_variance`."""
         return self._first is None and self._last is None and not self._lengths
 
     @one_at_a_time
@@ -113,8 +113,8 @@ class SegmentedAccumulator(OneAtATime):
         Raises
         ------
         DataError
-            If a value is NaN, infinite or, in a robust accumulator, too large for double precision beside the others.
-            The chunk is rejected, and the earlier samples are kept.
+            If a value is NaN or infinite, or if, in a robust accumulator, it is so large that double precision loses
+            the other values. The chunk is rejected, and the earlier samples are kept.
         """
         x = as_vector(chunk, "chunk", at_least=0)
         self._require_usable(x)
@@ -128,7 +128,7 @@ class SegmentedAccumulator(OneAtATime):
 
     @one_at_a_time
     def feed(self, signal: Signal, continues: bool = False) -> None:
-        """Add a signal. Some of its samples may be filled in for lost ones, and it may continue the last segment."""
+        """Add a signal, which may have filled samples. If `continues`, its first segment extends the open segment."""
         feed(self, signal, continues)
         self.filled += signal.filled
         self._line = self._line.followed_by(RiseSums.of(signal))
@@ -136,8 +136,7 @@ class SegmentedAccumulator(OneAtATime):
     @property
     @one_at_a_time
     def rise(self) -> float | None:
-        """Mean rise per sample over all segments; None for one segment, and if the lengths of the gaps are not
-        known."""
+        """Mean rise per sample over all segments; None if there is one segment or a gap has an unknown length."""
         return self._line.slope() if len(self.lengths) > 1 and self._line.number == len(self) else None
 
     @one_at_a_time
@@ -148,10 +147,10 @@ class SegmentedAccumulator(OneAtATime):
         else:
             self._end_segment()
 
-    # --- inside ---------------------------------------------------------------------------------------
+    # --- private methods ------------------------------------------------------------------------------
 
     def _require_following(self, following: object, *alike: str) -> None:
-        """Raise unless another part directly follows this one and agrees in the attributes `alike`."""
+        """Raise OptionError unless `following` begins where this part ends and has equal attributes `alike`."""
         if not isinstance(following, type(self)):
             raise OptionError(argument="following", expected=with_article(type(self).__name__), got=following)
         for name in alike:
@@ -181,7 +180,7 @@ class SegmentedAccumulator(OneAtATime):
         self._lengths, self._statistics = list(other._lengths), other._statistics
 
     def _append(self, following: Self) -> None:
-        """Append a part that directly follows."""
+        """Append a part of the recording that directly follows this part."""
         self.filled += following.filled
         self._line = self._line.followed_by(following._line)
         following._fold()
@@ -199,7 +198,7 @@ class SegmentedAccumulator(OneAtATime):
                 self._rises += following._rises
 
     def _open(self) -> list[SegmentState]:
-        """Return the segments that can still be continued."""
+        """Return the first and the last segment, to which another part can still be joined."""
         return [part for part in (self._first, self._last) if part is not None]
 
     def _sums(self) -> tuple[Vector, NDArray[np.int64]]:
@@ -220,10 +219,10 @@ class SegmentedAccumulator(OneAtATime):
         return statistics
 
     def _require_usable(self, x: Vector) -> None:
-        """Raise an error if samples cannot be added; by default, all finite samples can."""
+        """Raise an error if these samples cannot be used. By default, all finite samples can be used."""
 
     def _fold(self) -> None:
-        """Process the samples that are held."""
+        """Process the samples that are stored, and store them no longer."""
         parts = self._held.joined()
         for values in parts:
             self._require_usable(values)
@@ -258,7 +257,7 @@ class SegmentedAccumulator(OneAtATime):
             self._count += part.size
 
     def _close(self, segment: SegmentState) -> None:
-        """Add the sums of a closed segment."""
+        """Add the sums of a closed segment to the sums over all closed segments."""
         squares, counts = segment.sums(self.levels)
         self._squares += squares
         self._counts += counts
@@ -269,10 +268,9 @@ class SegmentedAccumulator(OneAtATime):
 
 
 def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYTES) -> int:
-    """Return the number of levels that use every coefficient for which the accumulators of all axes fit into a memory
-    (bytes).
+    """Return the largest number of exact levels for which the accumulators of all axes need at most `memory` bytes.
 
-    It does not depend on the recording or the computer.
+    The number depends neither on the recording nor on the computer.
 
     >>> exact_levels(6), exact_levels(1)
     (21, 23)
@@ -281,7 +279,7 @@ def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYT
 
 
 def held_samples(axes: int) -> int:
-    """Return the number of samples that the accumulators of all axes hold by default.
+    """Return the number of samples of each axis that are stored by default in a recording of `axes` axes.
 
     >>> held_samples(6)
     8388608
@@ -290,12 +288,12 @@ def held_samples(axes: int) -> int:
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:
-    """Return `value` as an integer if it is within its range.
+    """Check that `value` is an integer in its range, and return it as an int.
 
     Raises
     ------
     OptionError
-        If it is not an integer from `least` to `most`.
+        If `value` is not an integer from `least` to `most`.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise OptionError(argument=name, expected=f"a whole number from {least} to {most}", got=value)

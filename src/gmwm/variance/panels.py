@@ -1,7 +1,7 @@
 """Divide samples that arrive in chunks of any length into panels of a fixed length.
 
-A result that is a sum over panels does not depend on the chunks. The panels of a recording are the same in memory and
-in chunks.
+A result that is a sum over panels does not depend on the lengths of the chunks. A recording has the same panels whether
+it is read at once or in chunks.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ import numpy as np
 from gmwm._arrays import Vector
 
 SECONDS = 128.0
-"""Shortest length of a panel (s), unless `LEAST` samples are longer; a panel has a power of two of samples."""
+"""Shortest duration of a panel (s)."""
 LEAST = 1 << 17
+"""Smallest number of samples of a panel."""
 
 
 def panel_length(rate: float) -> int:
-    """Return the number of samples of a panel: a power of two.
+    """Return the number of samples of a panel, which is a power of two.
 
     >>> panel_length(100.0), panel_length(4000.0)
     (131072, 524288)
@@ -27,12 +28,12 @@ def panel_length(rate: float) -> int:
 
 
 class Panels:
-    """Divide one segment after the other into panels; the last panel of a segment is shorter.
+    """Divide one segment after the other into panels. The last panel of a segment can be shorter.
 
     Parameters
     ----------
     length : int
-        Samples of a panel.
+        Number of samples of a panel.
 
     Examples
     --------

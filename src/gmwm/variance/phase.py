@@ -1,5 +1,4 @@
-"""Input of every Allan, Hadamard and total variance: the phase of a signal, the cluster sizes, and the loop over
-them."""
+"""Common parts of the Allan, Hadamard and total variances: the phase of a signal and the cluster sizes."""
 
 from __future__ import annotations
 
@@ -18,11 +17,12 @@ from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.units import find_unit
 
 Clusters: TypeAlias = Literal["octave", "decade", "all"]
-"""Choice of the cluster sizes: 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40, 100 …; or every size."""
+"""Name of a choice of cluster sizes. They are 1, 2, 4, 8, … for "octave", 1, 2, 4, 10, 20, 40, 100, … for "decade", and
+every size for "all"."""
 Data: TypeAlias = Literal["rate", "phase"]
 """Kind of the samples: the rate (as from an IMU), or its integral, the phase."""
 Progress: TypeAlias = Callable[[int, int], object]
-"""Progress callback: called with the number of finished cluster sizes and their total, first with 0."""
+"""Function that is called with the number of finished cluster sizes and the number of all cluster sizes."""
 
 
 TOO_LARGE = "the signal is too large: its squares and sums overflow double precision"
@@ -31,22 +31,22 @@ SCALE_DOWN = "Pass the signal in a larger unit."
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Phase of a record, in the unit of its rate times one sample.
+    """Phase of a recording. It is in the unit of the rate, because time is measured in samples.
 
-    The mean rate over n samples is the phase difference divided by n.
+    The mean rate over n samples is the phase difference over n samples divided by n.
 
     Parameters
     ----------
     values : (intervals + 1,) array
-        The phase with a line removed.
+        Phase from which a straight line was subtracted.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     samples : int
         Number of input values.
     unit, axis : str
-        Unit of the rate, and axis of the signal.
+        Unit of the rate, and name of the axis.
     octaves : (j,) array, optional
-        Sums of squared second differences at 1, 2, 4, … samples, if computed in the same pass.
+        Sums of squared second differences at 1, 2, 4, … samples, if they were computed together with the phase.
     """
 
     values: Vector
@@ -58,34 +58,38 @@ class Phase:
 
     @property
     def intervals(self) -> int:
-        """Number of sampling intervals of the record: one less than the number of phase values."""
+        """Number of sampling intervals of the recording, one less than the number of phase values."""
         return int(self.values.size) - 1
 
 
 def phase_of(
     x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
 ) -> Phase:
-    """Compute the phase of a signal: the running sum of the centred rate, or phase data with a line removed.
+    """Compute the phase of a signal.
+
+    It is the running sum of the rate after its mean is subtracted, or the given phase after a straight line is
+    subtracted.
 
     Parameters
     ----------
     x : Signal, or (N,) array
         At least 8 finite samples, without a gap that cannot be filled.
     rate : float
-        Samples per second (Hz); taken from a Signal.
+        Sampling rate (Hz); a Signal has its own rate.
     data : "rate" or "phase"
-        What `x` holds.
+        Whether `x` contains the rate or the phase.
     straighten : bool
-        Also remove a line from the rate. Third differences remove it anyway; removing it first reduces rounding errors.
+        Whether to subtract a straight line from the rate. Third differences of the phase remove it anyway, but
+        subtracting it first reduces rounding errors.
     octaves : bool
-        Compute the second differences of a rate at octaves in the same pass; this takes half the time of a second pass.
+        Whether to compute the sums of squared second differences at octaves in the same pass, which saves time.
 
     Raises
     ------
     DataError
         If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
     OptionError
-        If `data` is unknown, or `rate` contradicts the Signal's.
+        If `data` is unknown, or `rate` contradicts the rate of the Signal.
     """
     one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
@@ -114,7 +118,7 @@ def phase_of(
 
 
 def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
-    """Make the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
+    """Return the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
     return OptionError(
         f"the rate of {rate:g} Hz contradicts the {owner}, which has {known:g} Hz",
         argument="rate",
@@ -124,7 +128,7 @@ def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
 
 
 def _rate_unit(unit: str) -> str:
-    """Return the unit of the rate for a unit of the phase."""
+    """Return the unit of the rate that corresponds to a unit of the phase."""
     if not unit:
         return ""
     known = find_unit(f"{unit}/s")
@@ -132,12 +136,12 @@ def _rate_unit(unit: str) -> str:
 
 
 def _without_line(phase: Vector) -> Vector:
-    """Remove the line through the first and last value of the phase; the first value becomes 0."""
+    """Subtract from the phase the straight line through its first and last values; the first value is 0."""
     return np.asarray(phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1)))
 
 
 def _without_slope(values: Vector) -> Vector:
-    """Remove the mean and the least-squares slope of the rate; a constant becomes exactly zero."""
+    """Subtract from the rate its mean and its least-squares slope; a constant rate becomes exactly zero."""
     n = values.size
     centred = values - _core.mean(values)
     time = np.arange(n, dtype=np.float64)
@@ -154,11 +158,11 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
     Parameters
     ----------
     clusters : "octave", "decade", "all", or (n,) array of integers
-        Requested sizes, in samples.
+        Requested sizes (samples).
     largest : int
-        Largest size for which the variance exists.
+        Largest size for which the variance is defined.
     usual : int, optional
-        Largest size for a choice by name, if smaller than `largest`.
+        Largest size that "octave", "decade" and "all" include; by default `largest`.
 
     >>> cluster_sizes("decade", 300)
     array([  1,   2,   4,  10,  20,  40, 100, 200])
@@ -194,7 +198,10 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
 def mean_squares(
     kernel: Callable[[int], float], clusters: NDArray[np.int64], counts: NDArray[np.int64], progress: Progress | None
 ) -> Vector:
-    """Divide the kernel's sum of squares by its number of terms per cluster size; Ctrl-C stops between two sizes."""
+    """Compute the mean square at each cluster size from the sum of squares that `kernel` returns for it.
+
+    `counts` has the numbers of terms. Ctrl-C stops between two sizes.
+    """
     sums = np.empty(clusters.size)
     for k, n in enumerate(clusters.tolist()):
         if progress is not None:
@@ -208,6 +215,8 @@ def mean_squares(
 
 
 def inner_product(a: Vector, b: Vector) -> float:
-    """Compute Σ a_i b_i without BLAS, whose threads wait for each other: on a busy machine this takes ten times as
-    long."""
+    """Compute Σ a_i b_i without BLAS.
+
+    The threads of BLAS wait for each other, which takes ten times as long on a busy machine.
+    """
     return float(np.einsum("i,i->", a, b))

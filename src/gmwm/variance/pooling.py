@@ -23,12 +23,14 @@ changes the wavelet variance by at most 0.3 %."""
 
 
 def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
-    """Pool the curves of independent recordings: the mean over all their wavelet coefficients,
+    """Pool the wavelet variances of independent recordings of one unit.
+
+    The pooled curve is the mean square of the wavelet coefficients of all recordings r,
 
         ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
 
-    A recording has the mean of its own samples, and no coefficient reaches from one recording into another. Pooled
-    recordings are like the segments of one recording with gaps, and their covariance is the covariance of segments.
+    Recordings may have different means, and no coefficient extends from one recording into another. The recordings are
+    treated like the segments of one recording with gaps, also for the covariance.
 
     Parameters
     ----------
@@ -38,7 +40,8 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     Returns
     -------
     WaveletVariance
-        Its attribute `recordings` has the curves. A single curve is returned as it is.
+        The pooled curve, whose attribute `recordings` has the single curves. If there is only one curve, it is returned
+        unchanged.
 
     Raises
     ------
@@ -123,11 +126,11 @@ def _differ(what: str, one: str, other: str) -> DataError:
 
 
 def _reach(items: list[WaveletVariance]) -> int:
-    """Return the number of levels: all of the longest curve, unless another recording lacks a level that its length
-    allows.
+    """Return the number of levels of the pooled curve.
 
-    A regression on the temperature drops coarse levels. The covariance of segments cannot describe a level without the
-    coefficients of one of them.
+    It has all levels of the longest curve, unless another curve lacks a level that its length allows, for example
+    because a regression on the temperature left it out. The covariance of segments requires the coefficients of every
+    segment that is long enough for the level.
     """
     reach = max(map(len, items))
     for wv in items:
@@ -137,7 +140,7 @@ def _reach(items: list[WaveletVariance]) -> int:
 
 
 def _counts(wv: WaveletVariance, levels: int) -> Vector:
-    """Return the number of coefficients (levels,) for the length of a recording, whether or not all were used."""
+    """Return the number of coefficients (levels,) that the length of a recording allows at each level."""
     every = np.arange(1, levels + 1)
     counts, _ = pooled_counts(wv.segments or (wv.samples,), every, find_filter(wv.filter), wv.transform)
     return np.asarray(counts, dtype=np.float64)
@@ -149,7 +152,7 @@ def _padded(values: NDArray[Number], levels: int) -> NDArray[Number]:
 
 
 def _strides(items: list[WaveletVariance], levels: int) -> tuple[int, ...]:
-    """Return the largest distance between coefficients at each level."""
+    """Return, for each level, the largest distance between coefficients in any recording."""
     if not any(wv.strides for wv in items):
         return ()
     every = [np.concatenate([np.array(wv.strides, dtype=np.int64), np.ones(levels, dtype=np.int64)])[:levels]
@@ -158,7 +161,7 @@ def _strides(items: list[WaveletVariance], levels: int) -> tuple[int, ...]:
 
 
 def _mean(values: list[float | None], items: list[WaveletVariance]) -> float | None:
-    """Return the mean weighted by the lengths; None if a recording has no value."""
+    """Return the mean over the recordings, weighted by their lengths; None if a recording has no value."""
     known = [value for value in values if value is not None]
     if len(known) < len(values):
         return None
@@ -166,8 +169,7 @@ def _mean(values: list[float | None], items: list[WaveletVariance]) -> float | N
 
 
 def _excess(items: list[WaveletVariance], shares: list[Vector]) -> Matrix | None:
-    """Return the relative covariance in addition to the Gaussian one; a recording without such a value is treated as
-    zero."""
+    """Return the `excess` of the pooled curve; a recording without `excess` counts as zero."""
     if all(wv.excess is None for wv in items):
         return None
     size = shares[0].size

@@ -1,4 +1,4 @@
-"""Result of a wavelet variance of one signal."""
+"""Wavelet variance of one signal."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class WaveletVariance(Summarised):
     rate : float
         Sampling rate (Hz).
     samples : int
-        Length N of the signal (samples), without gaps.
+        Length N of the signal, without the missing samples in gaps.
     unit, axis : str
         Unit and name of the signal; "" if they are unknown.
     confidence : float
@@ -62,21 +62,24 @@ class WaveletVariance(Summarised):
     filled : int
         Number of samples that replace lost ones, see `Signal.fill_gaps`; they are included in `samples`.
     rise : float or None
-        Mean rise per sample over the whole recording with its gaps, by least squares; None without gaps that are not
-        filled, and if their lengths are not known.
+        Mean rise per sample over the whole recording with its gaps, by least squares. None if the signal is a single
+        segment or a gap has an unknown length.
     strides : tuple of int
-        Distance (samples) between the coefficients of each level; () if all were used, see `WaveletAccumulator`.
+        Distance (samples) between the coefficients that each level uses; () if all coefficients are used. See
+        `WaveletAccumulator`.
     slope : float or None
         Mean slope of the signal (unit per sample), which gives a drift its sign. None for published values.
     excess : (J, J) array or None
-        Relative covariance E of the estimates beyond a Gaussian signal of the model, from heavy tails or a shape that
-        was estimated before: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Tests and intervals use it.
+        Relative covariance E of the estimates in addition to the covariance V for a Gaussian signal:
+        Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². It accounts for heavy tails, and for effects that were estimated and
+        removed before, such as the effect of the temperature. Tests and confidence intervals use it.
     model_error : float
-        Relative error τ of the model at each level, which adds τ² to the diagonal of E, also for weights and selection.
+        Relative error τ of the model at each level. It adds τ² to the diagonal of E. The weights of a fit and the
+        choice among models use it too.
     regression : gmwm.regression.Regression or None
-        The effect of the temperature or of other conditions that was removed from the signal.
+        Effect of the temperature or of other conditions that was removed from the signal.
     recordings : mapping of name to WaveletVariance
-        The curves of several recordings of one unit, of which this one is the mean; empty for a single recording.
+        Curves of several recordings of one unit, whose pooled curve this is; empty for a single recording.
 
     Examples
     --------
@@ -139,10 +142,11 @@ class WaveletVariance(Summarised):
 
     @property
     def degrees_of_freedom(self) -> Vector:
-        """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1); M_j for a DWT (Percival 1995).
+        """Equivalent degrees of freedom (Percival 1995): max(M_j / 2^j, 1) for a MODWT, and M_j for a DWT.
 
-        For several segments M_j² / Σ_s (M_sj² / η_sj), with η_sj ≥ 1. For a robust estimate this is multiplied by the
-        efficiency, which is conservative, because correlated coefficients lose less, and divided by `loss_factor`.
+        For several segments s they are M_j² / Σ_s (M_sj² / η_sj), where η_sj ≥ 1 are the degrees of freedom of a
+        segment. They are divided by `loss_factor`. For a robust estimate they are multiplied by the efficiency, which
+        is conservative, because the efficiency is higher for correlated coefficients.
         """
         if self.segments:
             _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
@@ -154,7 +158,7 @@ class WaveletVariance(Summarised):
 
     @property
     def loss_factor(self) -> float:
-        """Factor by which filled samples increase the covariance of the estimates, see `loss_factor`."""
+        """Factor by which filled samples increase the covariance of the estimates, see `transform.loss_factor`."""
         return loss_factor(self.filled, self.samples)
 
     @property
@@ -188,7 +192,7 @@ class WaveletVariance(Summarised):
         unit: str = "",
         axis: str = "",
     ) -> WaveletVariance:
-        """Make a wavelet variance from published values, for levels 1, 2, … in order.
+        """Create a wavelet variance from published values at the levels 1, 2, ….
 
         Parameters
         ----------
@@ -212,7 +216,7 @@ class WaveletVariance(Summarised):
         Raises
         ------
         DataError
-            If a value is negative or not finite, N is not a whole number, or N samples have fewer levels.
+            If a value is negative or not finite, N is not a whole number, or N is too small for J levels.
 
         Examples
         --------
@@ -266,7 +270,7 @@ class WaveletVariance(Summarised):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers, lists and texts, ready for JSON."""
+        """Return all fields as plain numbers, lists and strings for JSON."""
         return {
             "levels": self.levels.tolist(),
             "scales": self.scales.tolist(),
@@ -326,7 +330,7 @@ class WaveletVariance(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Remarks on single levels. Read them before using the levels."""
+        """Remarks on levels that must be used with care."""
         outcomes = self.diagnostics.get("robust", {}).get("outcome", [])
         remarks = []
         for outcome, code in _OUTCOMES.items():
@@ -340,7 +344,7 @@ class WaveletVariance(Summarised):
         return tuple(dict.fromkeys([*remarks, *own]))
 
     def to_frame(self) -> DataFrame:
-        """Return the curve as a Polars data frame: one row for each level.
+        """Return the curve as a Polars data frame with one row for each level.
 
         >>> import gmwm
         >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_frame().columns
@@ -361,7 +365,7 @@ class WaveletVariance(Summarised):
         )
 
     def summary(self) -> str:
-        """Format a table: scale, variance, limits and number of coefficients of every level."""
+        """Format a table of the scale, the variance, its limits and the number of coefficients of every level."""
         unit = f" ({self.unit})²" if self.unit else ""
         name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
         title = f"{name} {self.transform.upper()} wavelet variance"
@@ -385,7 +389,7 @@ class WaveletVariance(Summarised):
         return int(self.levels.size)
 
     def only(self, levels: Iterable[int]) -> WaveletVariance:
-        """Return the same curve at some of its levels, to leave scales out of a fit or of a selection.
+        """Return the curve at some of its levels, to leave the other levels out of a fit.
 
         Parameters
         ----------
@@ -395,7 +399,7 @@ class WaveletVariance(Summarised):
         Raises
         ------
         OptionError
-            If no level is left, or the curve does not have one of them.
+            If `levels` is empty, or contains a level that the curve does not have.
 
         Examples
         --------
@@ -438,23 +442,24 @@ class WaveletVariance(Summarised):
         ax: Axes | None = None,
         path: str | os.PathLike[str] | None = None,
     ) -> MatplotlibFigure:
-        """Draw the wavelet variance over its scales, with its confidence band, on logarithmic axes.
+        """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
 
-        Levels with a variance of zero are marked at the foot of the axis.
+        Levels with a variance of zero are marked at the lower edge of the plot.
 
         Parameters
         ----------
         view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
+            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+            averaging time τ/2 (s).
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
+            Units of the plot: rad/s and m/s², or deg/h and mg.
         label : str, optional
-            Name in the legend, for several curves on the same `ax`: `monday.plot(ax=ax, label="monday")`. Its colour
-            and symbol then differ from the earlier ones, and the axes have one legend and include all curves.
+            Name of the curve in the legend. Use it to draw several curves on the same axes, as in
+            `monday.plot(ax=ax, label="monday")`. Each curve then has its own colour and symbol.
         color : str, optional
-            A colour of Matplotlib such as "#D55E00"; by default the next colour that earlier curves do not have.
+            Matplotlib colour such as "#D55E00"; by default a colour that no earlier curve has.
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; by default the axes of a new figure.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -484,7 +489,7 @@ class WaveletVariance(Summarised):
 
 
 def _checked_samples(samples: int) -> int:
-    """Check a length: a whole number, which may be a float such as 3e6."""
+    """Check that a length is a positive whole number, which may be a float such as 3e6, and return it as an int."""
     whole = isinstance(samples, int | float | np.number) and not isinstance(samples, bool) and samples % 1 == 0
     if not whole or samples < 1:
         raise DataError(argument="samples", expected="a positive whole number, the length of the signal", got=samples)
@@ -492,7 +497,7 @@ def _checked_samples(samples: int) -> int:
 
 
 def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
-    """Return the efficiency of a robust estimate; None for a classical one."""
+    """Check the efficiency, and return it; None for a classical estimate."""
     from gmwm.variance.biweight import biweight, unused_efficiency
 
     if robust:

@@ -1,4 +1,4 @@
-"""The mean rise of a whole recording with gaps, from its samples and their times."""
+"""Mean rise per sample over a whole recording with gaps, from the samples and their times."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class RiseSums(NamedTuple):
     number : float
         Number of samples.
     time, value : float
-        Mean time, in sampling intervals, and mean of the samples.
+        Mean t̄ of the times (in sampling intervals) and mean x̄ of the samples.
     times2, product : float
-        Σ (t − t̄)² and Σ (t − t̄)(x − x̄).
+        Σ (t − t̄)² and Σ (t − t̄)(x − x̄) over the times t and the samples x.
     known : float
         1 if the times are known and in order, else 0.
     """
@@ -41,7 +41,7 @@ class RiseSums(NamedTuple):
         return sums if signal.gaps_known or len(signal.segments) == 1 else sums._replace(known=0.0)
 
     def followed_by(self, later: RiseSums) -> RiseSums:
-        """Add the sums of later samples."""
+        """Return the sums over these samples and later samples."""
         if not self.number or not later.number:
             return later if later.number else self
         number, apart = self.number + later.number, later.time - self.time

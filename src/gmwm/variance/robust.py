@@ -1,8 +1,8 @@
-"""Robust wavelet variance: the M-estimate of scale of the coefficients at each level.
+"""Robust wavelet variance, which is the M-estimate of scale of the coefficients at each level.
 
-Each level is first solved on a sample of its coefficients: Newton's method, started at their median, finds an
-approximate root. Two or three passes over all coefficients of all levels then refine the roots. Each pass reads the
-running sum once.
+First, Newton's method finds an approximate root of the estimating equation for a sample of the coefficients of a level,
+starting from their median. Two or three passes over all coefficients of all levels then refine the roots. Each pass
+reads the running sum once.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from gmwm.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweigh
 from gmwm.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
 
 PART = 8
-"""Before the passes over all coefficients, one Newton step uses every 8th tile of the record only. A level takes this
-step if these tiles hold more independent coefficients than its sample."""
+"""Before the passes over all coefficients, one Newton step uses one eighth of the recording. A level takes this step if
+that part has more independent coefficients than the sample of the level."""
 PASSES = 8
-"""Largest number of passes; two or three are typical. A level that has not converged then is solved by `_settle`."""
+"""Largest number of passes; two or three are typical. `_settle` solves a level that has not converged after them."""
 TOLERANCE = 1e-11
-"""Predicted error of log σ² at which a level has converged."""
+"""Predicted error of log σ² below which a level has converged."""
 FEW = 2
 """Largest number of coefficients among which no outlier can be identified: the variance is the mean of the squares."""
 
@@ -38,7 +38,7 @@ Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
 
 @dataclass
 class _Level:
-    """Current state of the search at one level; log σ² is relative to log `start`."""
+    """State of the search at one level. `place` is log σ² minus log `start`."""
 
     start: float = 0.0
     place: float = 0.0
@@ -61,11 +61,13 @@ class RobustVariances:
     Attributes
     ----------
     variance : (J,) array, in the square of the coefficients' unit
+        Robust variance of each level.
     diagnostics : mapping
-        For each level: "outcome" ("root"; "mad" where no root exists; "mean" of the squares of one or two
-        coefficients; "zero" if all coefficients are zero, or most are and no root exists), "start" (the starting
-        value: (MAD / 0.67449)², or from a higher quantile if the MAD is 0), "iterations" on a sample of the
-        coefficients, "passes" over all of them, and "zeros", the share of coefficients that are zero.
+        Lists with one value for each level. "outcome" is "root", or "mad" if no root exists, "mean" for the mean square
+        of one or two coefficients, or "zero" if all coefficients are zero, or most are zero and no root exists. "start"
+        is the starting value of σ², which is (MAD / 0.67449)², or follows from a higher quantile if the MAD is 0.
+        "iterations" is the number of iterations on a sample of the coefficients, "passes" the number of passes over all
+        coefficients, and "zeros" the share of coefficients that are zero.
     """
 
     variance: Vector
@@ -73,7 +75,10 @@ class RobustVariances:
 
 
 def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVariances:
-    """Compute the M-estimate of σ² at every level: the falling root of mean ρ(W/σ) = a nearest (MAD / 0.67449)².
+    """Compute the M-estimate of σ² at every level.
+
+    It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are several roots, the search starts at (MAD / 0.67449)²
+    and accepts only roots at which the left side decreases with σ.
 
     Raises
     ------
@@ -136,7 +141,7 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
 
 
 def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
-    """Search a level on a sample of its coefficients; the result is final if the sample holds all of them."""
+    """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
     sample = source.sample(k, SAMPLE)
     count, resolution = int(source.counts[k]), source.resolution(k)
     complete = sample.size == count
@@ -154,7 +159,7 @@ def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
 
 
 def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
-    """Find a root on the sample by Newton's method from the MAD, or else by a scan around it."""
+    """Find a root on the sample by Newton's method, started at the MAD. If this fails, scan the range around it."""
     middle = float(np.median(sample))
     # More than half of the sample can be zero although less than half of all coefficients are.
     if _mad_is_zero(level) or middle <= resolution:
@@ -175,8 +180,8 @@ def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tu
         found = scan(criterion, tolerance)
         root, level.iterations = found.root, level.iterations + found.evaluations
         if root is None and not complete:
-            # The sample determines the mean of ρ to 4 % of a, so if it nearly has a root, all coefficients may have
-            # one.
+            # The error of the mean of ρ on the sample is 4 % of a. If the sample nearly has a root, the criterion of
+            # all coefficients may have one.
             near = [(abs(place), place) for place, value in found.peaks if value > -0.15 * tuning.a]
             level.peaks = [place for _, place in sorted(near)]
     if root is not None:
@@ -241,11 +246,11 @@ def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) ->
 def _interpolated(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the step to the root of the cubic through the last two points and slopes, and its predicted error.
+    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error.
 
-    The cubic is log σ² as a function of the criterion. Its error is proportional to the product of both squared
-    distances; the error of Newton's step is proportional to the smaller squared distance only. If the criterion did
-    not shrink to a tenth, the Newton step is used.
+    The cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared
+    distances of both points from the root. The error of a Newton step is proportional to the squared distance of the
+    later point. If the criterion of the later point is not below a tenth of the earlier one, the Newton step is used.
     """
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
@@ -261,7 +266,11 @@ def _interpolated(
 
 
 def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
-    """Solve a level without a root on its sample or without convergence: scan all coefficients, else use MAD or 0."""
+    """Solve a level that has no root on its sample or has not converged.
+
+    The criterion of all coefficients is scanned for a root. If there is none, the variance follows from the MAD, or is
+    0 if the MAD is 0.
+    """
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

@@ -1,10 +1,10 @@
-"""Exact robust wavelet variance from two passes over a record.
+"""Exact robust wavelet variance from two passes over a recording.
 
-The sketches of the first pass determine σ² to 1e-4 or better. The second pass computes the exact sums over all
-coefficients at this σ². They give the errors of the value and the slope of the sketched criterion. These errors are
-small and smooth, so a linear correction is accurate to the square of the remaining distance, 1e-8. For a level without
-a root, the second pass finds the exact median inside the bin of the sketch. Levels with few coefficients are stored
-completely.
+The sketches of the first pass, which are histograms of the coefficients, determine σ² with a relative error of at most
+1e-4. The second pass computes the exact sums over all coefficients at this σ². The differences from the sums over the
+sketches are small and smooth functions of σ², so a linear correction has an error of the order of 1e-8. For a level
+without a root, the second pass finds the exact median inside a bin of the sketch. All coefficients of levels with few
+coefficients are stored.
 """
 
 from __future__ import annotations
@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 
 OTHERS = 0.05
 """Relative change of a variance in the second pass above which the samples must differ from the samples of the first
-pass. For the same samples, 1e-4 is typical."""
+pass. For equal samples, the change is typically 1e-4."""
 NEAR = 0.02
-"""Largest distance in log σ² from the position of the exact sums at which the linear correction is used."""
+"""Largest distance in log σ² from the value at which the exact sums are known, for which the linear correction is
+used."""
 DOUBT = 0.01
 """Threshold for the maximum of the criterion and for its slope at the root, both relative to a. Below it, the exact
 coefficients may have a root although the sketch has none, or the reverse. The second pass then collects the sums for
@@ -43,10 +44,11 @@ both cases."""
 
 
 class SecondPass(SegmentedAccumulator):
-    """Second pass over a record: the exact robust variance, given the sketches of the first pass.
+    """Second pass over a recording, which computes the exact robust variance from the sketches of the first pass.
 
-    `WaveletAccumulator.second_pass` creates it. It takes the same samples with the same gaps, in chunks of any size.
-    Parts can be processed separately and merged in order: `part` creates a second pass that begins at any sample.
+    `WaveletAccumulator.second_pass` creates it. It must receive the same samples with the same gaps, in chunks of any
+    size. Parts of the recording can be processed separately and merged in order; `part` creates a second pass that
+    begins at any sample.
     """
 
     def __init__(
@@ -58,7 +60,7 @@ class SecondPass(SegmentedAccumulator):
         self._rise = 0.0
 
     def part(self, start: int) -> SecondPass:
-        """Create an empty second pass for the part of the record that begins with sample `start`."""
+        """Create an empty second pass for the part of the recording that begins with sample `start`."""
         return SecondPass(
             self._seen, self._request, winsorised=self._winsorised, start=start, efficiency=self.efficiency
         )
@@ -70,7 +72,7 @@ class SecondPass(SegmentedAccumulator):
         Raises
         ------
         OptionError
-            If `following` does not begin where this part ends, or is not a second pass over the same record.
+            If `following` does not begin where this part ends, or is not a second pass over the same recording.
         """
         self._require_following(following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
@@ -89,13 +91,13 @@ class SecondPass(SegmentedAccumulator):
 
     @one_at_a_time
     def result(self, confidence: float = 0.95) -> WaveletVariance:
-        """Compute the robust wavelet variance of the whole record.
+        """Compute the robust wavelet variance of the whole recording.
 
         Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to about 1e-10. Higher levels are computed
         from every τ/64-th coefficient. If the estimating equation of a level has no root, its variance is
-        (MAD / 0.67449)², to 1e-7 if the bin of the sketch with the median holds more than 2^17 coefficients.
-        `diagnostics["robust"]` also contains "moved", the relative change of each level in the
-        second pass.
+        (MAD / 0.67449)². Its relative error is 1e-7 if the bin of the sketch with the median has more than 2^17
+        coefficients. `diagnostics["robust"]` also contains "moved", the relative change of the variance of each level
+        in the second pass.
 
         Parameters
         ----------
@@ -149,7 +151,7 @@ def _extent(record: SegmentedAccumulator) -> str:
 
 
 def sum_request(sketched: SketchCoefficients, found: RobustVariances, efficiency: float) -> SumRequest:
-    """Choose the sums to collect in the second pass from the sketches of the first pass."""
+    """Choose, from the sketches of the first pass, the sums that the second pass collects."""
     tuning, levels = biweight(efficiency), len(sketched.counts)
     limits, low, high = np.zeros((3, levels))
     kept = sketched.counts <= SAMPLE
@@ -180,7 +182,7 @@ def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Bi
 
 
 def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | None:
-    """Return σ² at the maximum of the criterion of a level without a root, or None if it is far from 0."""
+    """Return σ² at the maximum of the criterion of a level without a root; None if this maximum is far below 0."""
     sample = sketched.sample(k, SAMPLE)
     rest = sample[sample > sketched.resolution(k)]
     origin = float(np.median(rest)) ** 2 if rest.size else 0.0
@@ -198,7 +200,7 @@ def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | 
 
 
 class Corrected:
-    """Sketched coefficients corrected by the sums of a second pass, as a source of a robust variance."""
+    """Source of coefficients for `robust_variances`: sketches, corrected by the sums of a second pass."""
 
     def __init__(self, sketched: SketchCoefficients, request: SumRequest, found: tuple[LevelSums, ...]) -> None:
         self.counts = sketched.counts
@@ -209,7 +211,7 @@ class Corrected:
         self._fourth = np.where(used, [level.fourth for level in found], 0.0) - fourth
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Return the sums of the sketches plus a correction linear in log σ²; `every` is ignored."""
+        """Return the sums over the sketches plus a correction that is linear in log σ²; `every` is ignored."""
         cubed, fourth, count = self._sketched.sums(limits)
         for k in np.flatnonzero(limits > 0).tolist():
             if self._request.kept[k]:
@@ -228,11 +230,11 @@ class Corrected:
         return self._found[k].sizes if self._request.kept[k] else self._sketched.sample(k, size)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Count and sample the values with the sketch."""
+        """Count the |W| up to `low` and return the values between `low` and `high`, both from the sketch."""
         return self._sketched.between(k, low, high)
 
     def median(self, k: int) -> float:
-        """Compute the median of the stored |W|, or from the counts in the bracket."""
+        """Compute the median of |W| from the stored values, or from the counts in the cells around the median."""
         level, count = self._found[k], int(self.counts[k])
         if self._request.kept[k]:
             return float(np.median(level.sizes))
@@ -240,5 +242,5 @@ class Corrected:
         return self._sketched.median(k) if middle is None else float(middle.mean())
 
     def resolution(self, k: int) -> float:
-        """Return the resolution from the first pass."""
+        """Return the largest |W| that can be a rounding error, from the first pass."""
         return self._sketched.resolution(k)

@@ -1,4 +1,4 @@
-"""Sums of a second pass: biweight sums near the robust variance, and counts around the median."""
+"""Sums that a second pass collects: biweight sums near the robust variance, and counts around the median."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from gmwm import _core
 from gmwm._arrays import Vector
 
 FINEST = 8
-"""Smallest number of low-order bits that a cell omits: cells are at least 2^-44 wide, relative to the value."""
+"""Smallest number of low-order bits that a cell omits. A cell is therefore at least 2^-44 of the value wide."""
 MOST = 1 << 17
 """Largest number of cells of a level."""
 
 
 @dataclass(frozen=True, eq=False)
 class MedianCells:
-    """Counts of |W| in narrow cells around the median, as fine as the number of cells allows.
+    """Counts of |W| in narrow cells around the median. The cells are as fine as their maximum number allows.
 
-    A cell is identified by the leading bits of a number. The counts do not depend on how a set is split.
+    A cell contains all numbers with the same leading bits. Counts of parts of the coefficients can be merged in any
+    order.
 
     Attributes
     ----------
@@ -37,11 +38,11 @@ class MedianCells:
 
     @classmethod
     def of(cls, sizes: Vector) -> MedianCells:
-        """Count an array of nonnegative numbers."""
+        """Count nonnegative numbers in cells."""
         return cls(FINEST, *np.unique(sizes.view(np.int64) >> FINEST, return_counts=True))._few()
 
     def merge(self, other: MedianCells) -> MedianCells:
-        """Add the counts of two sets."""
+        """Add the counts of two sets of coefficients."""
         if not other.cells.size:
             return self
         shift = max(self.shift, other.shift)
@@ -55,7 +56,7 @@ class MedianCells:
         return MedianCells(shift, cells, np.insert(counts, places[~known], two.counts[~known]))._few()
 
     def _few(self) -> MedianCells:
-        """Widen the cells until their number is within the limit."""
+        """Widen the cells until there are at most `MOST`."""
         made = self
         while made.cells.size > MOST:
             made = made._shifted(made.shift + 1)
@@ -87,11 +88,11 @@ class LevelSums:
     Attributes
     ----------
     cubed, fourth : float
-        Σ v q³ and Σ v q⁴ at the level's limit.
+        Σ v q³ and Σ v q⁴ (see `Biweight.criterion`) at the limit (cσ)² of the level.
     below : int
-        Number of |W| below the bracket of the level.
+        Number of |W| below the bracket of the median.
     inside : MedianCells
-        Counts of |W| in the bracket.
+        Counts of |W| in the bracket of the median.
     sizes : (n,) array
         All |W|, for a level with few coefficients.
     """
@@ -129,16 +130,16 @@ class SecondPassSums:
 
 @dataclass(frozen=True, eq=False)
 class SumRequest:
-    """Specification of the sums that the second pass collects at each level: a `StatisticsCollector`.
+    """Specification of the sums that the second pass collects at each level; it is a `StatisticsCollector`.
 
     Attributes
     ----------
     limits : (J,) array
-        (cσ)² at which the sums are computed; 0 for levels without sums.
+        (cσ)² for which the sums are computed; 0 for levels without sums.
     low, high : (J,) arrays
-        The bracket of the median; `high` is 0 for levels without a bracket.
+        Bracket of the median of |W|; `high` is 0 for levels without a bracket.
     kept : (J,) array of bool
-        Whether all |W| are stored.
+        Whether all |W| of a level are stored.
     """
 
     limits: Vector
@@ -148,7 +149,7 @@ class SumRequest:
     squares = False
 
     def haar(self, running_sum: Vector, levels: int, begin: int) -> SecondPassSums:
-        """Compute the sums of all levels in one pass."""
+        """Compute the sums over the coefficients of levels 1 … `levels` that end at sample `begin` or later."""
         reach = min(levels, (running_sum.size - 1).bit_length() - 1, self.limits.size)
         if reach < 1:
             return SecondPassSums()
@@ -163,7 +164,7 @@ class SumRequest:
         return SecondPassSums(tuple(found))
 
     def across(self, running_sum: Vector, level: int) -> SecondPassSums:
-        """Compute the sums of one level."""
+        """Compute the sums over all coefficients of one level of a running sum."""
         k = level - 1
         if k >= self.limits.size:
             return SecondPassSums()
@@ -176,7 +177,7 @@ class SumRequest:
         return self.at(level, LevelSums(cubed, fourth, *self._sizes(running_sum, k)))
 
     def values(self, coefficients: Vector, level: int) -> LevelSums:
-        """Compute the sums of an array of coefficients."""
+        """Compute the sums over an array of coefficients of one level."""
         k = level - 1
         if k >= self.limits.size or not coefficients.size:
             return LevelSums()
@@ -189,15 +190,18 @@ class SumRequest:
         return LevelSums(cubed, fourth, below=below, inside=inside, sizes=sizes if self.kept[k] else np.empty(0))
 
     def at(self, level: int, part: LevelSums, resolution: float = 0.0) -> SecondPassSums:
-        """Wrap the sums of one level; the resolution comes from the first pass."""
+        """Return the sums of all levels, with `part` at `level` and empty sums at lower levels.
+
+        `resolution` is ignored, because the first pass provides it.
+        """
         return SecondPassSums((*(LevelSums() for _ in range(level - 1)), part))
 
     def empty(self) -> SecondPassSums:
-        """Return the sums of an empty set."""
+        """Return the sums over no coefficients."""
         return SecondPassSums()
 
     def _sizes(self, running_sum: Vector, k: int) -> tuple[int, MedianCells, Vector]:
-        """Return the number of |W| below the bracket, the counts in it, and all |W| if they are stored."""
+        """Return the number of |W| below the bracket, the counts in the bracket, and all |W| if they are stored."""
         below, inside, sizes = 0, MedianCells(), np.empty(0)
         if running_sum.size > 2 << k:
             if self.high[k] > 0:

@@ -1,4 +1,4 @@
-"""State of a segment of consecutive samples, from which the wavelet variance of a record is computed."""
+"""State of a segment of consecutive samples, from which the wavelet variance of a recording is computed."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ class SegmentState:
     Attributes
     ----------
     exact : int
-        Levels at which every coefficient is used.
+        Number of levels at which every coefficient is used.
     start, count : int
-        Index of the first sample in the record, and number of samples.
+        Index of the first sample in the recording, and number of samples.
     reference : float
-        The first sample.
+        Value of the first sample.
     head, tail : arrays
-        The first and the last 2^exact − 1 samples.
+        The first and the last 2^exact − 1 samples, minus `reference`.
     squares : (exact,) array
-        Σ W² at each of these levels.
+        Sum of the squared coefficients at each exact level.
     blocks : tuple of Blocks
         Block sums for the higher levels, at least one.
     statistics : Statistics or None
-        Further statistics of the coefficients of the first levels.
+        Further statistics of the coefficients of the exact levels.
     """
 
     exact: int
@@ -52,12 +52,12 @@ class SegmentState:
 
     @property
     def stop(self) -> int:
-        """Index of the next sample."""
+        """Index in the recording of the sample after the segment."""
         return self.start + self.count
 
     @classmethod
     def of(cls, x: Vector, start: int, exact: int, levels: int, collector: StatisticsCollector | None = None) -> Self:
-        """Build the state of at least one sample."""
+        """Build the state of a segment of at least one sample."""
         reference, reach = float(x[0]), (1 << exact) - 1
         values = x - reference
         steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
@@ -99,7 +99,7 @@ class SegmentState:
         head, tail = later.head + offset, later.tail + offset
         squares, statistics = self.squares + later.squares, _merged(self.statistics, later.statistics)
         for level in range(1, self.exact + 1):
-            # Every coefficient of the 2^j − 1 samples on either side extends across the boundary.
+            # Every coefficient of the 2^j − 1 samples before and after the boundary extends across it.
             width = (1 << level) - 1
             around = np.concatenate([self.tail[-width:], head[:width]])
             if around.size > width:
@@ -124,7 +124,7 @@ class SegmentState:
         )
 
     def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
-        """Return Σ W² and the number of coefficients used, for levels 1 … J (J,)."""
+        """Return Σ W² (J,) and the number of coefficients used (J,) at levels 1 … J."""
         squares, counts = np.zeros(levels), np.zeros(levels, dtype=np.int64)
         exact = min(levels, self.exact)
         squares[:exact] = self.squares[:exact]
@@ -143,7 +143,8 @@ class SegmentState:
 
     @property
     def rise(self) -> float:
-        """Estimate the mean rise per sample by least squares over blocks. Without blocks, use both halves."""
+        """Mean rise per sample, by least squares over the block means, or from the means of both halves if there are no
+        blocks."""
         rise = self.blocks[0].rise
         if rise is not None:
             return rise
@@ -154,7 +155,7 @@ class SegmentState:
         return (second - first) / (self.count / 2)
 
     def arrays(self, prefix: str) -> dict[str, Any]:
-        """Return the state as numbers and arrays, with names that start with `prefix`."""
+        """Return the state as numbers and arrays by name; the names start with `prefix`."""
         return {
             f"{prefix}start": self.start,
             f"{prefix}count": self.count,
@@ -212,7 +213,10 @@ class SegmentState:
 def _measured(
     values: Vector, levels: int, begin: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Statistics | None]:
-    """Compute Σ W² (levels,), if requested, and the statistics of coefficients that end at sample `begin` or later."""
+    """Compute the sums Σ W² (levels,), and the statistics, of the coefficients that end at sample `begin` or later.
+
+    The sums are computed only if the collector needs them or there is no collector.
+    """
     out, total = np.zeros(levels), _core.running_sum(values)
     reach = min(levels, values.size.bit_length() - 1)
     if reach > 0 and (collector is None or collector.squares):

@@ -1,11 +1,11 @@
-"""Sketches: histograms of |W| from which a robust variance is computed without storing the coefficients.
+"""Sketches, which are histograms of wavelet coefficients |W|. They give a robust variance without stored coefficients.
 
 A sketch does not depend on the order or grouping of the coefficients. The bins are the same for every signal: each
-octave has 128 bins, so a bin is 0.4 to 0.8 % wide. A bin stores the number of |W| and their mean to 2^-31. A sum of a
-smooth function over all coefficients has an error of second order in the bin width. The measured relative error of a
-robust variance at a root is 1e-7 for smooth distributions and 3e-5 for quantized data (1e-4 at an efficiency of 0.3).
-Without a root, the variance follows from the median, which is accurate to half a bin: the error of the variance is
-typically 1e-3 and at most 8e-3.
+octave has 128 bins, so a bin is 0.4 to 0.8 % wide. A bin stores the number of its |W|, and their mean to 2^-31. The sum
+of a smooth function over all coefficients then has an error of second order in the bin width. The measured relative
+error of a robust variance at a root is 1e-7 for smooth distributions and 3e-5 for quantized data (1e-4 at an efficiency
+of 0.3). If the estimating equation has no root, the variance follows from the median, which is accurate to half a bin.
+The relative error of the variance is then typically 1e-3 and at most 8e-3.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Counts = NDArray[np.int64]
 OCTAVE = 128
 """Bins per octave."""
 UNIT = 2.0**-24
-"""Resolution of the sums over a bin, relative to the bin width."""
+"""Unit of the sums over a bin, relative to the bin width."""
 BEYOND = 2047 * OCTAVE
 """Index of the bin of infinite values; bin 0 holds zero and values below 2^-1029."""
 
@@ -37,7 +37,7 @@ def _nothing() -> Counts:
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """Number and sum of the |W| of one level in each bin, as integers.
+    """Histogram of the |W| of one level: the number and the sum of the |W| in each bin, as integers.
 
     A sketch needs 2 kB of memory per octave between the smallest and the largest |W|: about 30 octaves, or 60 kB. A
     bin can hold up to 5·10^11 coefficients without overflow.
@@ -45,11 +45,11 @@ class Sketch:
     Attributes
     ----------
     zeros, beyond : int
-        Number of zero values (less than 2^-1029) and of infinite values.
+        Numbers of zero values (less than 2^-1029) and of infinite values.
     first : int
-        Number of the first octave; octave e holds 2^(e − 1023) ≤ |W| < 2^(e − 1022).
+        Number of the first octave. Octave e contains 2^(e − 1023) ≤ |W| < 2^(e − 1022).
     counts, sums : (128 m,) arrays
-        For the bins of m octaves: the number of values, and the sum of (|W| − lower edge) / bin width, in 2^-24.
+        Number of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width, in units of 2^-24.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class Sketch:
 
     @classmethod
     def of(cls, values: ArrayLike) -> Sketch:
-        """Build the sketch of an array of coefficients (M,), which can be empty."""
+        """Build the sketch of an array (M,) of coefficients, which can be empty."""
         return cls(*_core.sketch_values(as_vector(values, "values", at_least=0, finite=False)))
 
     @classmethod
@@ -149,14 +149,14 @@ class Sketch:
 
 @dataclass(frozen=True, eq=False)
 class Sketches:
-    """Sketches of all levels of a record, with the rounding error of the coefficients of each level.
+    """Sketches of all levels of a recording, with the rounding error of the coefficients of each level.
 
     Attributes
     ----------
     levels : tuple of Sketch
         Sketches of levels 1 … J.
     resolutions : (J,) array
-        Largest |W| that can be a rounding error: the maximum over all merged parts.
+        Largest |W| of each level that can be a rounding error in any of the merged parts.
     """
 
     levels: tuple[Sketch, ...] = ()
@@ -174,7 +174,7 @@ class Sketches:
 
     @classmethod
     def at(cls, level: int, sketch: Sketch, resolution: float) -> Sketches:
-        """Wrap the sketch of one level; the lower levels are empty."""
+        """Return the sketches of all levels, with `sketch` at `level` and empty sketches at lower levels."""
         return cls((*(Sketch() for _ in range(level - 1)), sketch), np.append(np.zeros(level - 1), resolution))
 
     def merge(self, other: Sketches) -> Sketches:
@@ -187,7 +187,7 @@ class Sketches:
         return Sketches(tuple(a.merge(b) for a, b in pairs), resolutions)
 
     def to_arrays(self) -> tuple[Counts, Vector]:
-        """Return rows (level, bin, count, sum) and the resolutions, for storage."""
+        """Return a table with the columns level, bin, count and sum, and the resolutions, for storage."""
         rows = [np.insert(sketch.to_array(), 0, level, axis=1) for level, sketch in enumerate(self.levels, start=1)]
         return np.concatenate([np.empty((0, 4), dtype=np.int64), *rows]), self.resolutions
 
@@ -214,29 +214,29 @@ class Sketches:
 
 
 class SketchCollector:
-    """Collector that builds sketches of the coefficients while the samples are available."""
+    """Statistics collector that builds sketches of the coefficients."""
 
     squares = True
 
     def haar(self, running_sum: Vector, levels: int, begin: int) -> Sketches:
-        """Build the sketches of all levels."""
+        """Build the sketches of the coefficients of levels 1 … `levels` that end at sample `begin` or later."""
         return Sketches.of_haar(running_sum, levels, begin)
 
     def across(self, running_sum: Vector, level: int) -> Sketches:
-        """Build the sketches of one level."""
+        """Build the sketch of all coefficients of one level of a running sum."""
         resolution = haar_resolution(float(np.abs(running_sum).max()), level)
         return Sketches.at(level, Sketch.of_haar(running_sum, level, 0, running_sum.size - 1), resolution)
 
     def values(self, coefficients: Vector, level: int) -> Sketch:
-        """Build the sketch of an array of coefficients; it does not depend on the level."""
+        """Build the sketch of an array of coefficients; the level has no effect."""
         return Sketch.of(coefficients) if coefficients.size else Sketch()
 
     def at(self, level: int, part: Sketch, resolution: float) -> Sketches:
-        """Wrap the sketch of one level."""
+        """Return the sketches of all levels, with `part` at `level` and empty sketches at lower levels."""
         return Sketches.at(level, part, resolution)
 
     def empty(self) -> Sketches:
-        """Return empty sketches."""
+        """Return the sketches of no coefficients."""
         return Sketches()
 
 

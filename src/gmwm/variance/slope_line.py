@@ -1,4 +1,4 @@
-"""Lines through an Allan deviation: the power law of each term, its units, and a line fitted to a range of a curve."""
+"""Straight lines in an Allan deviation: the power law and the unit of each noise term, and fitted lines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from gmwm.options import one_of
 from gmwm.units import datasheet_units, find_unit, noise_unit
 
 Term: TypeAlias = Literal["Q", "N", "B", "K", "R"]
-"""Quantization noise, angle or velocity random walk, bias instability, rate random walk, rate ramp."""
+"""Noise terms of IEEE Std 952. In this order, they are quantization noise, angle or velocity random walk, bias
+instability, rate random walk and rate ramp."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,9 @@ LAWS: dict[Term, _Law] = {
 
 
 def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = "si") -> tuple[str, float]:
-    """Return the unit of a coefficient for data in `unit`, and the factor to it from the unit of the data and seconds.
+    """Return the unit of a coefficient for data in `unit`, and the factor that converts a coefficient to this unit.
+
+    The factor applies to a coefficient in the unit of the data and seconds.
 
     >>> name, factor = coefficient_unit("N", "rad/s", "datasheet")
     >>> name, round(factor, 3)
@@ -61,20 +64,21 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
 
 @dataclass(frozen=True, kw_only=True)
 class SlopeLine:
-    """One line of fixed slope through a range of an Allan deviation.
+    """Line of fixed slope that was fitted to a range of an Allan deviation.
 
     Parameters
     ----------
     term : str
-        "Q", "N", "B", "K" or "R".
+        Noise term: "Q", "N", "B", "K" or "R".
     coefficient : float
-        Its coefficient, in the unit of the data and seconds.
+        Coefficient of the term, in the unit of the data and seconds.
     first, last : float
-        Averaging times between which it was fitted (s).
+        First and last averaging times (s) of the range.
     points : int
-        How many values of the deviation it was fitted to.
+        Number of values of the Allan deviation to which the line was fitted.
     bound : bool
-        The curve still falls at its end: the bias instability is at most this.
+        Whether the coefficient is only an upper bound. This is the case for the bias instability if the curve still
+        falls at the longest averaging time.
     """
 
     term: Term
@@ -86,7 +90,7 @@ class SlopeLine:
 
     @property
     def slope(self) -> float:
-        """Slope in the logarithmic plot."""
+        """Slope of the line in the logarithmic plot."""
         return LAWS[self.term].slope
 
     @property
@@ -96,11 +100,14 @@ class SlopeLine:
 
     @property
     def reading_time(self) -> float:
-        """τ at which the line passes through its coefficient (s): √3, 1, 3, √2; for B the time of the minimum."""
+        """Averaging time (s) at which the line has the value of its coefficient.
+
+        It is √3 s for Q, 1 s for N, 3 s for K and √2 s for R. For B it is the time of the minimum of the curve.
+        """
         law = LAWS[self.term]
         return self.first if law.slope == 0 else float(law.factor ** (-1 / law.slope))
 
     def deviation(self, tau: ArrayLike) -> Vector:
-        """Height of the line at averaging times (s)."""
+        """Compute the Allan deviation of the line at the averaging times `tau` (s)."""
         law = LAWS[self.term]
         return np.asarray(law.factor * self.coefficient * np.asarray(tau, dtype=np.float64) ** law.slope)

@@ -8,26 +8,26 @@ from gmwm._arrays import Vector
 
 
 class LevelStatistic(Protocol):
-    """A statistic of some coefficients of one level. Statistics can be merged in any order and grouping."""
+    """Statistic of some coefficients of one level. Statistics can be merged in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
-        """Return the statistic of the coefficients of both."""
+        """Return the statistic of the coefficients of `self` and `other` together."""
 
 
 class Statistics(Protocol):
-    """The statistics of all levels. They can be merged in any order and grouping."""
+    """Statistics of the coefficients of all levels. They can be merged in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
-        """Return the statistic of the coefficients of both."""
+        """Return the statistics of the coefficients of `self` and `other` together."""
 
 
 class StatisticsCollector(Protocol):
-    """Computes the statistics of coefficients.
+    """Object that computes statistics of wavelet coefficients.
 
     Attributes
     ----------
     squares : bool
-        Whether the sums of squares are needed too.
+        Whether an accumulator with this collector also computes the sums of the squared coefficients.
     """
 
     squares: bool
@@ -39,11 +39,13 @@ class StatisticsCollector(Protocol):
         """Return the statistics of all coefficients of one level of a running sum."""
 
     def values(self, coefficients: Vector, level: int) -> LevelStatistic:
-        """Return the statistic of coefficients of one level, none or many."""
+        """Return the statistic of an array of coefficients of one level, which can be empty."""
 
     def at(self, level: int, part: Any, resolution: float) -> Statistics:
-        """Return statistics with `part` at `level` and none at other levels; |W| up to `resolution` is a rounding
-        error."""
+        """Return the statistics of all levels, with `part` at `level` and no coefficients at other levels.
+
+        Coefficients with an absolute value up to `resolution` can be rounding errors.
+        """
 
     def empty(self) -> Statistics:
         """Return the statistics of no coefficients."""

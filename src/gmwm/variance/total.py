@@ -1,4 +1,4 @@
-"""Total variance: the Allan variance of a recording that is extended beyond both ends."""
+"""Total variance, which is an Allan variance of the recording after it is extended beyond both ends."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from gmwm.variance.edf import degrees_of_freedom
 from gmwm.variance.noise_type import noise_types
 from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 
-# Degrees of freedom b T/τ − c and expectation (1 − a τ/T) σ²(τ), as (b, c, a), by Howe and Greenhall.
+# The constants (b, c, a) of Howe and Greenhall by noise exponent α. The degrees of freedom are b T/τ − c, and the
+# expectation is (1 − a τ/T) σ²(τ), with the Allan variance σ² and the duration T of the recording.
 _FREQUENCY_NOISE = {
     0: (1.5, 0.0, 0.0),
     -1: (24 * np.log(2) ** 2 / np.pi**2, 0.222, 1 / (3 * np.log(2))),
     -2: (140 / 151, 0.358, 0.75),
 }
-# The coefficient a for phase noise, for which an end value contributes to many differences. For white PM it is exact:
-# each of the 2n differences that extend beyond an end has a variance of 10 instead of 6 σ². For flicker PM it is from
-# simulations.
+# The constant a for phase noise, for which an end value contributes to many differences. For white PM it is exact: each
+# of the 2n differences that extend beyond an end has a variance of 10 σ² instead of 6 σ². For flicker PM it was
+# determined by simulations.
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
 FINE = 1024
-"""Number of samples per cluster from which a recording is treated as continuous."""
+"""Number of samples per cluster that represents a recording in continuous time."""
 
 
 def total_variance(
@@ -43,9 +44,9 @@ def total_variance(
 
     The phase is extended beyond both ends by point reflection at the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
     (2 τ²) is averaged over all inner i of the recording. For white noise its expectation is the Allan variance. For
-    flicker noise and random walk it is smaller by the factor 1 − a τ/T with a = 0.481 and 0.75, where T is the length
-    of the recording; for quantization noise it is larger by up to two thirds at the last octave. The estimate is not
-    corrected for this bias; the limits are limits of the Allan variance, corrected for it.
+    flicker noise and a random walk it is smaller by the factor 1 − a τ/T, with a = 0.481 and 0.75, where T is the
+    duration of the recording. For quantization noise it is larger by up to two thirds at the last octave. The estimate
+    is not corrected for this bias. The confidence limits are corrected for it; they are limits of the Allan variance.
 
     Parameters
     ----------
@@ -54,8 +55,8 @@ def total_variance(
     rate : float
         Sampling rate (Hz); leave it out for a Signal.
     clusters, data, confidence, progress
-        As for `allan_variance`. "octave", "decade" and "all" go up to N/2, the range in which the theory of the limits
-        holds; an array may have sizes up to N − 1.
+        The same as for `allan_variance`, except for the largest cluster size. "octave", "decade" and "all" include
+        sizes up to N/2, for which the theory of the limits holds; an array may have sizes up to N − 1.
 
     Returns
     -------
@@ -113,20 +114,20 @@ def total_variance(
 
 
 def _bias(alphas: NDArray[np.int64]) -> Vector:
-    """Return the coefficient a of the expected ratio 1 − a τ/T of total to Allan variance."""
+    """Return the constant a of the expected ratio 1 − a τ/T of the total variance to the Allan variance."""
     return np.array([_PHASE_BIAS[a] if a > 0 else _FREQUENCY_NOISE[a][2] for a in alphas.tolist()])
 
 
 def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int64], points: int) -> Vector:
-    """Equivalent degrees of freedom of the total variance, at least 1.
+    """Compute the equivalent degrees of freedom of the total variance, at least 1.
 
-    For white, flicker and random-walk noise of the rate: b T/τ − c, with b and c from Howe and Greenhall, which holds
-    for many samples per cluster. With few samples per cluster, this value is reduced by the same factor as the degrees
-    of freedom of the overlapping Allan variance.
+    For white, flicker and random-walk noise of the rate they are b T/τ − c, with b and c from Howe and Greenhall. This
+    holds for many samples per cluster. For few samples per cluster, the value is reduced by the same factor as the
+    degrees of freedom of the overlapping Allan variance.
 
-    For white PM: 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N) to leading orders in τ/T, with r = T/τ, where the first
-    term comes from the end values (derived for gmwm). For flicker PM: the degrees of freedom of the overlapping Allan
-    variance up to τ = T/4, and proportional to T/τ beyond (simulations).
+    For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N) to leading orders in τ/T, with r = T/τ. This
+    formula was derived for gmwm; its term 64/r² comes from the end values. For flicker PM, simulations support the
+    degrees of freedom of the overlapping Allan variance up to τ = T/4, and proportionality to T/τ beyond.
     """
     intervals = points - 1
     r = intervals / clusters

@@ -1,4 +1,4 @@
-"""The maximal-overlap and the decimated discrete wavelet transform (MODWT, DWT), with exact inverses."""
+"""Maximal-overlap and decimated discrete wavelet transforms (MODWT and DWT), with their inverses."""
 
 from __future__ import annotations
 
@@ -17,27 +17,28 @@ from gmwm.options import one_of
 from gmwm.signals import Signal
 
 Boundary = Literal["periodic", "reflection"]
-"""Extension of a signal beyond its ends: periodic, or by its mirror image."""
+"""Extension of a signal beyond its ends, either periodic or by its mirror image."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Modwt:
-    """Maximal-overlap discrete wavelet transform of a signal: N coefficients at every level.
+    """Maximal-overlap discrete wavelet transform of a signal.
 
     Attributes
     ----------
     filter : WaveletFilter
         The wavelet filter.
     details : mapping of level j to array
-        Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}; N of them, 2N with reflection.
+        Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}. Each level has N coefficients, or 2N with reflection.
     smooth : array
         Scaling coefficients V_{J,t} of the last level.
     interior : mapping of level j to slice
-        The coefficients that do not depend on the boundary, because they only use X_{t−L_j+1} … X_t: t = L_j − 1 … N −
-        1. Empty if the filter is longer than the signal.
+        Positions t = L_j − 1 … N − 1 of the coefficients that do not depend on the boundary, because they only use
+        X_{t−L_j+1} … X_t. The slice is empty if the filter at level j is longer than the signal.
     samples : int
         Length N of the signal.
     boundary : "periodic" or "reflection"
+        Extension of the signal beyond its ends.
     """
 
     filter: WaveletFilter
@@ -57,7 +58,7 @@ class Modwt:
 
     @property
     def interior(self) -> dict[int, slice]:
-        """Slice of the coefficients of each level that do not depend on the boundary."""
+        """For each level, the slice of the coefficients that do not depend on the boundary."""
         return {j: slice(min(self.filter.width(j) - 1, self.samples), self.samples) for j in self.details}
 
     def inverse(self) -> Vector:
@@ -85,17 +86,19 @@ class Dwt:
     filter : WaveletFilter
         The wavelet filter.
     details : mapping of level j to array
-        Wavelet coefficients, 2^(j/2) times those of the maximal-overlap transform at t = 2^j (n + 1) − 1;
-        floor(N / 2^j) of them, floor(2N / 2^j) with reflection.
+        Wavelet coefficients n = 0, 1, …, which are 2^(j/2) times the maximal-overlap coefficients at t = 2^j (n + 1) −
+        1. Level j has floor(N / 2^j) coefficients, or floor(2N / 2^j) with reflection.
     smooth : array
         Scaling coefficients of the last level.
     extras : mapping of level j to float
-        The last scaling coefficient of level j − 1, if their number is odd.
+        Last scaling coefficient of level j − 1, if the number of scaling coefficients at that level is odd.
     interior : mapping of level j to slice
-        The coefficients that do not depend on the boundary, because they only use X_{t−L_j+1} … X_t; may be empty.
+        Positions of the coefficients that do not depend on the boundary, because they only use X_{t−L_j+1} … X_t. The
+        slice can be empty.
     samples : int
         Length N of the signal.
     boundary : "periodic" or "reflection"
+        Extension of the signal beyond its ends.
     """
 
     filter: WaveletFilter
@@ -116,7 +119,7 @@ class Dwt:
 
     @property
     def interior(self) -> dict[int, slice]:
-        """Slice of the coefficients of each level that do not depend on the boundary."""
+        """For each level, the slice of the coefficients that do not depend on the boundary."""
         ends = {j: self.samples >> j for j in self.details}
         return {j: slice(min(_first_interior(self.filter, j), end), end) for j, end in ends.items()}
 
@@ -141,9 +144,9 @@ def modwt(
 ) -> Modwt:
     """Compute the maximal-overlap discrete wavelet transform of a signal of any length.
 
-    With V_0 = X, W_{j,t} = Σ_l h_l V_{j−1, t−2^(j−1)l} / √2, and V_{j,t} is the same with g; indices are modulo N.
-    Energy is preserved: Σ X² = Σ_j Σ_t W_{j,t}² + Σ_t V_{J,t}². With reflection the signal is extended by its mirror
-    image to 2N samples, and there are 2N coefficients.
+    With V_0 = X and the wavelet filter h, W_{j,t} = Σ_l h_l V_{j−1, t−2^(j−1)l} / √2. V_{j,t} is the same sum with the
+    scaling filter g. Indices are modulo N. Energy is preserved: Σ X² = Σ_j Σ_t W_{j,t}² + Σ_t V_{J,t}². With reflection
+    the signal is extended by its mirror image to 2N samples, and each level has 2N coefficients.
 
     Parameters
     ----------
@@ -197,9 +200,9 @@ def dwt(
 ) -> Dwt:
     """Compute the discrete wavelet transform of a signal of any length.
 
-    With V_0 = X, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l}, and V_{j,n} is the same with g; indices are modulo the number of
-    coefficients V_{j−1}. If this number is odd, the last coefficient is stored separately. Energy is preserved. With
-    reflection the signal is extended by its mirror image to 2N samples.
+    With V_0 = X and the wavelet filter h, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l}. V_{j,n} is the same sum with the scaling
+    filter g. Indices are modulo the number of coefficients V_{j−1}. If this number is odd, the last coefficient is
+    stored separately. Energy is preserved. With reflection the signal is extended by its mirror image to 2N samples.
 
     Parameters
     ----------
@@ -281,8 +284,10 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute scaling and wavelet coefficients of one level: Σ_l f_l V_{2n+1−l}, indices modulo the (even) length of
-    V."""
+    """Compute the scaling and wavelet coefficients of the next level, Σ_l f_l V_{2n+1−l} with the filters f = g and h.
+
+    Indices are modulo the length of V, which is even.
+    """
     half = values.size // 2
     smooth, detail = np.zeros(half), np.zeros(half)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
@@ -293,7 +298,7 @@ def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _undecimated(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vector:
-    """Invert `_decimated` by the transposed matrix."""
+    """Invert `_decimated`, whose matrix is orthonormal, by the transposed matrix."""
     values = np.zeros(2 * smooth.size)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
         first = (1 - l) % 2
@@ -307,7 +312,7 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
     return np.roll(values[first::2], (l - 1 + first) // 2)
 
 
-# --- which coefficients make an estimate --------------------------------------------------------------
+# --- coefficients of which a wavelet variance is the mean square --------------------------------------
 
 LOSS = 2.5
 """Relative increase of the covariance of wavelet variances per share of filled samples (tests/filling)."""
@@ -323,9 +328,9 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 def coefficient_counts(
     samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
-    """Return the number M_j of coefficients that need no sample outside the recording; not positive if there are none.
+    """Return the number M_j of coefficients that only use samples of the recording; ≤ 0 if there are none.
 
-    The maximal-overlap transform has N − L_j + 1 of them, and the decimated transform every 2^j-th of these.
+    The maximal-overlap transform has N − L_j + 1 such coefficients, and the decimated transform every 2^j-th of them.
     """
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
@@ -336,11 +341,11 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the number M_j of coefficients of several segments together, and the degrees of freedom of their mean
+    """Return the total number M_j of coefficients of several segments, and the degrees of freedom η_j of their mean
     square.
 
     M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj). If no segment is shorter than two scales, η_j = M_j / 2^j. It
-    is larger if there are many segments with few coefficients, because each of them has at least one degree of freedom.
+    is larger if there are many segments with few coefficients, because each segment has at least one degree of freedom.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
@@ -352,7 +357,7 @@ def pooled_counts(
 
 
 def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> int:
-    """Return the deepest level with a coefficient that needs no sample outside the recording; 0 if there is none."""
+    """Return the deepest level with a coefficient that only uses samples of the recording; 0 if there is none."""
     level = filter.deepest_level(samples)
     if transform == "dwt":
         while level > 0 and coefficient_counts(samples, np.array([level]), filter, transform)[0] < 1:
@@ -363,24 +368,25 @@ def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> 
 def degrees_of_freedom(
     counts: NDArray[np.int64], levels: NDArray[np.int64], transform: Transform
 ) -> NDArray[np.float64]:
-    """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1); M_j for the decimated transform (Percival 1995)."""
+    """Compute the equivalent degrees of freedom η_j = max(M_j / 2^j, 1), or M_j for the decimated transform (Percival
+    1995)."""
     return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, levels)), 1.0)
 
 
 def loss_factor(filled: int, samples: int) -> float:
-    """Return the factor by which filled samples increase the covariance of wavelet variances: 1 + 2.5 p for a share p.
+    """Return the factor by which filled samples increase the covariance of wavelet variances.
 
-    A filled sample adds no information, but its own scatter. The factor is measured in tests/filling.
+    It is 1 + 2.5 p for a share p of filled samples, which add scatter but no information. The number 2.5 was measured
+    in tests/filling.
     """
     return 1.0 + LOSS * filled / samples
 
 
 def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Compute wavelet variances ν̂_j² of levels 1 … J: mean squares of the coefficients that do not depend on the
+    """Compute the wavelet variances of levels 1 … J, as mean squares of coefficients that do not depend on the
     boundary.
 
-    Decimated coefficients are 2^(j/2) times those of the maximal-overlap transform, so their mean squares are divided
-    by 2^j.
+    Decimated coefficients are 2^(j/2) times the maximal-overlap coefficients, so their mean squares are divided by 2^j.
     """
     if transform == "modwt":
         return _core.pyramid_variance(values, *_maximal_overlap(filter), levels)
@@ -388,8 +394,10 @@ def variances(values: Vector, filter: WaveletFilter, transform: Transform, level
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """Return the coefficients of levels 1 … J that do not depend on the boundary, scaled as maximal-overlap
-    coefficients."""
+    """Return the coefficients of levels 1 … J that do not depend on the boundary.
+
+    Decimated coefficients are scaled to the size of maximal-overlap coefficients.
+    """
     centred = values - _core.mean(values)
     whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = whole.interior

@@ -1,7 +1,8 @@
-"""Mean rise of a record of winsorised values in two passes, so that outliers have a bounded effect.
+"""Mean rise of a recording whose values are clipped (winsorised), so that outliers have a bounded effect.
 
-The first pass keeps a sample of the values and estimates their median and spread. The second pass weights each value;
-it needs the lengths of the segments, which the first pass provides.
+The first of two passes keeps a sample of the values, from which their median and spread are estimated. The second pass
+computes a weighted sum of the clipped values. The weights depend on the lengths of the segments, which the first pass
+provides.
 """
 
 from __future__ import annotations
@@ -14,24 +15,25 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 
 KEPT = 8192
-"""Largest number of stored values; thinning keeps at least half as many."""
+"""Largest number of stored values. If there are more, every second value is dropped."""
 FAR = 10.0
-"""Clipping limit: distance from the median in median absolute deviations."""
+"""Clipping limit, as a distance from the median in median absolute deviations."""
 ROW = 256
 _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 
 
 @dataclass(frozen=True, eq=False)
 class ThinnedValues:
-    """Every 2^k-th value of a record, counted from its beginning.
+    """Every 2^k-th value of a recording, counted from its beginning.
 
     Attributes
     ----------
     every : int
-        Distance between kept values in samples, a power of two.
+        Distance between kept values (samples), a power of two.
     first : int
-        Index in the record of the first kept value, a multiple of `every`.
+        Index of the first kept value in the recording, a multiple of `every`.
     values : (n,) array
+        The kept values.
     """
 
     every: int = 1
@@ -46,7 +48,7 @@ class ThinnedValues:
         return cls(every, start + before, x[before::every].copy())._thinned(every)
 
     def joined(self, later: ThinnedValues) -> ThinnedValues:
-        """Combine the values of this part and the part that directly follows it."""
+        """Return the thinned values of this part and the part that directly follows it."""
         every = max(self.every, later.every)
         a, b = self._thinned(every), later._thinned(every)
         first = a.first if a.values.size else b.first
@@ -61,9 +63,11 @@ class ThinnedValues:
         return ThinnedValues(own, first, values)
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
-        """Return the accumulator for the second pass: the mean rise of the whole record. Values are clipped at limits
-        from the median and the spread of the kept values. `start` is the index of the first sample, and
-        `lengths` are the lengths of the segments."""
+        """Return the object that computes the mean rise of the recording in the second pass.
+
+        The clipping limits follow from the median and the spread of the kept values. `start` is the index of the first
+        sample, and `lengths` are the lengths of the segments.
+        """
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
         sizes = np.array(lengths, dtype=np.float64)
@@ -76,16 +80,16 @@ class ThinnedValues:
 
 @dataclass(frozen=True, eq=False)
 class WinsorisedRise:
-    """Mean rise of a record of clipped values; the parts can be added in any order.
+    """Weights and clipping limits for the mean rise of a recording. Contributions of parts can be added in any order.
 
     Attributes
     ----------
     middle, reach : float
         Values are clipped to middle ± reach.
     edges : (S + 1,) array
-        Index of the first sample of each segment, and one past the last sample of the record.
+        Index of the first sample of each of S segments, and one past the index of the last sample of the recording.
     weights : (S,) array
-        Weights of (t − middle of the segment) x_t.
+        Weight of Σ (t − t_m) x_t for each segment, where t_m is the middle of the segment.
     """
 
     middle: float
@@ -94,7 +98,10 @@ class WinsorisedRise:
     weights: Vector
 
     def rise(self, x: Vector, start: int) -> float:
-        """Return the contribution to the mean rise per sample of samples of one segment that begin at `start`."""
+        """Return the contribution of samples to the mean rise per sample.
+
+        The samples belong to one segment, and the first of them has the index `start`.
+        """
         k = int(np.searchsorted(self.edges, start, side="right")) - 1
         if not 0 <= k < self.weights.size:
             return 0.0  # more samples than in the first pass
