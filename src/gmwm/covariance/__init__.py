@@ -1,4 +1,4 @@
-"""The covariance of wavelet variances: exact from a model, or estimated from the data."""
+"""Covariance of wavelet variances, computed exactly from a model or estimated from the data."""
 
 from gmwm.covariance.api import as_design, covariance, ratio_variances, variances, wavelet_covariance
 from gmwm.covariance.design import Design

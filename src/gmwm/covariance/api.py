@@ -1,4 +1,4 @@
-"""The covariance of the wavelet variance: exact from a model, or estimated from the data."""
+"""Exact covariance of the wavelet variance of a model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from gmwm.variance.transform import Transform, deepest_level
 
 
 def covariance(model: Model, design: Design) -> Matrix:
-    """Compute V = Cov(ν̂², ν̂²) (J, J), in u⁴, of a model with all its values; see `wavelet_covariance`."""
+    """Compute V = Cov(ν̂², ν̂²) (J, J), in u⁴, for a model whose parameters all have values; see
+    `wavelet_covariance`."""
     if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         return covariance(model, replace(design, excess=None, model_error=0.0)) + added * np.outer(curve, curve)
@@ -40,7 +41,7 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 
 def variances(model: Model, design: Design) -> Vector:
-    """Compute the diagonal of `covariance` (J,), in u⁴, at about a tenth of the cost."""
+    """Compute the diagonal (J,) of `covariance`, in u⁴, at about a tenth of the cost."""
     if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         bare = replace(design, excess=None, model_error=0.0)
@@ -59,11 +60,11 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Compute the variance (J,) of log(ν̂_j²/ν̃_j²), classical over robust estimate, for a Gaussian signal without
-    drift.
+    """Compute the variance (J,) of log(ν̂_j²/ν̃_j²) for a Gaussian signal without drift.
 
-    The classical estimate is the first term of the Hermite expansion of the robust one, so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
-    ν̂_k²). The variance of the ratio is the rest of the expansion: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
+    ν̂_j² is the classical estimate and ν̃_j² the robust estimate. The classical estimate is the first term of the
+    Hermite expansion of the robust one, so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j², ν̂_k²). The variance of the ratio is the rest
+    of the expansion, Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j², with the symbols of `wavelet_covariance`.
     """
     if design.filled:
         return np.asarray(design.loss_factor * ratio_variances(model, replace(design, filled=0)))
@@ -92,57 +93,62 @@ def wavelet_covariance(
 
         V_jk = 2 / (M_j M_k) Σ_u n(u) Cov(W_{j,t}, W_{k,t+u})² + 4 μ_j μ_k Σ_u n(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k),
 
-    with n(u) the number of pairs at lag u in the recording, and μ_j the mean of W_j, which only a drift has.
-    Quantization noise is uniform and has smaller fourth moments: κ₄ Σ_i S_ji S_ki is added, with κ₄ = −1.2 Q⁴ and S_ji
-    the mean square of the contribution of error i to the coefficients of level j.
+    where M_j is the number of coefficients W_j of level j, n(u) is the number of pairs of coefficients at lag u in the
+    recording, and μ_j is the mean of W_j, which is 0 unless the model has a drift. The errors of quantization noise are
+    uniform and have smaller fourth moments. For them, κ₄ Σ_i S_ji S_ki is added, where κ₄ = −1.2 Q⁴ and S_ji is the
+    mean square of the contribution of error i to the coefficients of level j.
 
-    For the robust estimate, with ρ the correlation at lag u,
+    For the robust estimate, with the correlation ρ of the two coefficients at lag u,
 
         V_jk = ν_j² ν_k² Σ_{q = 2, 4, …} c_q Σ_u n(u) ρ^q / (M_j M_k),   c_2 = 2, Σ c_q = 2 / efficiency,
 
-    with the same term for a drift. The term κ₄ is neglected here; for pure quantization noise, V is then about 10 % too
-    large. Levels with one or two coefficients are not estimated robustly, and have the V of the classical estimate.
+    and the same term for a drift. The term with κ₄ is neglected here, which makes V about 10 % too large for pure
+    quantization noise. Levels with one or two coefficients are not estimated robustly; their V is the V of the
+    classical estimate.
 
-    A sinusoid of fixed amplitude is not Gaussian. It adds 4 Σ_u n(u) R_jk(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k), with
-    R the covariance of its coefficients, and the variance from its random phase. The robust estimate has no V then.
+    A sinusoid of fixed amplitude is not Gaussian. It adds 4 Σ_u n(u) R_jk(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k), where
+    R is the covariance of its coefficients, and a variance from its random phase. For the robust estimate, V cannot be
+    computed for a model with a sinusoid.
 
     If the recording has segments s between gaps, they are treated as independent:
 
         V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k),   M_j = Σ_s M_sj.
 
     This is exact for white noise, quantization noise and random walks. It neglects the correlation of a Gauss-Markov
-    process across a gap, and gives a sinusoid an independent phase in each segment. If segments have more than 64
-    different lengths, V_s M_s² is interpolated between lengths an eighth of an octave apart, which makes V of the
-    coarsest levels up to 1 % too large.
+    process across a gap, and the phase of a sinusoid is independent in each segment. If the segments have more than 64
+    different lengths, V_s M_s² is interpolated between lengths that are an eighth of an octave apart. This makes V of
+    the coarsest levels up to 1 % too large.
 
     Parameters
     ----------
     model : Model, Process or str
-        The model with all its values.
+        Model whose parameters all have values.
     samples : int or sequence of int
         Length N of the recording, or the length of each segment if it has gaps.
     rate : float
         Sampling rate (Hz).
     levels : int or (J,) array, optional
-        Number of levels, or the levels; by default all levels with a coefficient, floor(log2 N) with the Haar filter.
+        Number of levels, or the levels; by default all levels that have a coefficient, floor(log2 N) with the Haar
+        filter.
     filter, transform, robust, efficiency
-        Options of `wavelet_variance`.
+        The same as for `wavelet_variance`.
 
     Returns
     -------
-    (J, J) array, in u⁴ for a signal in u
+    (J, J) array
+        Covariance V, in u⁴ for a signal in the unit u.
 
     Raises
     ------
     OptionError
-        If the recording is too short for a level, or an option has a value that is not allowed.
+        If the recording is too short for a level, or an option has an invalid value.
     MissingTheoryError
-        If a process does not define the theory that is needed.
+        If a process does not define the required theory.
 
     References
     ----------
-    Percival (1995), On estimation of the wavelet variance, Biometrika 82, 619-631. Compared with simulations in
-    docs/validation/covariance.md.
+    Percival (1995), On estimation of the wavelet variance, Biometrika 82, 619-631. docs/validation/covariance.md
+    compares V with simulations.
 
     Examples
     --------
@@ -170,7 +176,7 @@ def as_design(
     transform: Transform,
     efficiency: float | None,
 ) -> Design:
-    """Make a design and check that every level has a coefficient."""
+    """Create a design from the arguments of `wavelet_covariance`, and check that every level has a coefficient."""
     rate, wavelet = as_rate(rate), find_filter(filter)
     lengths = list(samples) if isinstance(samples, Sequence) else [samples]
     whole = [n for n in lengths if isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 1]

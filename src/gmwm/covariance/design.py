@@ -1,4 +1,4 @@
-"""The design of a wavelet variance: everything except the model that its covariance depends on."""
+"""Design of a wavelet variance, which is everything except the model that determines its covariance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gmwm.variance.robust import FEW
 from gmwm.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
 
 MOST = 0.01
-"""Largest relative error of a level that the excess covariance adds to the weights
+"""Largest relative error of a level by which the excess covariance changes the weights of a fit
 (tests/covariance/test_excess.py)."""
 
 
@@ -31,21 +31,23 @@ class Design:
     rate : float
         Sampling rate (Hz).
     filter : WaveletFilter
+        Wavelet filter.
     transform : "modwt" or "dwt"
+        Maximal-overlap or decimated transform.
     efficiency : float or None
-        Efficiency of a robust estimate; None for a classical one.
+        Efficiency of a robust estimate; None for a classical estimate.
     segments : tuple of int
         Lengths of the segments; () for a recording without a gap.
     filled : int
         Number of samples that replace lost ones; see `gmwm.variance.transform.loss_factor`.
     strides : tuple of int
-        For each level, the distance (samples) between the coefficients that were used; () if all were used.
+        Distance (samples) between the coefficients that each level uses; () if all coefficients are used.
     pooled : (J,) int array or None
-        For one segment among several, the number of coefficients of all segments together.
+        For the design of a single segment, the number of coefficients of all segments; otherwise None.
     excess : (J, J) array or None
-        Relative covariance of the estimates beyond a Gaussian signal of the model; see `WaveletVariance`.
+        Relative covariance of the estimates in addition to the covariance for a Gaussian signal; see `WaveletVariance`.
     model_error : float
-        Relative error of the model at each level.
+        Relative error of the model at each level; see `WaveletVariance`.
 
     Examples
     --------
@@ -99,12 +101,12 @@ class Design:
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Number M_j of coefficients of each level (J,) in all segments, used or not."""
+        """Number M_j (J,) of coefficients of each level in all segments, including those that strides leave out."""
         return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0]
 
     @property
     def degrees_of_freedom(self) -> Vector:
-        """Degrees of freedom η_j (J,) of a classical estimate, without a model."""
+        """Degrees of freedom η_j (J,) of a classical estimate, which do not depend on the model."""
         eta = pooled_counts(self.lengths, self.levels, self.filter, self.transform)[1]
         return np.asarray(eta / self.loss_factor)
 
@@ -115,19 +117,19 @@ class Design:
 
     @property
     def few(self) -> NDArray[np.bool_]:
-        """Which levels have too few coefficients for a robust estimate, in all segments together (J,)."""
+        """Mask (J,) of the levels that have too few coefficients, in all segments together, for a robust estimate."""
         return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
 
     def only(self, which: NDArray[np.bool_]) -> Design:
-        """Return the design with only some of the levels."""
+        """Return the design with only the levels that the mask `which` (J,) selects."""
         strides = tuple(np.array(self.strides, dtype=np.int64)[which].tolist()) if self.strides else ()
         excess = None if self.excess is None else self.excess[np.ix_(which, which)]
         return replace(self, levels=self.levels[which], strides=strides, excess=excess)
 
     @property
     def added(self) -> Matrix | None:
-        """Relative covariance (J, J) that is added to the covariance of a Gaussian signal, with the model error; None
-        if it is zero."""
+        """Relative covariance (J, J) that the excess and the model error add to that of a Gaussian signal; None if
+        zero."""
         if not self.model_error:
             return self.excess
         own = self.model_error**2 * np.eye(self.levels.size)
@@ -135,18 +137,20 @@ class Design:
 
     @property
     def for_weights(self) -> Design:
-        """The design for weights: only the diagonal of the excess is used, up to a relative error of 1 %.
+        """Design for the weights of a fit, with only the diagonal of the excess, up to a relative error of 1 %.
 
-        An error that all levels have in common must not enter weights. They would make a curve of zero a good fit,
-        because it differs from the data by a common factor (Peelle's puzzle).
+        The weights must not include an error that all levels have in common. Otherwise a curve of zero would be a good
+        fit, because it differs from the data by a common factor (Peelle's puzzle).
         """
         if self.excess is None:
             return self
         return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), MOST**2)))
 
     def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
-        """Return the design of one segment, with its own levels and the `counts` of all segments; None if it has no
-        level."""
+        """Return the design of one segment of a given length; None if the segment has no level.
+
+        `counts` are the numbers of coefficients of all segments together.
+        """
         own = coefficient_counts(length, self.levels, self.filter, self.transform)
         reach = int(np.count_nonzero(own > 0))
         if reach == 0:
@@ -158,5 +162,6 @@ class Design:
 
     @property
     def running_sum(self) -> bool:
-        """Whether the coefficients are second differences of a running sum: the maximal-overlap Haar transform."""
+        """Whether the transform is the maximal-overlap Haar transform, which has second differences of a running
+        sum."""
         return self.filter is HAAR and self.transform == "modwt"

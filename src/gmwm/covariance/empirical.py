@@ -1,13 +1,13 @@
 """Estimate the covariance of the wavelet variance from the data alone, for Gaussian and other signals.
 
-ν̂_j² is the mean of the squares S_j(t) = W_{j,t}², so Cov(ν̂_j², ν̂_k²) is the cross-spectrum of S_j and S_k at frequency
-0, divided by M. With K sine tapers v_q over the common coefficients of two levels, it is estimated by the mean over q
-of y_j(q) y_k(q), with y_j(q) = Σ_t v_q(t) [S_j(t) − ν̂_j²]. The tapers use frequencies up to (K + 1) / (2M). These must
-be much smaller than 2^−k, the bandwidth of the squares of the coarser level. K therefore follows from the number
-M / 2^k of independent pieces of data.
+ν̂_j² is the mean of the squares S_j(t) = W_{j,t}². Therefore Cov(ν̂_j², ν̂_k²) is the cross-spectrum of S_j and S_k at
+frequency 0, divided by the number M of coefficients. It is estimated with K sine tapers v_q, q = 0 … K − 1, over the
+coefficients that two levels have in common, as the mean over q of y_j(q) y_k(q) with y_j(q) = Σ_t v_q(t) [S_j(t) −
+ν̂_j²]. The tapers use frequencies up to (K + 1) / (2M). These must be much smaller than 2^−k, the bandwidth of the
+squares of the coarser level k. K therefore follows from the number M / 2^k of independent pieces of data.
 
-At levels with few independent pieces, the estimate is combined with the Gaussian covariance of the most likely mixture
-of all processes under the measured curve, which has the weight of `PRIOR` tapers.
+At levels with few independent pieces, the estimate is averaged with the Gaussian covariance of a model, which has the
+weight of `PRIOR` tapers. This model is the mixture of all processes with the largest likelihood for the measured curve.
 """
 
 from __future__ import annotations
@@ -29,13 +29,15 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.transform import Transform, inner_coefficients
 
 PRIOR = 8.0
-"""Weight of the theory, as a number of tapers. Pinned by tests/covariance/test_empirical.py, as are the next two
-constants."""
+"""Weight of the Gaussian covariance of the mixture, as a number of tapers. Pinned by
+tests/covariance/test_empirical.py, as are the next two constants."""
 BANDWIDTH = 0.125
 """Bandwidth of the tapers, relative to 2^−k."""
 MOST_TAPERS = 128
+"""Largest number of tapers of a level."""
 _CELLS = 2048
-"""Number of cells into which squares are summed: 16 for each of 128 tapers, which hardly change within a cell."""
+"""Number of time intervals over which squares are summed. There are 16 intervals for each of 128 tapers, and a taper
+hardly changes within an interval."""
 _FROM_A_MODEL = "Compute the covariance of a model with `wavelet_covariance(model, samples, rate)`."
 
 
@@ -47,41 +49,44 @@ def empirical_covariance(
     filter: str | WaveletFilter = "haar",
     transform: Transform = "modwt",
 ) -> Matrix:
-    """Estimate the covariance V = Cov(ν̂², ν̂²) of the wavelet variance of a signal from the signal, Gaussian or not.
+    """Estimate the covariance V = Cov(ν̂², ν̂²) of the wavelet variance from the signal, which need not be Gaussian.
 
     Variances and correlations are
 
         V_jj = ν_j⁴ (K_j v̂_j + P v⁰_j) / (K_j + P),   r_jk = (K_k r̂_jk + P r⁰_jk) / (K_k + P),
 
-    with k the coarser level and P = 8. v̂ = (mean over K_j sine tapers of y_j²) / ν̂_j⁴ and r̂ come from the data; v⁰
-    and r⁰ come from a Gaussian mixture of processes that follows the curve. At levels with few data, ν_j² is averaged
-    with this curve. K_k is M_k / 2^(k + 2) (M_k / 4 for the decimated transform), at most 128. Coarse levels, with K
-    below 2, have the values of the mixture. If the correlations are not positive definite, they are averaged with r⁰.
+    where k is the coarser level and P = 8. The variances v̂ = (mean over K_j sine tapers of y_j²) / ν̂_j⁴ and the
+    correlations r̂ come from the data, see the module docstring; v⁰ and r⁰ come from a Gaussian mixture of processes
+    that describes the curve. At levels with few data, ν_j² is averaged with the curve of this mixture. K_k is
+    M_k / 2^(k + 2) (M_k / 4 for the decimated transform), at most 128. Coarse levels with K below 2 have the values of
+    the mixture. If the matrix of correlations is not positive definite, it is averaged with r⁰.
 
-    V_jj has a relative standard error of √(2 / K_j), 12 % at best. At the coarsest three levels, V_jj is too large by a
-    factor of 1.3 to 2.5 on average, because ν̂⁴ is.
+    V_jj has a relative standard error of √(2 / K_j), which is at least 12 %. At the coarsest three levels, V_jj is on
+    average too large by a factor of 1.3 to 2.5, because ν̂⁴ is too large on average.
 
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
         Finite samples, at least 8 without a gap. Segments of a Signal are used together.
     rate : float, optional
-        Sampling rate (Hz); needed only if `x` is an array.
+        Sampling rate (Hz), required if `x` is an array.
     levels : int, optional
-        Number of levels J; by default all levels with a coefficient.
+        Number of levels J; by default all levels that have a coefficient.
     filter, transform
-        Options of `wavelet_variance`.
+        The same as for `wavelet_variance`.
 
     Returns
     -------
-    (J, J) array, in u⁴ for a signal in u
+    (J, J) array
+        Covariance V, in u⁴ for a signal in the unit u.
 
     Raises
     ------
     DataError
-        If the signal has no wavelet variance, or it is zero at a level, or its coefficients do not vary.
+        If the wavelet variance of the signal cannot be computed or is zero at a level, or the coefficients of a level
+        do not vary.
     OptionError
-        If an option has a value that is not allowed.
+        If an option has an invalid value.
 
     References
     ----------
@@ -109,7 +114,7 @@ def empirical_covariance(
             advice=_FROM_A_MODEL,
         )
     design = Design.of(wv)
-    # Scaling by a power of two changes no digit and keeps fourth powers in range.
+    # Scaling by a power of two causes no rounding error and keeps fourth powers within the range of double precision.
     unit = 2.0 ** np.floor(0.5 * np.log2(wv.variance.max()))
     variance = wv.variance / unit**2
     values = (x.values if isinstance(x, Signal) else np.asarray(x, dtype=np.float64)) / unit
@@ -129,7 +134,8 @@ def empirical_covariance(
 
 
 def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
-    """Average the correlations with the prior ones, as far as needed for a positive definite matrix."""
+    """Average the correlations with the prior correlations, with the smallest weight that makes them positive
+    definite."""
     least = 0.1 * float(np.linalg.eigvalsh(prior)[0])
     for share in np.linspace(0.0, 1.0, 21):
         mixed = np.asarray((1.0 - share) * correlation + share * prior)
@@ -142,14 +148,18 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 
 
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
-    """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers of each level (J,), possibly 0."""
+    """Return Var ν̂_j² / ν̂_j⁴ (J,), the correlations (J, J), and the number of tapers (J,) of each level.
+
+    The number of tapers is 0 at a level with too few coefficients.
+    """
     size, cell = design.levels.size, -(-design.samples // _CELLS)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
     tapers = np.minimum(np.floor(2 * BANDWIDTH * design.counts / apart), MOST_TAPERS)
     tapers[tapers < 2] = 0.0
     sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
-    # Rounding error of a coefficient, a sum of as many products as the filter is long; the square has 2 |W| times it.
+    # Rounding error of a coefficient, which is a sum over the taps of the filter. The error of W² is 2 |W| times as
+    # large.
     rounding = 8 * np.finfo(float).eps * float(np.abs(values).max()) * design.filter.length
     for a, (places, squares) in enumerate(_squares(values, design)):
         sums[a] = np.bincount(places // cell, squares, count)
@@ -168,7 +178,7 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
         part, number = sums[: b + 1, begin:], numbers[: b + 1, begin:]
         centred = part - number * (part.sum(axis=1) / number.sum(axis=1))[:, None]
         y = centred @ windows.T
-        # Subtracting the mean removes a part of the even tapers, in all up to one taper.
+        # Subtracting the mean removes a part of the even tapers, which amounts to one taper at most.
         left = tapers[b] - np.sum(8.0 / (np.pi * np.arange(1, int(tapers[b]) + 1, 2)) ** 2)
         length = np.sqrt(np.sum(y * y, axis=1))
         share[b] = (length[b] / (variance[b] * number[b].sum())) ** 2 * (count - begin) / left
@@ -177,7 +187,10 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
 
 
 def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Yield times and squares of the coefficients inside the boundaries, level by level; times do not include gaps."""
+    """Yield, level by level, the times and the squares of the coefficients that only use samples of the recording.
+
+    Times are counted in samples, without the missing samples in gaps.
+    """
     segments, first = [], 0
     for length in design.lengths:
         segment = design.segment(length, design.counts)
@@ -190,7 +203,7 @@ def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64]
 
 
 def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Yield times and squares of the coefficients of one segment."""
+    """Yield, level by level, the times and the squares of the coefficients of one segment."""
     filter, wanted = design.filter, design.levels.tolist()
     if design.transform == "dwt":
         inner = inner_coefficients(values, filter, "dwt", wanted[-1])
@@ -206,6 +219,6 @@ def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int
 
 
 def _sine_tapers(size: int, count: int) -> Matrix:
-    """Return orthonormal sine tapers v_q(t) = √(2/(n+1)) sin(π (q+1)(t+1)/(n+1)), q = 0 … count − 1: (count, n)."""
+    """Return the orthonormal sine tapers (count, n) v_q(t) = √(2/(n+1)) sin(π (q+1)(t+1)/(n+1)), with n = `size`."""
     angle = np.pi * np.outer(np.arange(1, count + 1), np.arange(1, size + 1)) / (size + 1)
     return np.asarray(np.sqrt(2.0 / (size + 1)) * np.sin(angle))

@@ -1,8 +1,8 @@
-"""The covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
+"""Covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
 
-The coefficients are second differences of a running sum. Their covariances are closed forms with a few kinks. Sums over
-lags use a Gauss rule for integers on each smooth piece between the kinks. A process with short memory has a table
-within its memory of each kink, where every lag is summed individually.
+The coefficients are second differences of a running sum. Their covariances are closed forms that are smooth functions
+of the lag between a few kinks. Sums over lags use a Gauss rule for sums over integers between two kinks. For a process
+with short memory, every lag within its memory of a kink is summed individually.
 """
 
 from __future__ import annotations
@@ -24,20 +24,25 @@ from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
 
 KEPT = 1024
-"""Largest number of samples of a recording whose nodes are kept for the next call; they take at most 70 MB."""
+"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. They take at most 70
+MB."""
 SHARED = 2_000_000
-"""Largest number of nodes for which covariances of fixed shapes are kept, at 8 bytes for each node and shape."""
+"""Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
+bytes."""
 RECENT = 1_000_000
-"""Largest number of nodes for which covariances of other shapes are kept, all recent ones of a grid together."""
+"""Largest number of values that are cached for the shapes of a grid that are not fixed."""
 
 
 def knows(model: Model, design: Design) -> bool:
-    """Return whether this module can compute the covariance: the Haar MODWT, and a closed form for every process."""
+    """Return whether this module can compute the covariance.
+
+    This requires the maximal-overlap Haar transform, and a closed form or a short memory for every process.
+    """
     return design.running_sum and all(p.memory(design.rate) is not None for p in model.processes if p.scale > 0)
 
 
 def covariance(model: Model, design: Design) -> Matrix:
-    """Compute V (J, J), in u⁴."""
+    """Compute the covariance V (J, J), in u⁴."""
     size = design.levels.size
     coarser, finer = np.tril_indices(size)
     v = np.empty((size, size))
@@ -46,12 +51,15 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 
 def variances(model: Model, design: Design) -> Vector:
-    """Compute the diagonal of V (J,), in u⁴."""
+    """Compute the diagonal (J,) of V, in u⁴."""
     return _entries(model, design, diagonal=True)
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Compute Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²."""
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,), which is Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
+
+    ν̂_j² is the classical and ν̃_j² the robust estimate; see `gmwm.covariance.api.ratio_variances`.
+    """
     assert design.efficiency is not None
     present = [process for process in model.processes if process.scale > 0]
     at, weight, starts = _lags(present, design, diagonal=True)
@@ -66,7 +74,10 @@ def ratio_variances(model: Model, design: Design) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Indices of pairs of levels in the order of the kernel; half-scales h and counts M of all levels."""
+    """Indices of the finer and the coarser level of each pair, in the order of the kernel.
+
+    `half` and `counts` are the half-scales h and the numbers M of coefficients of all levels.
+    """
 
     finer: NDArray[np.int64]
     coarser: NDArray[np.int64]
@@ -74,12 +85,12 @@ class _Pairs:
     counts: Vector
 
     def outer(self, values: Vector) -> Vector:
-        """Return x_j x_k of each pair."""
+        """Return the product x_j x_k for each pair of levels, where x are `values` of the levels."""
         return np.asarray(values[self.finer] * values[self.coarser])
 
 
 def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
-    """Compute V_jk of all pairs, or of each level with itself."""
+    """Compute V_jk for all pairs of levels, or V_jj for all levels if `diagonal`."""
     size, half = design.levels.size, np.ldexp(1.0, design.levels - 1)
     coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
     pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
@@ -98,12 +109,12 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
 
 
 def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
-    """Compute V_jk of a level of which only every s-th coefficient is used, with itself and all coarser levels.
+    """Compute V_jk for a level j that uses only every s-th coefficient, and for k = j and all coarser levels.
 
-    In steps of s samples, this level and the coarser ones are levels of a recording of N/s samples. All lags between
-    their coefficients are multiples of s, so the sums are the sums over all lags of that shorter recording. The
-    covariance of a strided level with a level that uses all coefficients equals the covariance without strides,
-    because all lags between them occur equally often.
+    If time is measured in steps of s = `stride` samples, these are levels of a recording of N/s samples. All lags
+    between their coefficients are multiples of s, so the sums are sums over all lags of that shorter recording. The
+    covariance of such a level and a level that uses all coefficients equals the covariance without strides, because all
+    lags between them occur equally often.
     """
     levels = design.levels[place:]
     within = replace(
@@ -137,8 +148,11 @@ def _over_lags(
     starts: NDArray[np.int64],
     stride: int = 1,
 ) -> Vector:
-    """Compute V_jk of pairs of levels from the covariances at the lags between coefficients, one every `stride`
-    samples."""
+    """Compute V_jk for pairs of levels from the covariances of their coefficients at the nodes `at`.
+
+    `weight` are the weights of the nodes, and `starts` the first node of each pair. The coefficients are `stride`
+    samples apart.
+    """
     present = [process for process in model.processes if process.scale > 0]
     shapes, scales = _shapes(present, at, design.rate)
     first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
@@ -150,28 +164,34 @@ def _over_lags(
 
 
 def _slope(model: Model) -> float:
-    """Return the change of the mean of a model in one sample."""
+    """Return the change of the mean of the model per sample."""
     return sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
 
 
 def _of_sums(
     model: Model, design: Design, pairs: _Pairs, *, first: Vector | None, second: Vector, stride: int = 1
 ) -> Vector:
-    """Compute V_jk of pairs of levels from Σ n Cov and Σ n Cov² over the lags between coefficients."""
+    """Compute V_jk for pairs of levels from the sums `first` = Σ n Cov and `second` = Σ n Cov² over lags.
+
+    n is the number of pairs of coefficients at a lag, and Cov their covariance. `first` is None without a drift.
+    """
     scale = 4 * pairs.outer(pairs.half)
     total = 2 / scale**2 * second
     if first is not None:
         total += _slope(model) ** 2 * pairs.outer(pairs.half) / scale * first
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
-        # Not for a robust estimate: its scatter is smaller too, but its mean is larger, and the two nearly cancel.
+        # The term is left out for a robust estimate: its variance is smaller too, but its mean is larger, and both
+        # effects nearly cancel in the relative variance.
         total += cumulant * _excess(pairs, design.samples) / stride / scale**2
     return np.asarray(total / pairs.outer(pairs.counts))
 
 
 def _shared(present: list[Process], design: Design) -> Process | None:
-    """Return the process of a model whose sums over lags are kept: the only one of fixed shape and short memory;
-    otherwise None."""
+    """Return the process whose sums over lags are cached, or None.
+
+    It is the only process with short memory, if its shape is fixed.
+    """
     if design.efficiency is not None or any(stride > 1 for stride in design.strides):
         return None
     short = [process for process in present if process.memory(design.rate)]
@@ -179,7 +199,7 @@ def _shared(present: list[Process], design: Design) -> Process | None:
 
 
 def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs: _Pairs, *, diagonal: bool) -> Vector:
-    """Compute V_jk of a model with a process whose sums over lags are kept."""
+    """Compute V_jk for a model with a process `short` whose sums over lags are cached."""
     count = pairs.finer.size
     others = [process for process in model.processes if process.scale > 0 and process is not short]
     first, second = short.scale * sums.first[:count], short.scale**2 * sums.second[:count]
@@ -195,14 +215,17 @@ def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs
 def _lags(
     present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Return the nodes of all pairs, their weights, and the first node of each pair; with decays over `stride`
-    samples."""
+    """Return the nodes of the sums over lags for all pairs of levels, their weights, and the first node of each pair.
+
+    Lags are measured in steps of `stride` samples. `decays_of` is the sampling rate (Hz), if it differs from the rate
+    of the design.
+    """
     rate = design.rate if decays_of is None else decays_of
-    # Steps of several samples do not alternate: strides are even.
+    # Strides larger than 1 are even, so an alternating covariance does not alternate at multiples of a stride.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
     sizes = [abs(decay) for decay in decays]
     memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
-    # Ends of the rates and a memory that are rounded outwards serve all iterations of a fit.
+    # The range of rates and the memory are rounded outwards, so that all iterations of a fit use the same nodes.
     ends = (2.0 ** math.floor(math.log2(min(sizes))), 2.0 ** math.ceil(math.log2(max(sizes)))) if sizes else (0.0, 0.0)
     unit = 1 << max(memory.bit_length() - 3, 0)
     nodes = _nodes if memory <= KEPT else _nodes.__wrapped__
@@ -232,12 +255,12 @@ def _alternates(present: list[Process], rate: float) -> bool:
 
 
 def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:
-    """Compute 2^(j+k) Cov(W_j, W_k) at the nodes."""
+    """Compute 2^(j+k) Cov(W_j, W_k) of the sum of the processes at the nodes."""
     return _combined(*_shapes(present, at, rate), at)
 
 
 def _combined(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
-    """Compute the sum of shapes times scales."""
+    """Compute the sum of the shapes, each multiplied by its scale."""
     total = np.zeros_like(at.lag)
     for shape, scale in zip(shapes, scales, strict=True):
         total += scale * shape
@@ -245,7 +268,10 @@ def _combined(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
 
 
 def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vector], list[float]]:
-    """Return shapes of the covariances of processes at the nodes, and their factors; with many nodes, their sum."""
+    """Return the covariances of the processes at the nodes, as shapes and factors.
+
+    If there are many nodes, the only shape is the sum of all covariances.
+    """
     if at.lag.size > SHARED:
         total = np.zeros_like(at.lag)
         for process in present:
@@ -253,8 +279,8 @@ def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vect
         return [total], [1.0]
     shapes, scales = [], []
     for process in present:
-        # The shape is the same for every scale. Models that are compared share the fixed ones; those of an upper limit,
-        # and the weights and the covariance of a fit, share the others.
+        # The shape does not depend on the scale. Models that are compared share fixed shapes. Other shapes are shared
+        # by the weights and the covariance of a fit, and by the fits that determine an upper limit.
         fixed = has_fixed_shape(process)
         if not fixed and at.lag.size > RECENT // 2:
             shapes.append(process.coefficient_covariance(at, rate))
@@ -281,13 +307,15 @@ def _robust_sum(
     weight: Vector,
     starts: NDArray[np.int64],
 ) -> Vector:
-    """Compute the sum that replaces Σ n Cov² for a robust estimate: ½ Cov_jj Cov_kk Σ_q c_q Σ_u n(u) ρ^q of each pair,
-    at lag 0."""
+    """Compute, for each pair of levels, the sum that replaces Σ n Cov² for a robust estimate.
+
+    It is ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, where σ_j² and σ_k² are the variances of the coefficients.
+    """
     assert design.efficiency is not None
     half = pairs.half
     own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
     size = pairs.outer(own)
-    # A zero model has no correlations, and no covariance.
+    # If all processes are zero, the correlation is not defined and the covariance is zero.
     unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
     squares = covariance * covariance / unit
     terms = weight * squares * np.polyval(hermite_weights(design.efficiency)[::-1], squares)
@@ -295,8 +323,11 @@ def _robust_sum(
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:
-    """Compute Σ_a Σ_b c_a² c_b² n(b − a) with c = (1, −2, 1) at 0, h, 2h: the factor of κ₄ from coefficients with a
-    common error."""
+    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of the fourth cumulant κ₄ for each pair of levels.
+
+    The weights c = (1, −2, 1) belong to the offsets 0, h and 2h of each level. n is the number of pairs of coefficients
+    that have an error in common.
+    """
     fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
     total = np.zeros(fine.size)
     for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):

@@ -1,19 +1,21 @@
-"""The contribution of sinusoids with fixed amplitude and random phase to the covariance of a wavelet variance.
+"""Contribution of sinusoids with fixed amplitude and random phase to the covariance of a wavelet variance.
 
-The signal is X = Y + Σ_l A_l cos(ω_l t + U_l) with Y Gaussian and U_l uniform and independent. Its coefficients are
-W_j = G_j + L_j. L_j² is nearly constant, so the main contribution comes from its product with noise:
+The signal is X = Y + Σ_l A_l cos(ω_l t + U_l), where Y is Gaussian noise and the phases U_l are uniform and
+independent. Its wavelet coefficients are W_j = G_j + L_j, the sum of the coefficients of the noise and of the
+sinusoids. L_j² is nearly constant, so the main contribution comes from the product of L_j and G_j:
 
-    V_jk = V_jk of Y + 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) + Cov(mean L_j², mean L_k²),
+    V_jk = V_jk of Y + 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) + Cov(mean L_j², mean L_k²).
 
-with C_jk(u) = Cov(G_{j,t}, G_{k,t+u}), R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], P = A²/2, and H the gain of a filter
-at ω_l. The second term is summed over lags if there are few lags, or if the sinusoid is slow and lags can be far apart.
-Otherwise the sinusoid has many hundred periods in the recording, and the term is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) /
-max(M_j, M_k), with S the spectral density of Y. Its relative error is about 2^k / M_k, which is small at the levels
-that contain such a sinusoid.
+Here C_jk(u) = Cov(G_{j,t}, G_{k,t+u}) and R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], with the power P_l = A_l²/2 and
+the gain H_j of the wavelet filter of level j at ω_l. The second term is summed over lags if there are few lags, or if
+the sinusoid is so slow that the lags in the sum can be far apart. Otherwise the recording contains hundreds of periods
+of the sinusoid, and the term is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), where S is the spectral density of Y.
+Its relative error is about 2^k / M_k, which is small at the levels that contain such a sinusoid.
 
-The last term comes from the random phases. One sinusoid has c_j = ½A² H_j² D_j(2ω), with D_j(Ω) the mean of e^(iΩt)
-over the coefficients. A pair has A_l A_m H_j H_j D_j(ω_l ± ω_m), and a sinusoid with the mean μ_j of a drift has
-2μ_j A H_j D_j(ω). Each adds ½ Re(c_j c_k*).
+The last term comes from the random phases and is a sum of ½ Re(c_j c_k*). Let D_j(Ω) be the mean of e^(iΩt) over the
+coefficients of level j. Each sinusoid contributes c_j = ½A² H_j² D_j(2ω). Each pair l, m of sinusoids contributes
+c_j = A_l A_m H_j(ω_l) H_j(±ω_m) D_j(ω_l ± ω_m). If a drift causes a mean μ_j of the coefficients, each sinusoid also
+contributes c_j = 2μ_j A H_j D_j(ω).
 """
 
 from __future__ import annotations
@@ -33,24 +35,24 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 
 FEW_LAGS = 2**14
-"""Number of lags in the sum: all lags of recordings up to this length; fewer, wider spaced lags of longer recordings
-with a slow sinusoid. Pinned by tests/covariance/test_lines.py, as is the next constant."""
+"""Largest number of lags in the sum. Recordings up to this length use all lags; longer recordings with a slow sinusoid
+use lags that are further apart. Pinned by tests/covariance/test_lines.py, as is the next constant."""
 _TURN = 32
-"""Smallest number of lags in a period of a sinusoid."""
+"""Smallest number of lags per period of the sinusoid for which lags may be further apart."""
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A sinusoid and the gains of the wavelet filters of a design at its frequency.
+    """Sinusoid, with the gains of the wavelet filters of a design at its frequency.
 
     Attributes
     ----------
     power : float
-        P = A²/2, in u².
+        Power P = A²/2 (u²) of a sinusoid of amplitude A.
     cycles : float
-        Frequency in cycles per sample, within ±½.
+        Frequency (cycles per sample), within ±½.
     gain : (J,) complex array
-        Gains H_j.
+        Gains H_j of the wavelet filters of all levels.
     """
 
     power: float
@@ -59,12 +61,14 @@ class Line:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude A, in u."""
+        """Amplitude A (u)."""
         return math.sqrt(2.0 * self.power)
 
 
 def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
-    """Separate the noise of a model (None if it has none; the model itself without sinusoids) from its sinusoids.
+    """Separate the noise of a model from its sinusoids.
+
+    The noise is None if the model has only sinusoids, and it is the model itself if there is no sinusoid.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diag
 
 
 def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
-    """Compute H_j = Σ_l h_{j,l} e^(−iωl) (J,)."""
+    """Compute the gains H_j = Σ_l h_{j,l} e^(−iωl) (J,) of the wavelet filters h_j at the frequency ω = 2π `cycles`."""
     smooth, wavelet = design.filter.scaling / np.sqrt(2.0), design.filter.wavelet / np.sqrt(2.0)
     gain, found = 1.0 + 0.0j, np.empty(int(design.levels[-1]), dtype=np.complex128)
     for j in range(found.size):
@@ -111,7 +115,7 @@ def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
 
 
 def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> Matrix:
-    """Compute ½ Re Σ c_j c_k* (J, J), the covariance from random phases."""
+    """Compute ½ Re Σ c_j c_k* (J, J), the covariance that the random phases cause; see the module docstring."""
     mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
     turning = []
     for k, line in enumerate(lines):
@@ -127,14 +131,14 @@ def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> 
 
 
 def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
-    """Compute the mean of e^(2πi t cycles) over the times t of the coefficients of each level (J,)."""
+    """Compute the mean (J,) of e^(2πi t cycles) over the times t of the coefficients of each level."""
     count = design.counts.astype(np.float64)
     if design.transform == "dwt":
         step = np.ldexp(1.0, design.levels)
         last = step * (design.samples >> design.levels) - 1.0
     else:
         step, last = np.ones_like(count), np.full_like(count, design.samples - 1.0)
-    # Half the angle of a step and of all steps; a whole number of cycles for each step counts as zero.
+    # `half` and `whole` are half the angles of one step and of all steps. `still` marks steps of whole cycles.
     half, whole = (np.pi * np.fmod(step * cycles * times, 2.0) for times in (1.0, count))
     still = np.abs(np.sin(half)) < 1e-12
     size = np.where(still, np.cos(whole) / np.cos(half), np.sin(whole) / (count * np.where(still, 1.0, np.sin(half))))
@@ -146,7 +150,11 @@ def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
 
 
 def _with_noise(noise: Model, line: Line, design: Design, *, density: float, diagonal: bool) -> Matrix:
-    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), with the spectral density of the noise where it is used."""
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the contribution of the product of a sinusoid and noise.
+
+    `density` is the spectral density of the noise at the frequency of the sinusoid, for levels that are not summed over
+    lags.
+    """
     size, counts = design.levels.size, design.counts.astype(np.float64)
     stages = _stages(line, design)
     total = np.zeros((size, size))
@@ -171,8 +179,10 @@ def _with_noise(noise: Model, line: Line, design: Design, *, density: float, dia
 
 
 def _stages(line: Line, design: Design) -> NDArray[np.int64]:
-    """Return the exponents of the spacing 2^stage of the lags for each level with coarser ones (J,); −1 if the spectral
-    density is used."""
+    """Return the exponent `stage` (J,) of the spacing 2^stage of the lags for each level and the coarser levels.
+
+    It is −1 if the spectral density is used instead of a sum over lags.
+    """
     if design.transform == "dwt":
         return design.levels - 1
     stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
@@ -202,8 +212,11 @@ def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
 def _summed_density(
     kind: type[Process], nonlinear: tuple[float, ...], cycles: float, *, samples: int, rate: float
 ) -> float:
-    """Compute S at scale 1: Σ_m c(m) cos ωm / |1 − e^(iω)|², with c(m) = 2A(m) − A(m − 1) − A(m + 1) the covariance of
-    differences."""
+    """Compute the spectral density of a process with scale coefficient 1 at the frequency ω = 2π `cycles`.
+
+    It is Σ_m c(m) cos ωm / |1 − e^(iω)|², where c(m) = 2A(m) − A(m − 1) − A(m + 1) is the covariance of differences of
+    successive samples and A the generalised covariance.
+    """
     known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
     difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))

@@ -1,8 +1,9 @@
-"""The most likely mixture of all processes for a wavelet variance: a smooth curve for levels with large scatter.
+"""Smooth curve through a wavelet variance, from the mixture of all processes with the largest likelihood.
 
-A level with one degree of freedom can be a thousand times smaller than its mean, and its weight 1/ν̂⁴ would then decide
-a whole fit. The curve here is the mixture of all processes at many correlation times with the largest chi-square
-likelihood of the levels. It does not depend on a model, so that all models are compared under the same weights.
+The estimate of a level with one degree of freedom can be a thousand times smaller than its expectation, and its weight
+1/ν̂⁴ would then dominate a fit. The smooth curve avoids this. It is a sum of all processes at many correlation times,
+whose variances maximise the chi-square likelihood of the levels. It does not depend on a model, so that all models are
+compared with the same weights.
 """
 
 from __future__ import annotations
@@ -20,19 +21,22 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 PRIOR = 30.0
-"""Degrees of freedom of the smooth curve when it is averaged with a level. Pinned by tests/estimation/test_weights.py:
-a level with one coefficient does not determine a fit."""
+"""Degrees of freedom of the smooth curve when it is averaged with a level, so that a level with one coefficient does
+not determine a fit. Pinned by tests/estimation/test_weights.py."""
 _PLACES = 48
+"""Number of correlation times of each process with a correlation time."""
 _ROUNDS = 30
+"""Largest number of iterations."""
 _SETTLED = 1e-3
-"""Largest number of iterations, and relative change that ends them. The curve is used only for weights, which need two
-digits; tests/estimation/test_weights.py pins the fits that follow from it."""
+"""Relative change of the curve below which the iterations end. The curve is only used for weights, which need two
+digits; tests/estimation/test_weights.py pins the fits that use it."""
 
 
 def smoothed(wv: WaveletVariance) -> Vector:
-    """Compute the average of data and smooth curve ν̃²: ν̄² = (η ν̂² + 30 ν̃²)/(η + 30), with η the degrees of freedom.
+    """Compute the average (J,) of the estimates ν̂² and the smooth curve ν̃².
 
-    A wavelet variance with a level of zero variance is not changed.
+    The average is (η ν̂² + 30 ν̃²)/(η + 30), where η are the degrees of freedom of ν̂². If the variance of a level is
+    zero, ν̂² is returned unchanged.
     """
     if not np.all(wv.variance > 0):
         return wv.variance
@@ -45,19 +49,19 @@ def smoothed(wv: WaveletVariance) -> Vector:
 
 
 def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
-    """Average each level with the curve, which has `PRIOR` degrees of freedom."""
+    """Average each observed variance with the curve, which has the weight of `PRIOR` degrees of freedom."""
     return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
 
 
 def mixture(
     variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf, random: bool = False
 ) -> tuple[Vector, Model]:
-    """Compute the smooth curve (J,) of positive variances (J,) with degrees of freedom (J,), and the mixture as a
-    model.
+    """Compute the smooth curve (J,) through positive variances (J,), and the mixture of processes as a model.
 
-    The mixture has only processes whose covariance is known. With `within`, it has no drift, and no process with a
-    correlation time (s) above `within`, apart from random walks and flicker noise. If `random`, it has no drift and no
-    sinusoid: their wavelet variance is not random, so V of the coarsest levels would be too small.
+    `freedom` (J,) are the degrees of freedom of the variances. The mixture only has processes whose covariance is
+    known. If `within` is given, the mixture has no drift and no process with a correlation time above `within` (s),
+    except random walks and flicker noise. If `random`, it has no drift and no sinusoid. Their wavelet variance is not
+    random, so V of the coarsest levels would be too small.
     """
     levels = tuple(design.levels.tolist())
     processes, shapes = _candidates(levels, design.longest, design.rate, design.filter)
@@ -74,7 +78,7 @@ def mixture(
 def _known(
     levels: tuple[int, ...], samples: int, *, rate: float, filter: WaveletFilter, within: float
 ) -> tuple[int, ...]:
-    """Return the indices of the candidates whose covariance is known, up to a correlation time."""
+    """Return the indices of the candidates whose covariance is known, with correlation times up to `within` (s)."""
     processes, _ = _candidates(levels, samples, rate, filter)
     return tuple(
         k for k, process in enumerate(processes)
@@ -83,22 +87,21 @@ def _known(
 
 
 def _is_random(process: Process) -> bool:
-    """Return whether a process is neither a drift nor a sinusoid. A sum of two mixtures of such processes is also a
-    mixture."""
+    """Return whether a process is neither a drift nor a sinusoid, and sums of mixtures with it are mixtures."""
     closed = process.repeatable or not process.nonlinear_parameters()
     return closed and process.line(1.0) is None and not np.any(process.mean(np.arange(2)))
 
 
 def _short(process: Process, rate: float, within: float) -> bool:
-    """Return whether a process has mean zero, and a correlation time of at most `within` (s), an infinite one or
-    none."""
+    """Return whether a process has mean zero, and a correlation time that is at most `within` (s), infinite or
+    unknown."""
     time = process.correlation_time(rate)
     return not np.any(process.mean(np.arange(2))) and (time is None or time <= within or time == np.inf)
 
 
 def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vector, Vector]:
-    """Return the most likely curve (J,), and the weights of the shapes (n, J) whose sum it is."""
-    # No wavelet variance falls much faster than quantization noise, by a factor of four from level to level.
+    """Return the curve (J,) with the largest likelihood, and the weights (n,) of the `shapes` (n, J) in it."""
+    # No wavelet variance falls much faster than that of quantization noise, which falls by a factor of four per level.
     curve = observed.copy()
     for k in range(1, curve.size):
         curve[k] = max(curve[k], curve[k - 1] / 4)
@@ -120,7 +123,10 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
 def _candidates(
     levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
 ) -> tuple[tuple[Process, ...], Matrix]:
-    """Return all processes at unit scale, searched ones at many correlation times, and their wavelet variances."""
+    """Return all processes with scale coefficient 1, and their wavelet variances (n, J).
+
+    Processes with a correlation time are included at many correlation times.
+    """
     number = np.asarray(levels, dtype=np.int64)
     kinds: dict[str, type[Process]] = {}
     for kind in registry.values():

@@ -1,4 +1,4 @@
-"""The distribution of the ratio of the classical to the robust wavelet variance in Gaussian noise."""
+"""Distribution of the ratio of the classical to the robust wavelet variance in Gaussian noise."""
 
 from __future__ import annotations
 
@@ -14,35 +14,37 @@ from gmwm.processes.model import ModelLike, as_model
 from gmwm.variance.result import WaveletVariance
 
 _OVERLAP = 1.3
-"""Factor of the skewness for overlapping coefficients, 1.1 to 1.45 in simulations. tests/covariance/test_ratio.py and
-docs/validation/contamination-test.md have the size of the resulting test."""
+"""Factor by which overlapping coefficients increase the skewness; it is 1.1 to 1.45 in simulations.
+tests/covariance/test_ratio.py and docs/validation/contamination-test.md measure the size of the resulting test."""
 _MEDIAN_EFFICIENCY = 0.3675
-"""Gaussian efficiency of (MAD / 0.67449)², the fallback of the robust estimate (Rousseeuw and Croux 1993, JASA 88)."""
+"""Gaussian efficiency of (MAD / 0.67449)², which replaces a robust estimate without a root (Rousseeuw and Croux 1993,
+JASA 88)."""
 
 
 def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
-    """Compute standard errors of log(classical / robust) at the levels that are `tested`, in noise with the robust
-    variance.
+    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise, for the classical ν̂² and the robust ν̃².
 
     Parameters
     ----------
     robust : WaveletVariance
         Robust wavelet variance with J levels.
     tested : (J,) bool array
-        Levels to compute.
+        Mask of the levels for which the standard error is computed.
     model : Model, Process or str, optional
-        Model with all its values, for the correlations; by default the most likely mixture of all processes.
+        Model whose parameters all have values, for the correlations of the coefficients; by default the mixture of all
+        processes with the largest likelihood.
 
     Returns
     -------
-    array with one number for each tested level
+    array
+        Standard error for each level in `tested`.
     """
     if not np.any(tested):
         return np.empty(0)
     whole = Design.of(robust)
     if model is None:
         there = robust.variance > 0
-        # Scaling by a power of two changes no digit and keeps fourth powers in range.
+        # Scaling by a power of two causes no rounding error and keeps fourth powers within the range of numbers.
         unit = 4.0 ** np.floor(0.5 * np.log2(robust.variance.max()))
         design = whole.only(there)
         _, noise = mixture(robust.variance[there] / unit, robust.degrees_of_freedom[there], design)
@@ -51,7 +53,7 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
     square = ratio_variances(noise, whole.only(tested))
     assert robust.efficiency is not None
     beyond = 2 / robust.efficiency - 2
-    # If the curve has no noise, as for a drift alone, count one independent coefficient in 2^j.
+    # If the model has no noise, only a drift, one in 2^j coefficients counts as independent.
     square = np.where(square > 0, square, beyond / whole.degrees_of_freedom[tested])
     outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
     fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
@@ -60,11 +62,12 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
 
 
 def ratio_law(place: Vector, error: Vector, efficiency: float) -> tuple[Vector, Vector]:
-    """Approximate the distribution of the ratio by a gamma distribution with its skewness: shape k and argument for
-    `gammaincc`.
+    """Approximate the distribution of log(ν̂²/ν̃²) by a gamma distribution with the same skewness.
 
-    log(classical / robust) / error is distributed approximately as (G − k) / √k, with G gamma-distributed with shape k.
-    `gammaincc` of the two results is the probability of a larger ratio. `place` is in standard errors from 0.
+    The logarithm of the ratio, divided by its standard error `error`, is distributed approximately as (G − k) / √k,
+    where G has a gamma distribution with the shape k. `place` is an observed value of the logarithm in standard errors.
+    The two results are k and the argument for which `scipy.special.gammaincc` returns the probability of a larger
+    ratio.
     """
     shape = (2 / (_OVERLAP * ratio_skewness(efficiency) * error)) ** 2
     return shape, np.maximum(shape + place * np.sqrt(shape), 0.0)

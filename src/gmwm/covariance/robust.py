@@ -1,4 +1,4 @@
-"""The Hermite expansion of the robust estimate for correlated Gaussian coefficients."""
+"""Hermite expansion of the robust estimate for correlated Gaussian coefficients."""
 
 from __future__ import annotations
 
@@ -19,11 +19,15 @@ _TAIL = 12.0
 def hermite_weights(efficiency: float) -> Vector:
     """Return the weights c_2, c_4, …, c_16 of the Hermite expansion of the robust estimate.
 
-        Cov(ν̂_j², ν̂_k²) = ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ_jk(u)^q / (M_j M_k)
+    For a Gaussian signal, the covariance of the robust estimates is
 
-    for a Gaussian signal, with ρ_jk(u) = Corr(W_{j,t}, W_{k,t+u}). With b_q = E[ρ(r) He_q(r)] / q! of the biweight ρ,
-    c_q = q! b_q² / b_2². The classical estimate has only c_2 = 2; the robust one has Σ c_q = 2 / efficiency. The rest
-    beyond q = 16 is added to the last weight, so that uncorrelated coefficients have exactly the efficiency.
+        Cov(ν̃_j², ν̃_k²) = ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ_jk(u)^q / (M_j M_k),
+
+    with the correlation ρ_jk(u) of W_{j,t} and W_{k,t+u}, the number n(u) of pairs at lag u, and the number M_j of
+    coefficients. The weights are c_q = q! b_q² / b_2², where b_q = E[ρ(r) He_q(r)] / q! are the Hermite coefficients of
+    the biweight ρ(r). For the classical estimate c_2 = 2 is the only weight; for the robust estimate
+    Σ c_q = 2 / efficiency. The sum of the weights beyond q = 16 is added to the last weight, so that the efficiency is
+    exact for uncorrelated coefficients.
 
     >>> hermite_weights(0.6).round(5)[:4]
     array([2.     , 1.0747 , 0.22872, 0.02811])
@@ -36,7 +40,7 @@ def _weights(efficiency: float) -> Vector:
     c = biweight(efficiency).c
     nodes, gauss = np.polynomial.legendre.leggauss(128)
     r = c * (1 + nodes) / 2
-    # ρ is even and constant beyond c: Gauss rule for a polynomial times a density, for both signs of r together.
+    # ρ is even, and 0 beyond c. The Gauss rule covers 0 to c and counts both signs of r.
     rho = c * gauss / math.sqrt(2 * math.pi) * np.exp(-(r**2) / 2) * r**2 * (1 - (r / c) ** 2) ** 4
     before, here, moments = np.ones_like(r), r, []
     for q in range(1, HIGHEST + 1):
@@ -50,23 +54,22 @@ def _weights(efficiency: float) -> Vector:
 
 @lru_cache(maxsize=64)
 def ratio_skewness(efficiency: float) -> float:
-    """Compute the skewness of log(ν̂²/ν̃²), classical over robust, for uncorrelated Gaussian coefficients, per standard
-    deviation.
+    """Compute the skewness of log(ν̂²/ν̃²) for uncorrelated Gaussian coefficients, divided by its standard deviation.
 
-    To second order in means over the M coefficients r = W/ν, with b the coefficient b_2 of `hermite_weights`,
+    ν̂² is the classical and ν̃² the robust estimate from M coefficients with r = W/ν. To second order,
 
-        log ν̂² = A − A²/2,  log ν̃² = G − G K + L G²/2,
+        log(ν̂²/ν²) = A − A²/2,  log(ν̃²/ν²) = G − G K + L G²/2.
 
-    A, G and K the means of r² − 1, (ρ − a)/b and rρ′/(2b) − 1, L the expectation of r(rρ′)′/(4b). As h = r² − 1 −
-    (ρ − a)/b is uncorrelated with r² − 1, the third cumulant is [E h³ − 6 E h² E(hk) − 3 L (E h²)²] / M², where k is
-    the term of K.
+    A, G and K are the means of r² − 1, (ρ − a)/b and k = rρ′/(2b) − 1, and L is the expectation of r(rρ′)′/(4b), with
+    the biweight ρ, its expectation a, and b = b_2 of `hermite_weights`. Because h = r² − 1 − (ρ − a)/b is uncorrelated
+    with r² − 1, the third cumulant is [E h³ − 6 E h² E(hk) − 3 L (E h²)²] / M².
 
     >>> round(ratio_skewness(0.6), 2), round(ratio_skewness(0.9), 1)
     (8.86, 22.7)
     """
     law = biweight(efficiency)
     nodes, gauss = np.polynomial.legendre.leggauss(128)
-    # ρ and its derivatives have a kink at c: one Gauss rule on each side.
+    # ρ and its derivatives have a kink at c, so there is one Gauss rule on each side.
     r = np.concatenate([law.c * (1 + nodes) / 2, law.c + _TAIL * (1 + nodes) / 2])
     step = np.concatenate([law.c * gauss, _TAIL * gauss])
     density = step * np.exp(-(r**2) / 2) / math.sqrt(2 * math.pi)

@@ -1,4 +1,4 @@
-"""The covariance of the wavelet variance of a recording with gaps, from the covariances of its segments."""
+"""Covariance of the wavelet variance of a recording with gaps, from the covariances of its segments."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from gmwm._arrays import Matrix
 from gmwm.covariance.design import Design
 
 EXACT = 64
-"""Largest number of different lengths that are computed individually; with more lengths, results are interpolated."""
+"""Largest number of different segment lengths that are computed individually. For more lengths, results are
+interpolated."""
 _OCTAVE = 8
-"""Number of nodes of the interpolation per octave of length: an error of at most 1 %
+"""Number of nodes of the interpolation per octave of segment length. The error is at most 1 %
 (tests/covariance/test_segments.py)."""
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
-    """Compute Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s (J, J) of single segments, or from the diagonals (J,).
+    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) from the covariances V_s (J, J) of the segments s.
 
-    Segments are treated as independent. Segments of the same length have the same V_s.
+    `alone` returns V_s for the design of a segment, or its diagonal (J,); the result then is the diagonal of V. M_sj is
+    the number of coefficients of level j in segment s, and M_j that in all segments. Segments are treated as
+    independent. Segments of the same length have the same V_s.
     """
     counts, total = design.counts, None
     for length, times in lengths_of(design.lengths):
@@ -41,10 +44,10 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 
 
 def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
-    """Yield lengths, and the number of segments that each represents.
+    """Yield segment lengths to compute, and the number of segments that each length represents.
 
-    M² V is a convex function of the length, and nearly linear beyond a few scales. A segment between two nodes is
-    therefore divided between both.
+    M² V is a convex function of the length, and nearly linear for segments longer than a few scales. Therefore, if
+    there are many lengths, a segment with a length between two nodes is divided between both nodes.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT:

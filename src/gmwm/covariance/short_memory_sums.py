@@ -1,14 +1,14 @@
-"""Sums over lags for a process of known shape and short memory combined with other processes, from few nodes.
+"""Sums over lags for a model of one process with fixed shape and short memory and of other processes, from few nodes.
 
-Near a kink, the autocovariance of such a process is a table, and every lag within its memory is a term of the sum: a
-million of them for 19 levels and a memory of a thousand samples. The sum of squares of a model is
+Near a kink (a lag at which the covariance is not smooth), every lag within the memory of such a process is a term of
+the sum. There are a million terms for 19 levels and a memory of a thousand samples. The sum of squares for the model is
 
     Σ n (s C + D)² = s² Σ n C² + 2 s Σ n C D + Σ n D²,
 
-with C the covariance of the process at unit scale and D the covariance of the other processes. The first sum is a
-number for each pair of levels. In the second one D is smooth between the kinks. It is replaced by its interpolant
-through Chebyshev nodes on intervals [d, 2d] of the distance d from a kink, so that n C enters through one weight for
-each node.
+where n is the number of pairs of coefficients at a lag, C the covariance of the process for scale coefficient 1, s its
+scale coefficient, and D the covariance of the other processes. The first sum is one number for each pair of levels. In
+the second sum, D is smooth between the kinks. It is interpolated between Chebyshev nodes on intervals [d, 2d] of the
+distance d from a kink, so that n C is replaced by one weight for each node.
 """
 
 from __future__ import annotations
@@ -30,29 +30,31 @@ from gmwm.processes.base import Process
 from gmwm.processes.haar_covariance import LagGrid
 
 ORDER = 16
-"""Number of nodes of an interval [d, 2d]: the relative error of the interpolant of a function with a singularity at 0
-is 5.8⁻¹⁶ = 6e-13 (Trefethen 2013, Approximation Theory and Approximation Practice, chapter 8)."""
+"""Number of nodes in an interval [d, 2d]. For a function with a singularity at 0, the relative error of the
+interpolation is 5.8⁻¹⁶ = 6e-13 (Trefethen 2013, Approximation Theory and Approximation Practice, chapter 8)."""
 EVERY_RATE = (2.0**-964, 2.0)
-"""Range of the decay rates of the other processes, per sample, in which the sums are valid: all rates."""
+"""Range of decay rates (per sample) of the other processes for which the sums are valid. It covers all rates that
+occur."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeSums:
-    """Sums over lags of a process at unit scale, one for each pair of levels.
+    """Sums over lags for a process with scale coefficient 1, one for each pair of levels; see the module docstring.
 
     Attributes
     ----------
     levels : list of int
+        Levels j.
     at : LagGrid
-        Nodes for the covariance of the other processes.
-    weight : (n,) array
-        Weights of the nodes: Σ n C D is the sum of weight times D.
+        Nodes at which the covariance D of the other processes is needed.
+    weight : (nodes,) array
+        Weights of the nodes, for which Σ n C D is the sum of weight times D.
     starts : (pairs,) int array
         First node of each pair.
     first, second : (pairs,) arrays
         Σ n C and Σ n C².
     known : dict
-        Σ n C D of processes of scale 1, by class and shape.
+        Cached sums Σ n C D for processes with scale coefficient 1, by class and shape.
     """
 
     levels: list[int]
@@ -64,7 +66,7 @@ class ShapeSums:
     known: dict[Any, Vector] = field(default_factory=dict)
 
     def mixed(self, others: Sequence[Process], rate: float) -> Vector:
-        """Compute Σ n C D (pairs,) with D the covariance of other processes."""
+        """Compute Σ n C D (pairs,), where D is the covariance of the processes `others`."""
         total, moving = np.zeros(self.starts.size), np.zeros(self.weight.size)
         for process in others:
             if not has_fixed_shape(process):
@@ -87,9 +89,10 @@ def has_fixed_shape(process: Process) -> bool:
 
 
 def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums | None:
-    """Return the sums of a process whose shape is fixed, for the levels of a design or more; None on the first call.
+    """Return the sums for a process whose shape is fixed, at least for the levels of a design; None on the first call.
 
-    Models with the same process share them. They take longer than one covariance, so the second call computes them.
+    Models with the same process share the sums. The sums take longer than one covariance, so they are only computed
+    when they are requested again.
     """
     place = _places(
         type(process), tuple(process.nonlinear.tolist()), design.samples, rate=design.rate, diagonal=diagonal
@@ -108,8 +111,10 @@ def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums
 def _places(
     kind: type[Process], nonlinear: tuple[float, ...], samples: int, *, rate: float, diagonal: bool
 ) -> list[ShapeSums | None]:
-    """Return the cache entry for the sums of a process. The sums of the first levels are part of the sums of more
-    levels."""
+    """Return the list that caches the sums of a process; it is empty before the first request.
+
+    The levels are not a part of the key, because sums for more levels contain those for the first levels.
+    """
     return []
 
 
@@ -141,7 +146,7 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
             nodes, shares = _interpolation(int(length))
             offsets.append(nodes - nodes[0])
             new_lag[new], new_weight[new] = lag[begins[chosen], None] + nodes, weight[old] @ shares
-    # Beyond the reach of both filters the process has no covariance. Each pair keeps a node.
+    # Intervals without covariance of the process are left out, but each pair keeps at least one interval.
     first_of_pair = np.searchsorted(begins, starts)
     used = np.logical_or.reduceat(new_weight != 0, places[:-1])
     used[first_of_pair] = True
@@ -163,7 +168,10 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
 def _pieces(
     lag: Vector, fine: Vector, coarse: Vector, starts: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return first node and number of nodes of the intervals, in order; nodes without neighbours stay single."""
+    """Return the first node and the number of nodes of each interval, in ascending order.
+
+    A node without neighbours is an interval of its own.
+    """
     ends = np.append(starts[1:], lag.size)
     kinks = []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
@@ -180,7 +188,7 @@ def _pieces(
     new[1:] |= kink[:-1]
     begins = np.flatnonzero(new)
     sizes = np.diff(begins)
-    # Nearly all intervals are short. A loop over all of them would take longer than the sums.
+    # Most intervals are short and need no division. A loop over all of them would take longer than the sums.
     long = np.flatnonzero(sizes > ORDER)
     pieces = [np.stack([begins[:-1], sizes], axis=1)[sizes <= ORDER]]
     for begin, end in zip(begins[long].tolist(), begins[long + 1].tolist(), strict=True):
@@ -192,7 +200,11 @@ def _pieces(
 
 
 def _doubled(begin: int, end: int, left: bool, right: bool) -> list[tuple[int, int]]:
-    """Return intervals whose lengths double with the distance from the kinks at one or both ends."""
+    """Divide the nodes `begin` … `end` − 1 into intervals whose lengths double with the distance from a kink.
+
+    `left` and `right` tell whether there is a kink at this end. Returns the first node and the number of nodes of each
+    interval.
+    """
     if end - begin <= ORDER:
         return [(begin, end - begin)]
     if left and right:
@@ -210,7 +222,7 @@ def _doubled(begin: int, end: int, left: bool, right: bool) -> list[tuple[int, i
 
 @lru_cache(maxsize=4096)
 def _interpolation(length: int) -> tuple[Vector, Matrix]:
-    """Return Chebyshev nodes among 0 … length − 1, and the interpolation weights (length, ORDER) of each integer."""
+    """Return Chebyshev nodes between 0 and length − 1, and the matrix (length, ORDER) that interpolates to integers."""
     angle = (np.arange(ORDER) + 0.5) * math.pi / ORDER
     x = -np.cos(angle)
     sign = np.where(np.arange(ORDER) % 2, -1.0, 1.0) * np.sin(angle)

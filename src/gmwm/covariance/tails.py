@@ -1,15 +1,17 @@
-"""Covariance of the wavelet variance in addition to a Gaussian signal: from heavy tails, and from a varying variance.
+"""Covariance of the wavelet variance that heavy tails or a varying variance add to the covariance of a Gaussian signal.
 
-Squared coefficients of all levels rise together where the tails of the noise are heavy, or where its variance is large.
-This adds a common factor to the estimates: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k² with E = c l lᵀ. For independent
-samples with excess kurtosis κ, E_jk = κ / N at every level. A level has a loading l_j of less than 1 if a part of its
-variance is of another process.
+Where the noise has outliers or a large variance, the squared coefficients of all levels are large together. This adds a
+common factor to the errors of the estimates: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Here V is the covariance for a
+Gaussian signal, and E = c l lᵀ with a size c and a loading l_j ≤ 1 for each level. For N independent samples with
+excess kurtosis κ, E_jk = κ / N at every level. The loading of a level is less than 1 if a part of its variance comes
+from another process.
 
-The factor is measured with the mean squares y_b (levels) of blocks of B samples. Their relative covariance times B is
-compared with the covariance of a Gaussian signal with the same spectral density S, G = 2 ∫ |H_j|² |H_k|² S² df / (ν_j²
-ν_k²). The ratio λ of both variances of a weighted mean of the levels is 1 without a common factor. The loadings l are 1
-up to a level, and beyond it the share that white noise has in the curve. For independent samples λ does not depend on
-B. If the variance varies slowly, λ grows with B; longer blocks are used if their λ is larger by more than chance.
+The factor is estimated from the mean squares of the coefficients in blocks of B samples, one for each block and level.
+Their relative covariance times B is compared with the covariance G = 2 ∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²) of a
+Gaussian signal with the same spectral density S, where H_j is the gain of the wavelet filter of level j. λ is the ratio
+of the two variances of a weighted mean over the levels; without a common factor it is 1. The loadings l are 1 up to
+some level. At coarser levels, they are the share of white noise in the curve. For independent samples λ does not depend
+on B. If the variance varies slowly, λ increases with B. Longer blocks are used if their λ is significantly larger.
 """
 
 from __future__ import annotations
@@ -28,38 +30,41 @@ from gmwm.variance.result import WaveletVariance
 BLOCK = 128
 """Number of samples of the shortest blocks."""
 FINE = 8
-"""Smallest length of a block, in scales. Shorter blocks cut the correlation of the coefficients."""
+"""Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
+correlated."""
 MOST_LEVELS = 12
 """Largest number of levels whose covariance is measured."""
 FEWEST = 24
 """Smallest number of blocks from which a covariance is measured."""
 CHANCE = 3.5
 """Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
-docs/validation/tails.md, as are the other constants here."""
+docs/validation/tails.md, as are the other constants of this module."""
 ENDS = 0.05
 """Largest change of λ that the ends of blocks cause."""
 MATERIAL = 0.05
-"""Smallest additional variance of a level that matters, relative to the Gaussian one: a standard error changes by 2.5
-%. Smaller values come from levels of a low-pass filtered signal that are nearly equal."""
+"""Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
+standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass filtered signal are nearly equal."""
 AGREEMENT = 0.1
-"""Largest relative difference between the curve computed from the spectral density and the measured one."""
+"""Largest relative difference between the measured wavelet variance of a level and the one that the spectral density
+gives. Levels with a larger difference are not used."""
 NEARLY = 0.98
-"""Quality of the fit, relative to the best one, at which the smallest J is used."""
+"""Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of loading
+1 are used."""
 _SEGMENT = 8192
-"""Longest segment (samples) for the spectral density."""
+"""Length (samples) of the longest segments from which the spectral density is estimated."""
 
 
 class TailSums:
-    """Sums of a signal that arrives in chunks, from which the covariance beyond a Gaussian signal is estimated.
+    """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated.
 
-    Memory is bounded: two matrices for each length of blocks, one spectral density, and a few numbers for each 131 072
-    samples.
+    The memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each
+    131 072 samples.
     """
 
     def __init__(self) -> None:
         self._panels = Panels(LEAST)
         sizes = int(np.log2(LEAST // BLOCK)) + 1
-        # For each length of blocks: number of blocks with a level, sums, and sums of products.
+        # For each block length: number of blocks that have a level, sums of mean squares, and sums of their products.
         self._number = np.zeros((sizes, MOST_LEVELS))
         self._sum = np.zeros((sizes, MOST_LEVELS))
         self._product = np.zeros((sizes, MOST_LEVELS, MOST_LEVELS))
@@ -67,17 +72,17 @@ class TailSums:
         self._power: dict[int, tuple[float, Vector]] = {}
 
     def update(self, values: Vector) -> None:
-        """Add the next samples of the segment."""
+        """Add the next samples of the current segment."""
         for panel in self._panels.cut(values):
             self._add(panel)
 
     def gap(self) -> None:
-        """End the segment: samples are missing before the next ones."""
+        """End the current segment, because samples are missing."""
         for panel in self._panels.end():
             self._add(panel)
 
     def excess(self, wv: WaveletVariance) -> Matrix | None:
-        """Return the matrix E (J, J) for the levels of a classical wavelet variance of all samples; None if it is
+        """Return the matrix E (J, J) for the levels of `wv`, the classical wavelet variance of all samples; None if
         zero."""
         self.gap()
         if not self._power or not np.all(wv.variance > 0):
@@ -86,7 +91,7 @@ class TailSums:
         number, power = self._power[length]
         gaussian, curve = _gaussian(power / number, length, number)
         own = self._sum[0] / np.maximum(self._number[0], 1.0)
-        # At a level that the spectral density does not explain, its leakage or a trend is larger than the noise.
+        # If the spectral density does not explain a level, leakage or a trend is larger than the noise.
         known = np.abs(curve / np.where(own > 0, own, np.inf)[: curve.size] - 1) <= AGREEMENT
         resolved = known.size if np.all(known) else int(np.argmin(known))
         shapes = _shapes(wv)
@@ -125,7 +130,7 @@ class TailSums:
         self._power[length] = number + more, power + part
 
     def _covariances(self) -> list[tuple[int, Vector, Matrix]]:
-        """Return length, number and covariance of blocks, from short to long ones."""
+        """Return the length, the numbers of blocks and the covariance of mean squares, from short to long blocks."""
         out = []
         number = np.maximum(self._number, 1.0)
         for size in range(self._sum.shape[0]):
@@ -142,18 +147,20 @@ class TailSums:
 
 
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
-    """Estimate the relative covariance E of a wavelet variance that exceeds the covariance of a Gaussian signal.
+    """Estimate the relative covariance E that heavy tails or a varying variance add to that of a Gaussian signal.
 
     Parameters
     ----------
     x : Signal
+        The signal.
     wv : WaveletVariance
-        Its classical Haar wavelet variance.
+        Classical Haar wavelet variance of the signal.
 
     Returns
     -------
     (J, J) array or None
-        E = c l lᵀ, positive semi-definite; None if a Gaussian signal explains the covariance.
+        Positive semi-definite matrix E = c l lᵀ, with a size c and a loading l_j of each level; see the module
+        docstring. None if a Gaussian signal explains the covariance.
 
     Examples
     --------
@@ -171,16 +178,17 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
 
 
 def _shapes(wv: WaveletVariance) -> Matrix:
-    """Return possible loadings (J, J): 1 up to a level, then the share of white noise in the curve."""
+    """Return J possible vectors of loadings (J, J). They are 1 up to a level, and then the share of white noise."""
     density = wv.variance * 2.0**wv.levels
     return np.where(wv.levels[:, None] >= wv.levels, 1.0, np.minimum(density[:, None] / density, 1.0))
 
 
 def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[Vector, float]:
-    """Return the common factor of all levels, √c l, and the ratio λ of both covariances along it.
+    """Return the common factor √c l (J,), and the ratio λ of the two variances.
 
-    For relative = G + c l lᵀ, the mean with the weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights are l_j / G_jj,
-    not G⁻¹ l, which has differences of nearly equal levels that depend on the ends of the blocks.
+    `relative` is the measured relative covariance, and `gaussian` is G. If relative = G + c l lᵀ, the mean with the
+    weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights u_j = l_j / G_jj are used. The weights G⁻¹ l would contain
+    differences of nearly equal levels, which depend on the ends of the blocks.
     """
     reach = gaussian.shape[0]
     fine = shapes[:, :reach]
@@ -193,13 +201,15 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
 
 
 def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
-    """Compute mean squares of the coefficients that begin in each of the first blocks of a panel (count, levels)."""
+    """Compute the mean squares (count, levels) of the coefficients that begin in each of the first blocks of a
+    panel."""
     path = _core.running_sum(panel)
     y = np.empty((count, levels))
     for k in range(levels):
         half = 1 << k
         size = count * BLOCK
-        # All coefficients: those of rounding errors are not correlated even one sample apart.
+        # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample
+        # apart.
         w = path[half : half + size] * -2.0
         w += path[:size]
         w += path[2 * half : 2 * half + size]
@@ -209,8 +219,10 @@ def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
 
 
 def _power(panel: Vector, length: int) -> tuple[float, Vector]:
-    """Return the number of segments, and the sum of their spectral densities, with a Hann window and an overlap of one
-    half."""
+    """Return the number of segments of a panel, and the sum of their periodograms.
+
+    The segments overlap by one half, and a Hann window is used.
+    """
     window = np.hanning(length + 1)[:-1]
     window /= np.sqrt(np.sum(window**2))
     windows = np.lib.stride_tricks.sliding_window_view(panel, length)[:: length // 2]
@@ -222,8 +234,11 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
 
 
 def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
-    """Compute N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of a Gaussian signal with a spectral density, and ν_j², for resolved
-    levels."""
+    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) for a Gaussian signal with a given spectral density, and ν_j².
+
+    `power` is the mean of `number` periodograms of segments of `length` samples. The results have the levels that these
+    segments resolve.
+    """
     levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
     frequency = np.arange(1, power.size) / length
     half = np.ldexp(1.0, np.arange(levels))[:, None]
@@ -233,16 +248,16 @@ def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector
     weight[-1] = 1.0 / length
     density = gain * power[1:]
     curve = density @ weight
-    # A mean of n periodograms has squares that are too large by 1 / n; segments that overlap count for 1.9 / n.
+    # The square of a mean of n periodograms is on average too large by 1 / n, and by 1.9 / n for overlapping segments.
     square = (density * weight) @ density.T / (1 + 1.9 / number)
     return np.asarray(2 * square / np.outer(curve, curve)), np.asarray(curve)
 
 
 def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, WaveletVariance]:
-    """Return the curves of recordings of the same noise, all with the covariance E if one of them shows it.
+    """Return the curves of recordings of the same noise, all with a covariance E if at least one of them has it.
 
-    A recording that is too short to show heavy tails gets E of the longest recording that shows them, scaled to its own
-    length.
+    A recording that is too short to show heavy tails gets the E of the longest recording that shows them, scaled to its
+    own length.
     """
     known = [wv for wv in curves.values() if wv.excess is not None]
     if not known:
