@@ -1,8 +1,10 @@
-"""Tables of unit vectors: the wavelet variance of a process with one nonlinear parameter, as a curve in this parameter.
+"""Tables of the wavelet variance of a process as a function of its only nonlinear parameter.
 
-The solver does not know any process. Its input is the fixed vectors of the processes that are linear in their
-parameters, and one curve for the repeatable process with a free nonlinear parameter (the correlation time of a
-Gauss-Markov process). Between the nodes of the table it interpolates by cubics, and the table bounds their error.
+The global search does not use formulas of processes. Its input is one vector for each process that is linear in its
+parameters, and one curve for the process with a free nonlinear parameter, such as the correlation time of a
+Gauss-Markov process. A point of the curve is a wavelet variance, weighted and scaled to length one. The curve is given
+by a table. Between the nodes of the table it is interpolated by cubics, and the table has bounds of the interpolation
+error.
 """
 
 from __future__ import annotations
@@ -19,21 +21,25 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Branch
 
 SPACING = 0.025
-"""Distance of the nodes in the search coordinate: 2.5 % in β for a Gauss-Markov process. The error of the cubics, some
-1e-9 of the curve, is the only error of the bounds. tests/estimation/test_atoms.py pins the table."""
+"""Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative error of
+the cubics is about 1e-9. It is the only error of the lower bound of the search. tests/estimation/test_atoms.py pins the
+table."""
 SAFETY = 2.0
-"""Factor on the interpolation error at the midpoints of a cell and its neighbours, which makes it a bound
-everywhere."""
+"""Factor by which the largest interpolation error at the midpoints of a cell and its neighbours is multiplied to bound
+the error everywhere in the cell."""
 NEIGHBOURS = 12
-"""Number of neighbours on each side: where rounding dominates (φ near 1), one midpoint alone is not representative."""
+"""Number of neighbouring cells on each side that are used. Where rounding dominates (φ near 1), the error at a single
+midpoint is not representative."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Nodes of a table and the wavelet variances of a process at these nodes; independent of data and weights.
+    """Nodes of a table, and the wavelet variances of a process at these nodes. They depend on neither data nor weights.
 
-    `nodes` holds the search coordinate, one branch after another. `spacing` is the width of each cell between
-    neighbouring nodes, and zero for the cell that joins two branches.
+    `nodes` has the search coordinates of the nodes, one branch after another, and `owner` the index of the branch of
+    each node. A cell lies between two neighbouring nodes. `spacing` is the width of each cell, and zero for a cell that
+    joins two branches. `values` and `slopes` are the wavelet variances at the nodes and their derivatives, and
+    `middle_values` the wavelet variances at the midpoints of the cells.
     """
 
     branches: tuple[Branch, ...]
@@ -45,12 +51,12 @@ class Grid:
     middle_values: Matrix
 
     def position(self, branch: int, u: float) -> float:
-        """Return the position of coordinate `u` of a branch, counted in cells from the first node."""
+        """Return the position in the table, counted in cells from the first node, of the coordinate `u` of a branch."""
         inside = np.flatnonzero(self.owner == branch)
         return float(np.interp(u, self.nodes[inside], inside))
 
     def place(self, position: float) -> tuple[int, float]:
-        """Return the branch and coordinate at a position counted in cells."""
+        """Return the index of the branch and the search coordinate at a position in the table, counted in cells."""
         cell = min(int(position), self.nodes.size - 2)
         if self.spacing[cell] == 0 and position <= cell:
             cell -= 1
@@ -59,7 +65,11 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A curve of unit vectors for the solver: values and slopes per cell at the nodes, and error bounds per cell."""
+    """Curve of unit vectors for the global search.
+
+    `values` and `slopes` are the vectors at the nodes and their derivatives with respect to the position in cells.
+    `margins` bounds the interpolation error in each cell; −1 marks a cell that joins two branches.
+    """
 
     values: Matrix
     slopes: Matrix
@@ -67,13 +77,16 @@ class Table:
 
 
 Place = tuple[Branch, float]
-"""A point of the tabulated curve: a branch and the search coordinate u on it."""
+"""Point of a curve: a branch, and the search coordinate u on this branch."""
 
 
 def shape_at(
     process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Return wavelet variances (n, J) at unit scale; the levels may belong to several curves, one after another."""
+    """Return the wavelet variances (n, J) of a process with scale coefficient 1 for n sets of nonlinear parameters.
+
+    The levels (J,) may belong to several measured curves, one after another.
+    """
     if np.all(levels[1:] > levels[:-1]):
         return process.shape(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
@@ -83,7 +96,7 @@ def shape_at(
 def slope_at(
     process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Return derivatives (n, J) of `shape_at` with respect to the first nonlinear parameter."""
+    """Return the derivatives (n, J) of `shape_at` with respect to the first nonlinear parameter."""
     ascending, place = np.unique(levels, return_inverse=True)
     return np.asarray(process.shape_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
 
@@ -91,7 +104,7 @@ def slope_at(
 def shapes(
     process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Return wavelet variances (n, J) of a process at unit scale, at n places."""
+    """Return the wavelet variances (n, J) of a process with scale coefficient 1 at n places of its curve."""
     if not places:
         return np.empty((0, levels.size))
     parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
@@ -126,12 +139,18 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
 
 
 def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
-    """Tabulate `process` over its search domain for a recording of `samples`; the table is cached."""
+    """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples.
+
+    The table is cached.
+    """
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
-    """Weight the rows of `values` by `root` and scale them to length one; return them with their slopes."""
+    """Multiply the rows of `values` by L = `root`, and scale them to length one.
+
+    Returns these unit vectors, and their derivatives from the derivatives `slopes` of the rows.
+    """
     weighted = values @ root.T
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     unit = weighted / length
@@ -140,7 +159,7 @@ def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Ma
 
 
 def table(grid: Grid, root: Matrix) -> Table:
-    """Tabulate the curve of a grid under the weighting LᵀL, with its error bounds."""
+    """Return the table of unit vectors for the curve of a grid, with the weighting matrix Ω = LᵀL and L = `root`."""
     values, slopes = unit_curve(grid.values, grid.slopes, root)
     joined = grid.spacing == 0
     step = grid.spacing[:, None]
@@ -151,7 +170,7 @@ def table(grid: Grid, root: Matrix) -> Table:
     around = np.lib.stride_tricks.sliding_window_view(np.pad(error, NEIGHBOURS), 2 * NEIGHBOURS + 1)
     worst = around.max(axis=1)
     margins = np.where(joined, -1.0, SAFETY * worst + 4 * np.finfo(float).eps)
-    # Slopes per cell. The cells of a branch are equal, so either neighbour of a node gives its spacing.
+    # Derivatives with respect to the position in cells. All cells of a branch have the same width.
     per_node = np.concatenate([grid.spacing, grid.spacing[-1:]])
     per_node = np.where(per_node == 0, np.concatenate([grid.spacing[:1], grid.spacing]), per_node)
     return Table(np.ascontiguousarray(values), np.ascontiguousarray(slopes * per_node[:, None]), margins)
@@ -166,7 +185,10 @@ def close_up(
     filter: WaveletFilter,
     root: Matrix,
 ) -> tuple[Table, Vector]:
-    """Tabulate one short cell around each place; return the table and the (n, 2) coordinates of its ends."""
+    """Tabulate one cell of a given width around each place, with exact values at its ends.
+
+    Returns the table, and the search coordinates (n, 2) of the ends of the cells.
+    """
     starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])

@@ -1,7 +1,8 @@
-"""Global search for processes with one nonlinear parameter: branch and bound on a tabulated curve, then refinement.
+"""Global search for the nonlinear parameters of processes that have one, called the curved processes.
 
-The search starts from a convex relaxation with any number of these processes. Branch and bound over intervals of the
-search coordinate proves that no better fit exists. A refinement on the exact curve gives all digits.
+The search starts from a convex relaxation of the problem, which allows any number of these processes. Branch and bound
+over intervals of the search coordinate, on a tabulated curve, proves that no better fit exists. A refinement on the
+exact curve then gives all digits.
 """
 
 from __future__ import annotations
@@ -20,34 +21,42 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Branch
 
 CERTIFIED_GAP = 1e-4
-"""Branch and bound stops when the best fit is within this relative distance of its lower bound;
-docs/validation/optimum.md."""
+"""Largest relative difference between the best objective and its lower bound at which branch and bound stops
+(docs/validation/optimum.md)."""
 CERTIFY_NODES = 20_000
-"""Branch and bound also stops after this number of nodes of the search tree."""
+"""Largest number of nodes of the search tree in a search with a certificate."""
 QUICK_NODES = 24
-"""Number of nodes of a search without a certificate: sufficient for starting points (tests/estimation/test_fit_laws.py:
-fits without a certificate are as good)."""
+"""Largest number of nodes in a search without a certificate. It is sufficient for starting points: fits without a
+certificate are equally good (tests/estimation/test_fit_laws.py)."""
 WIDTHS = (1e-2, 1e-3)
-"""Widths of the pieces of exact curve in the refinement; the last one is exact to rounding."""
+"""Widths, in the search coordinate, of the cells that approximate the exact curve in the refinement. The last cells are
+exact to rounding."""
 TABLE_ERROR = 1e-5
-"""Relative difference of objectives on the tabulated curve below which all optima are refined on the exact curve."""
+"""Optima on the tabulated curve whose objective exceeds the best one by at most this relative amount are refined on the
+exact curve."""
 SETTLED = 1e-12
 """Relative decrease of the objective below which a refinement ends."""
 POLISHES = 8
-"""Largest number of pieces of curve through which a refinement follows one optimum."""
+"""Largest number of successive cells through which a refinement follows one optimum."""
 NEWTON_STEPS = 5
+"""Largest number of Newton steps at the end of a refinement."""
 FOLLOWED = 0.05
-"""Longest Newton step in the search coordinate after a change of the weights."""
+"""Longest Newton step in the search coordinate after the weights have changed."""
 FLAT = 1e-10
-"""Relative increase of the objective from an optimum to the end of the domain below which the end is used. Pinned by
-tests/estimation/test_last_places.py, as is the next constant."""
+"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
+amount, the end is used. Pinned by tests/estimation/test_last_places.py, as is the next constant."""
 ACTS_AS = 1e-6
-"""Relative increase of the objective below which a term acts as the process at the end of its domain."""
+"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
+amount, the process is reported to act as the process at that end."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """A fitted process with a shape: its nonlinear parameters, its scale, and the process that it acts as."""
+    """Fitted process with free shape parameters.
+
+    `values` are its nonlinear parameters, `scale` is its scale coefficient, and `acts_as` is the name of the process
+    that the data cannot distinguish from it, or None.
+    """
 
     values: tuple[float, ...]
     scale: float
@@ -56,19 +65,31 @@ class Term:
 
 @dataclass(frozen=True)
 class Optimum:
-    """A local optimum on the exact curve: places of the curved processes, and weights of all unit vectors."""
+    """Local optimum on the exact curve, with the places of the curved processes and the weights of all unit vectors."""
 
     objective: float
     places: list[Place]
     weights: Vector
     ends: tuple[int, ...] | None = None
-    """For each place, the end of its branch as which it acts: 1 (high), −1 (low) or 0 (neither); None if not known."""
+    """For each place, the end of its branch that the data cannot distinguish from it: 1 for the high end, −1 for the
+    low end, 0 for neither. None if this is unknown."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """The global optimum, the lower bounds of the search and of its relaxation, the objective of the best candidate on
-    the table, and the number of nodes; objectives in the unit of the problem."""
+    """Result of a global search. All objectives are in the unit of the problem.
+
+    Attributes
+    ----------
+    best : Optimum
+        Global optimum.
+    bound, relaxed : float
+        Lower bounds on the objective, from branch and bound and from the convex relaxation.
+    table : float
+        Objective of the best candidate on the tabulated curve.
+    nodes : int
+        Number of nodes of the search tree.
+    """
 
     best: Optimum
     bound: float
@@ -78,7 +99,7 @@ class Found:
 
 
 class Search:
-    """The search for the places of the curved processes of one problem."""
+    """Search for the places of the curved processes of one problem."""
 
     def __init__(self, problem: Problem, curved_class: type[Process]) -> None:
         self.problem = problem
@@ -90,7 +111,8 @@ class Search:
         self.positive = problem.positive
 
     def optimum(self, *, certify: bool) -> Found:
-        """Return the global optimum on the exact curve, with its bounds."""
+        """Return the global optimum on the exact curve, with lower bounds. If `certify`, the search proves the
+        optimum."""
         candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
         least = candidates[0][0]
         lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
@@ -98,8 +120,11 @@ class Search:
         return Found(self.settled(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Return local optima on the tabulated curve (the best first), the lower bound, the bound of the relaxation,
-        and the number of nodes."""
+        """Search the tabulated curve.
+
+        Returns the objectives and positions of local optima, the best first, then the lower bound, the bound of the
+        convex relaxation, and the number of nodes.
+        """
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
@@ -107,7 +132,10 @@ class Search:
         )  # fmt: skip
 
     def _starts(self) -> Vector:
-        """Return the positions of the starting values in the model, if every curved process has one."""
+        """Return the positions of the starting values of the model on the tabulated curve.
+
+        The array is empty unless every curved process has a starting value.
+        """
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
@@ -124,7 +152,7 @@ class Search:
         return [(self.grid.branches[index], u) for index, u in found]
 
     def polished(self, places: list[Place]) -> Optimum:
-        """Return the local optimum on the exact curve next to `places`."""
+        """Return the local optimum on the exact curve that is nearest to `places`."""
         problem = self.problem
         for width in WIDTHS if places else ():
             before = np.inf
@@ -165,8 +193,11 @@ class Search:
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
     def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
-        """Return the local optimum next to the optimum of a problem with other weights: by one Newton step if that is
-        sufficient. If `ends`, a faster search may also find the ends as which its places act."""
+        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights.
+
+        One Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the
+        data cannot distinguish from the places.
+        """
         start = self.at(places)
         there = self._sharpened(start, 1, FOLLOWED)
         return self.polished(places) if there is start and places else there
@@ -178,13 +209,14 @@ class Search:
         return np.concatenate([self.fixed, self.problem.weighted(curved)])
 
     def at(self, places: list[Place]) -> Optimum:
-        """Return the optimal weights with the curved processes at given places."""
+        """Return the optimum of the weights for given places of the curved processes."""
         check_stop()
         weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
         return Optimum(objective, places, weights)
 
     def settled(self, best: Optimum) -> Optimum:
-        """Return the optimum with places moved to an end of their domain if the objective is flat up to that end."""
+        """Return the optimum after places are moved to an end of their domain if the objective is flat up to this
+        end."""
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
                 there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
@@ -194,8 +226,10 @@ class Search:
         return best
 
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
-        """Return the curved processes of an optimum with their parameters; if `ends`, with the process that each acts
-        as."""
+        """Return the curved processes of an optimum with their parameters.
+
+        If `ends`, they include the process that the data cannot distinguish from each of them.
+        """
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
@@ -203,19 +237,19 @@ class Search:
             Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
             for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
         ]
-        # Terms without weight have no place; they get the shortest correlation time and the scale zero.
+        # Terms without weight have no place. They get the shortest correlation time and the scale coefficient 0.
         branch = self.grid.branches[0]
         missing = Term((self._value(branch, branch.high),), 0.0)
         return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:
-        """Return the process at an end of the branch that fits as well as curved process `index`; None if there is
-        none."""
+        """Return the name of the process at an end of the branch that fits as well as the curved process `index`, or
+        None."""
         branch, u = best.places[index]
         if best.ends is not None:
             return {1: branch.high_acts_as, -1: branch.low_acts_as}.get(best.ends[index])
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
-        for end, name in sorted(ends, key=lambda end: end[0] != u):  # the end at which it is comes first
+        for end, name in sorted(ends, key=lambda end: end[0] != u):  # an end at which the place already is comes first
             there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
             if name and (u == end or self.problem.as_low(self.at(there).objective, best.objective, ACTS_AS)):
                 return name

@@ -1,8 +1,8 @@
 """Fit one model to recordings at known conditions, such as the rates of a turntable or the plateaus of a chamber.
 
-The variance of a term is Σ_m s_m φ_m(c) with known functions φ_m ≥ 0 and unknown s_m ≥ 0, so that the curves of all
-conditions, one after another, are a non-negative sum of known vectors. The problem is solved like the problem of one
-curve, with the same certificate.
+The variance of a term at the condition c is Σ_m s_m φ_m(c), with known functions φ_m ≥ 0 and unknown coefficients
+s_m ≥ 0. The curves of all conditions, one after another, are therefore a non-negative sum of known vectors. The problem
+is solved like the problem for one curve, with the same certificate.
 """
 
 from __future__ import annotations
@@ -31,23 +31,25 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 _SETTLED = 1e-9
-"""Relative change of the curves at which the iteration of estimate and weights ends."""
+"""Relative change of the fitted curves below which the iteration of estimate and weights ends."""
 _ROUNDS = 100
+"""Largest number of iterations."""
 LEAST_FREEDOM = 3.0
-"""Degrees of freedom above which a level enters the tests, as in `Fit.goodness_of_fit`."""
+"""Degrees of freedom above which the tests use a level, as in `Fit.goodness_of_fit`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """The curves of all conditions one after another, and the rows with which the terms of a model enter them.
+    """Measured curves of all conditions, one after another, and the terms of a model that describes them.
 
     Attributes
     ----------
     model : Model
+        Model to fit.
     curves : tuple of WaveletVariance
-        One for each of S conditions.
+        Measured curve of each of S conditions.
     factors : mapping of index to (m, S) array
-        φ_m(c_s) of each process that varies.
+        For the index of each process that varies, the values φ_m(c_s) of its functions at the conditions c_s.
     """
 
     model: Model
@@ -56,18 +58,18 @@ class Stack:
 
     @cached_property
     def levels(self) -> NDArray[np.int64]:
-        """Levels of all curves."""
+        """Levels of all curves, one curve after another."""
         return np.concatenate([wv.levels for wv in self.curves])
 
     @cached_property
     def rows(self) -> list[tuple[int, int]]:
-        """Index of the process and of the function φ_m, for each row with a linear coefficient."""
+        """Index of the process and index m of its function φ_m, for each linear coefficient s_m."""
         linear, _, _ = by_kind(self.model)
         return [(place, m) for place in linear for m in range(len(self.factors.get(place, [0])))]
 
     @cached_property
     def shapes(self) -> Matrix:
-        """The rows at unit scale (rows, levels of all curves)."""
+        """Wavelet variances (rows, levels of all curves) that each linear coefficient multiplies."""
         found = []
         for place, m in self.rows:
             process, phi = self.model.processes[place], self.factors.get(place)
@@ -79,7 +81,7 @@ class Stack:
         return np.array(found).reshape(len(found), self.levels.size)
 
     def posed(self, matrix: Matrix) -> Problem:
-        """Return the problem under a weighting matrix Ω of all levels."""
+        """Return the estimation problem with the weighting matrix Ω of all levels."""
         first = self.curves[0]
         _, shaped, held = by_kind(self.model)
         curved, free = searched(self.model, shaped)
@@ -108,7 +110,7 @@ class Stack:
         )  # fmt: skip
 
     def models(self, solution: Solution) -> tuple[Model, ...]:
-        """Return the model of each condition with the values of a solution."""
+        """Return, for each condition, the model with the values of a solution."""
         _, shaped, _ = by_kind(self.model)
         found = []
         for s in range(len(self.curves)):
@@ -128,26 +130,27 @@ class Stack:
         return tuple(found)
 
     def implied(self, models: tuple[Model, ...]) -> Vector:
-        """Return the curves of models, one after another."""
+        """Return the wavelet variances that the models of the conditions imply, one after another."""
         return np.concatenate(
             [m.wavelet_variance(wv.levels, wv.rate, wv.filter) for m, wv in zip(models, self.curves, strict=True)]
         )
 
     def covariance(self, models: tuple[Model, ...]) -> Matrix:
-        """Return the covariance V of all curves, which are independent."""
+        """Return the covariance V of all measured curves, which are independent of each other."""
         return _blocks(covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True))
 
     def weights(self, weighting: str, models: tuple[Model, ...]) -> Matrix:
-        """Return Ω of all curves for given models."""
+        """Return the weighting matrix Ω of all curves that the models of the conditions imply."""
         return _blocks(
             implied_weights(weighting, m, Design.of(wv), wv.variance) for m, wv in zip(models, self.curves, strict=True)
         )
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
-        """Return the columns of the linearised curves: ∂ν²/∂s of each linear coefficient, then ∂ν²/∂log θ of each
-        shaped term.
+        """Return the names and the columns of the derivatives of the curves.
 
-        The shape of a term that acts as another process, or that is zero, has no column.
+        The first columns are ∂ν²/∂s for the linear coefficients s. The others belong to the terms with free shapes and
+        are relative to the values of their parameters. There is no column for the shape of a term that acts as another
+        process or is zero.
         """
         _, shaped, _ = by_kind(self.model)
         names: list[tuple[int, str | int]] = list(self.rows)
@@ -173,7 +176,7 @@ class Stack:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A solved stack with its final weights."""
+    """Solution of a stack with its final weights, and the fitted model of each condition."""
 
     stack: Stack
     problem: Problem
@@ -182,7 +185,7 @@ class Solved:
 
 
 def _blocks(parts: Iterable[Matrix]) -> Matrix:
-    """Return a matrix with these blocks on its diagonal."""
+    """Return the block-diagonal matrix of the given blocks."""
     from scipy.linalg import block_diag
 
     return np.asarray(block_diag(*parts))
@@ -196,7 +199,7 @@ def fit_conditions(
     weighting: str = "diagonal",
     certify: bool = True,
 ) -> ConditionsFit:
-    """Fit a model to the curves of known conditions: see `gmwm.fit`."""
+    """Fit a model to the wavelet variances of recordings at known conditions; see `gmwm.fit`."""
     functions, name = parsed(varies)
     _check(model, curves, functions)
     conditions = np.array(list(curves), dtype=np.float64)
@@ -241,7 +244,7 @@ def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Map
 
 
 def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
-    """Iterate estimate and weights until they agree; the final weights are held for the certificate."""
+    """Iterate estimate and weights until they agree, and then solve the problem with the final weights."""
     problem = stack.posed(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
     solution = solve(problem, certify=False, quick=True)
     models = stack.models(solution)
@@ -259,7 +262,7 @@ def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
 
 
 def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
-    """Return the coefficients by name, with standard errors from the sandwich formula."""
+    """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
     spread = relative_covariance(columns, solved.problem.matrix, stack.covariance(solved.models))
@@ -295,14 +298,14 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
 
 
 def _short(stack: Stack) -> Stack:
-    """Return the stack with the levels that have enough degrees of freedom for a test."""
+    """Return the stack with only the levels that have enough degrees of freedom for a test."""
     curves = [wv.first(int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM)))
               for wv in stack.curves]  # fmt: skip
     return replace(stack, curves=tuple(curves))
 
 
 def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
-    """Test the model by chi-square: statistic, degrees of freedom and p-value."""
+    """Return the statistic, the degrees of freedom and the p-value of the chi-square test of the model."""
     from scipy.special import gammaincc
 
     short = _settled(_short(solved.stack), weighting, certify=False)
@@ -312,8 +315,10 @@ def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
 
 
 def _no_change(solved: Solved, weighting: str) -> float:
-    """Return the p-value of the hypothesis that no term varies, from the part of the residuals that the functions
-    explain."""
+    """Return the p-value of the hypothesis that no term varies with the condition.
+
+    The statistic is the part of the residuals of a constant model that the functions explain.
+    """
     from scipy.special import gammaincc
 
     short = _short(solved.stack)
@@ -324,8 +329,11 @@ def _no_change(solved: Solved, weighting: str) -> float:
 
 
 def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
-    """Return the weighted sum of squares of the residuals that the parameters and further columns do not explain, and
-    the rank of these columns."""
+    """Return the weighted sum of squares of the residuals that some columns do not explain, and the rank of the
+    columns.
+
+    The columns are the derivatives with respect to the parameters, and the columns `further`.
+    """
     stack = solved.stack
     root = square_root(precision(stack.covariance(solved.models)))
     _, columns = stack.slopes(solved.solution)

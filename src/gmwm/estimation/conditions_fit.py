@@ -1,4 +1,4 @@
-"""The result of a fit to recordings at known conditions."""
+"""Result of a fit to recordings at known conditions."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 _UNKNOWN = 14.0
-"""Half width of an interval, on the logarithm of a parameter, from which the parameter is not determined: a factor of a
-million."""
+"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
+is a factor of a million."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter of a fit to known conditions.
+    """Estimate of a parameter in a fit to recordings at known conditions.
 
     Attributes
     ----------
     value, error : float
-        Estimate and standard error; the error is infinite if the data do not determine the parameter.
+        Estimate and its standard error, which is infinite if the data do not determine the parameter.
     acts_as : str or None
-        Process that the term of the parameter acts as.
+        Name of the process that the data cannot distinguish from the term; None if there is no such process.
     shape : bool
-        Whether it is a shape parameter, such as a correlation time, which cannot be zero.
+        Whether this is a shape parameter, such as a correlation time, which cannot be zero.
     """
 
     value: float
@@ -50,8 +50,9 @@ class Estimate:
     shape: bool = False
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval on a logarithmic scale; from 0 to an upper limit if a variance of zero is
-        possible.
+        """Return the confidence interval, which is symmetric on a logarithmic scale.
+
+        If the data do not exclude a variance of zero, the interval is from 0 to an upper limit.
 
         Parameters
         ----------
@@ -61,6 +62,7 @@ class Estimate:
         Returns
         -------
         (low, high) : tuple of float
+            Limits of the interval; (0, inf) if the data do not determine the parameter.
         """
         z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
         if not math.isfinite(self.error) or (self.shape and z * self.error > _UNKNOWN * self.value):
@@ -72,7 +74,7 @@ class Estimate:
 
 
 class AtCondition(NamedTuple):
-    """The measured curve at one condition, and the curve of the model."""
+    """Measured wavelet variance at one condition, and the wavelet variance that the model implies there."""
 
     wavelet_variance: WaveletVariance
     implied: Vector
@@ -87,26 +89,27 @@ class ConditionsFit(Summarised):
     condition : str
         Name of the condition.
     structure : str
-        The model, as text.
+        Text of the model.
     varies : mapping of term to str
-        Functions of the condition in the variance of each term that varies.
+        For each term that varies, its variance as a sum of functions of the condition.
     curves : mapping of condition to WaveletVariance
-        The data.
+        Measured wavelet variance at each condition.
     models : mapping of condition to Model
-        The model with its values at each condition.
+        Fitted model at each condition.
     estimates : mapping of name to Estimate
         Parameters that are the same at all conditions, such as "RW.gamma2", and a coefficient for each function, such
-        as "WN.sigma2 (1)" and "WN.sigma2 (rate^2)", in SI units, per sample and per unit of the function.
+        as "WN.sigma2 (1)" and "WN.sigma2 (rate^2)". They are in SI units, per sample and per unit of the function.
     objective : float
-        Σ_c (ν̂_c − ν_c)ᵀ Ω_c (ν̂_c − ν_c) at the estimate.
+        Σ_c (ν̂_c − ν_c)ᵀ Ω_c (ν̂_c − ν_c) over the conditions c, with the measured curve ν̂_c and the fitted curve ν_c.
     lower_bound : float or None
-        Lower bound on the objective of every model of this form; None if fitted with certify=False.
+        Lower bound on the objective of every model of this form; None if the fit was made with certify=False.
     weighting : str
-        Ω: "diagonal" or "optimal".
+        Kind of the weighting matrices Ω_c: "diagonal" or "optimal".
     statistic, df, pvalue : float, int, float
-        Chi-square goodness-of-fit test of all conditions.
+        Statistic, degrees of freedom and p-value of the chi-square goodness-of-fit test of all conditions.
     pvalue_constant : float or None
-        Test that no term varies with the condition; None if `varies` is empty, and `pvalue` is this test.
+        p-value of the test that no term varies with the condition. None if `varies` is empty; `pvalue` then has this
+        meaning.
     """
 
     condition: str
@@ -134,7 +137,7 @@ class ConditionsFit(Summarised):
         Raises
         ------
         OptionError
-            If the condition is outside the range.
+            If the condition is outside the range of the data.
         """
         low, high = min(self.models), max(self.models)
         if not low <= condition <= high:
@@ -159,9 +162,10 @@ class ConditionsFit(Summarised):
         Parameters
         ----------
         view : "wavelet" or "allan"
-            ν² against the scale τ (s), or the Allan deviation √(2ν²) against the averaging time τ/2 (s).
+            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+            averaging time τ/2 (s).
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
+            Units of the plot: rad/s and m/s², or deg/h and mg.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -183,7 +187,7 @@ class ConditionsFit(Summarised):
         return plot_comparison(items, view=view, units=units, path=path)
 
     def summary(self) -> str:
-        """Write the estimates with 95 % confidence intervals, the certificate and the tests."""
+        """Format a table of the estimates with 95 % confidence intervals, followed by the certificate and the tests."""
         conditions = ", ".join(f"{c:g}" for c in self.curves)
         rows = [("", "estimate", "95 % interval")]
         for name, one in self.estimates.items():
@@ -204,7 +208,7 @@ class ConditionsFit(Summarised):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as numbers, lists and strings, ready for JSON."""
+        """Return the result as plain numbers, lists and strings for JSON."""
         return {
             "condition": self.condition, "model": self.structure, "varies": dict(self.varies),
             "estimates": {

@@ -1,4 +1,4 @@
-"""Fit a model by the Generalized Method of Wavelet Moments: `gmwm.fit`."""
+"""Fit a model by the Generalized Method of Wavelet Moments with `gmwm.fit`."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from gmwm.variance.pooling import pooled
 from gmwm.variance.result import WaveletVariance
 
 NEAR = 1e-6
-"""Relative change of the fitted curve at which `refitted` stops. The relative standard error of ν̂² is larger,
-√(2/N) > 1e-6, for the longest recording that `gmwm.plan` accepts, 2⁴⁰ samples."""
+"""Relative change of the fitted curve below which `refitted` stops. It is smaller than the relative standard error
+√(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples."""
 AGAIN = 2
-"""Largest number of iterations of `refitted`, each of which ends with a search. Models that need more are far from the
-data (tests/estimation/test_weights.py)."""
+"""Largest number of iterations of `refitted`, each of which ends with a search. Only models that do not describe the
+data need more (tests/estimation/test_weights.py)."""
 
 Curve = WaveletVariance | Signal | ArrayLike
 """A recording, or its wavelet variance."""
@@ -90,81 +90,86 @@ def fit(
 ) -> Fit | ConditionsFit:
     """Fit a sum of noise processes to a signal or to its wavelet variance.
 
-    The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)). It needs no starting values and no random
-    numbers, and the fit has a lower bound on the objective that proves it.
+    The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), where ν̂ is the measured wavelet
+    variance, ν(θ) is the wavelet variance of the model and Ω is the weighting matrix. It needs no starting values and
+    no random numbers. The fit includes a lower bound on the objective, which proves that the minimum is global.
 
     There is no such proof if a process has several shape parameters, for example an autoregression of order 2. Its
-    parameters are then scanned, and the fit is the best of the local optima that the scan leads to.
+    parameters are then scanned, and the fit is the best local optimum that is reached from the points of the scan.
 
-    The range of correlation times goes from white noise (β = 40 rate) to a process that is a random walk over the whole
-    recording (β = 1e-10 rate / N, or 1 − φ = 1e-5 / N). A remark names each term that is estimated at an end of this
-    range: it acts as WN or RW.
+    Correlation times range from white noise (β = 40 rate) to a process that is a random walk over the whole recording
+    (β = 1e-10 rate / N, or 1 − φ = 1e-5 / N). If a term is estimated at an end of this range, a remark says that it
+    acts as WN or RW.
 
     Parameters
     ----------
     model : Model, Process or str
-        The model to fit, for example ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values in the model are used
-        as additional starting values; values in ``fixed(…)`` are held.
+        Model to fit, for example ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values in the model are used as
+        additional starting values; values in ``fixed(…)`` are not changed.
     data : WaveletVariance, Signal, (N,) array in any unit; a list of these; or mapping of condition to one of these
-        The data to fit the model to. A list has several recordings of one unit. The model is fitted to the mean of
-        their curves: `fit.replicates` tests whether they are equal, and intervals include the spread between them. A
-        mapping has recordings at known conditions, for example rates of a turntable or plateaus of a chamber: ``{0.0:
-        rest, 50.0: slow, 100.0: fast}``.
+        Data to which the model is fitted. A list contains several recordings of one unit. The model is then fitted to
+        the mean of their curves, `fit.replicates` tests whether the recordings have equal parameters, and intervals
+        include the spread between them. A mapping such as ``{0.0: rest, 50.0: slow, 100.0: fast}`` contains recordings
+        at known conditions, for example rates of a turntable or plateaus of a chamber.
     rate : float, optional
-        Sampling rate (Hz); needed only if `data` is a plain array.
+        Sampling rate (Hz), required if `data` is a plain array.
     weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
-        Ω, with V the exact covariance of ν̂² under the fitted model (docs/validation/weighting.md):
+        Weighting matrix Ω, where V is the exact covariance of ν̂² under the fitted model
+        (docs/validation/weighting.md):
 
-        - "diagonal", 1 / V_jj: the default. Standard errors are 3 % larger than with "optimal", 18 % at worst.
-        - "optimal", V⁻¹: the default if a process has several shape parameters, for example AR(2), where standard
-          errors with "diagonal" are larger by a half or more. Estimates have the smallest errors if the model is right.
-        - "identity": for comparison only. Only the largest levels count, standard errors are many times larger, and
-          confidence intervals do not have their coverage.
-        - an array: your own diagonal or matrix, positive definite.
+        - "diagonal" is 1 / V_jj and the default. Standard errors are typically 3 % and at most 18 % larger than with
+          "optimal".
+        - "optimal" is V⁻¹. It is the default if a process has several shape parameters, for example AR(2), for which
+          standard errors with "diagonal" are larger by a half or more. Its estimates have the smallest errors if the
+          model is correct.
+        - "identity" is for comparison only. Only the largest levels count, standard errors are many times larger, and
+          confidence intervals do not have their nominal coverage.
+        - An array is your own diagonal, or your own positive definite matrix.
 
         With "diagonal" and "optimal", the estimate and its weights are iterated until they agree. If the model is
         wrong, neither of them is safer. For MA and ARMA models with free coefficients, refine the fit by `fit_ml` with
         this fit as its start, which has smaller standard errors (docs/likelihood.md).
     robust : bool
-        Fit the robust wavelet variance of a signal, which outliers do not affect. If `data` is a WaveletVariance, it
-        must be robust itself.
+        Whether to fit the robust wavelet variance of a signal, which outliers hardly affect. If `data` is a
+        WaveletVariance, it must be robust itself.
     efficiency : float
         Efficiency of the robust wavelet variance, relative to the classical one; only with robust=True.
     certify : bool
-        Prove by branch and bound that no better fit exists; False skips the proof.
+        Whether to prove by branch and bound that no better fit exists.
     start : Sampled, optional
-        Start from the best of random draws as in the paper, for example ``Sampled(draws=20_000, rng=1)``. For
-        comparison only. With `certify`, the fit also has the lower bound, which shows what the draws missed.
+        Random starting values, for example ``Sampled(draws=20_000, rng=1)``, for comparison only. The fit then starts
+        from the best of the draws. With `certify`, the lower bound shows by how much the draws missed the optimum.
 
     against : str, (N,) array, Signal, or mapping of name to these, optional
         Conditions whose effect is removed from the signal before the fit, for example
         ``{"temperature:2,lag": imu.temperature}`` or "time:3"; see docs/howto/temperature.md. Intervals and tests
         account for what the regression removes from the noise; `fit.regression` has its coefficients.
     varies : mapping of term to str, optional
-        With a mapping of conditions: how the variance of a term depends on the condition, as a sum of known functions
-        with unknown coefficients of zero or more, for example ``{"WN": "1 + rate**2"}``. Functions are 1, powers of a
-        name, abs(name), and hats(0, 25, 50), which is piecewise linear. Other terms are the same at all conditions; see
-        docs/howto/conditions.md.
+        Dependence of the variance of a term on the condition, for recordings at known conditions. It is a sum of known
+        functions with unknown coefficients that are zero or positive, for example ``{"WN": "1 + rate**2"}``. Functions
+        are 1, powers of a name, abs(name), and hats(0, 25, 50), which is piecewise linear. Other terms are the same at
+        all conditions; see docs/howto/conditions.md.
 
     Returns
     -------
     Fit
-        Estimates, objective with its lower bound, fitted curve and remarks. With a mapping of conditions, a
-        `gmwm.estimation.ConditionsFit`.
+        Estimates, objective with its lower bound, fitted curve and remarks. For recordings at known conditions, the
+        result is a `gmwm.estimation.ConditionsFit`.
 
     Raises
     ------
     ModelError
-        If the model has more parameters than the data have levels, or no free parameter, or if the data are constant.
+        If the model has more parameters than the data have levels, if it has no free parameter, or if the data are
+        constant.
     DataError
-        If the data cannot be used (see `wavelet_variance`).
+        If the wavelet variance of the data cannot be computed (see `wavelet_variance`).
     OptionError
-        If an option has a value that is not allowed, or contradicts the data.
+        If an option has an invalid value or contradicts the data.
 
     Warns
     -----
     FitWarning
-        If the data do not support a term, a term acts as another process, or `weighting` looks like a covariance.
+        If a term is estimated as zero, if a term acts as another process, or if `weighting` looks like a covariance.
 
     References
     ----------
@@ -222,7 +227,7 @@ def _fitted_conditions(
     certify: bool,
     others: Mapping[str, object],
 ) -> ConditionsFit:
-    """Fit recordings at known conditions, after a check of the options."""
+    """Check the options of a fit to recordings at known conditions, and fit them."""
     for name, value in others.items():
         if value is not None:
             raise OptionError(argument=name, expected="left out with recordings at known conditions", got=value)
@@ -238,7 +243,10 @@ def _fitted_conditions(
 
 
 def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
-    """Fit the model of a fit again to almost the same data; "diagonal" replaces a matrix of the user."""
+    """Fit the model of a fit to data that are almost the same as the data of the fit.
+
+    The weighting is the same, except that "diagonal" replaces "identity" and a matrix of the user.
+    """
     if fit.weighting not in REWEIGHTED:
         return _fitted(fit.model, wv, "diagonal", certify=False)
     settled = settle(
@@ -249,8 +257,10 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
 
 
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
-    """Return the solver that starts from random draws. Drifts are drawn from the range or the known slope of the
-    data."""
+    """Return the solver that starts from random draws.
+
+    Drifts are drawn in proportion to the range of the samples, or to the known slope of the data.
+    """
     if isinstance(data, WaveletVariance) or wv.recordings:
         spread = abs(wv.slope or 0.0)
     else:
@@ -278,7 +288,9 @@ def measured(
     efficiency: float,
     against: Against = None,
 ) -> WaveletVariance:
-    """Return the wavelet variance to fit: of a signal, the mean of several, or `data` itself.
+    """Return the wavelet variance to which a model is fitted.
+
+    It is the wavelet variance of a signal, the pooled wavelet variance of several recordings, or `data` itself.
 
     Raises
     ------
@@ -302,7 +314,7 @@ def measured(
 
 
 def _several(data: object) -> list[Curve] | None:
-    """Return the recordings in a list; None for a single recording, which may also be a list of numbers."""
+    """Return the list of recordings; None if `data` is a single recording, which may also be a list of numbers."""
     if isinstance(data, list | tuple) and all(isinstance(x, WaveletVariance | Signal | np.ndarray) for x in data):
         return list(data)
     return None
@@ -331,7 +343,7 @@ def _measured(data: Curve, rate: float | None, robust: bool, efficiency: float, 
 
 
 def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> WaveletVariance:
-    """Return the wavelet variance itself, after a check that `robust` and `efficiency` do not contradict it."""
+    """Check that `robust` and `efficiency` do not contradict a wavelet variance, and return it."""
     if robust and not wv.robust:
         raise OptionError(
             argument="robust",
@@ -352,7 +364,7 @@ def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> Wavele
 
 
 def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
-    """Make the `Fit` of a solved problem, with its terms sorted."""
+    """Return the `Fit` for a solved problem, with its terms sorted."""
     problem, solution = settled.problem, settled.solution
     processes = estimated(problem, solution, wv.slope).processes
     model = Model(processes).sorted(wv.rate)
@@ -384,7 +396,7 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
 def _of_terms(
     model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
 ) -> Iterator[Remark]:
-    """Yield remarks about each term: what it acts as, whether the data support it, and the remarks of its process."""
+    """Yield remarks about terms that act as another process, terms that are zero, and the parameters of other terms."""
     processes = dict(zip(model.terms, model.processes, strict=True))
     for term, name in acts_as.items():
         like = likeness(

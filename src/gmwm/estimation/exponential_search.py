@@ -1,7 +1,7 @@
-"""The search for processes with exponential autocovariances, in a kernel: the same steps as `branch_and_bound`.
+"""Compiled version of the search of `branch_and_bound` for processes with exponential autocovariances.
 
-The kernel has the shapes of these processes, so that a search is one call. tests/estimation/test_exponential_search.py
-holds its results to those of the open search.
+The kernel knows the wavelet variances of these processes, so that a search is a single call.
+tests/estimation/test_exponential_search.py compares its results with the results of `branch_and_bound`.
 """
 
 from __future__ import annotations
@@ -40,9 +40,10 @@ _LIMITS = np.array(
 
 
 def search_of(problem: Problem) -> Search:
-    """Return the search for the curved processes of a problem: in the kernel if it has their shapes.
+    """Return the search for the curved processes of a problem, which uses the kernel if it knows these processes.
 
-    A class that inherits its search may have changed the shape, so the class must state the branches itself.
+    The kernel is only used if the class of the processes defines `search` itself, because a subclass that inherits
+    `search` may have another wavelet variance.
     """
     kind = problem.curved_class
     assert kind is not None
@@ -53,11 +54,11 @@ def search_of(problem: Problem) -> Search:
 
 
 class ExponentialSearch(Search):
-    """The search with the shapes in the kernel."""
+    """Search whose steps run in a compiled kernel."""
 
     @cached_property
     def kernel(self) -> _core.ExponentialSearch:
-        """The kernel for this problem."""
+        """Kernel for this problem."""
         problem, rows, innovation = self.problem, [], False
         for branch in self.grid.branches:
             form = branch.exponential
@@ -71,7 +72,7 @@ class ExponentialSearch(Search):
         )  # fmt: skip
 
     def optimum(self, *, certify: bool) -> Found:
-        """Return the global optimum on the exact curve, with its bounds and the ends as which its places act."""
+        """Return the global optimum on the exact curve, with lower bounds and the `ends` of its places."""
         grid = self.grid
         found, bound, relaxed, table, nodes = self.kernel.solve(
             grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes, grid.middle_values, self.positive,
@@ -80,16 +81,16 @@ class ExponentialSearch(Search):
         return Found(self.found(*found), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
     def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
-        """Return the local optimum next to the optimum of a problem with other weights."""
+        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""
         return self.found(*self.kernel.follow(*self.coordinates(places), ends))
 
     def coordinates(self, places: Sequence[Place]) -> tuple[NDArray[np.int64], Vector]:
-        """Return the indices of the branches of places, and their search coordinates."""
+        """Return the indices of the branches of the places, and the search coordinates of the places."""
         known = [branch.exponential for branch in self.grid.branches]
         owner = [known.index(branch.exponential) for branch, _ in places]
         return np.array(owner, dtype=np.int64), np.array([u for _, u in places], dtype=np.float64)
 
     def found(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
-        """Make an optimum of what the kernel returns."""
+        """Return the optimum for the values that the kernel returns."""
         places = [(self.grid.branches[k], at) for k, at in zip(branches, u.tolist(), strict=True)]
         return Optimum(objective, places, weights, tuple(ends))

@@ -1,4 +1,5 @@
-"""The iteration of diagonal weights in a kernel, for sums of exponential and elementary processes."""
+"""Compiled iteration of diagonal weights, for sums of processes with exponential autocovariances and simple
+processes."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ _KINDS = ("white", "walk", "spike", "drift")
 
 
 def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | None:
-    """Return the search whose kernel has the covariance of every process of a problem; None if there is none."""
+    """Return the search whose kernel can iterate the weights, if it knows the covariance of every process; else
+    None."""
     if not design.running_sum or design.efficiency is not None or any(stride > 1 for stride in design.strides):
         return None
     if problem.free or not problem.curved or len(problem.linear) + len(problem.curved) < len(problem.model.processes):
@@ -29,10 +31,11 @@ def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | 
 
 
 def _kind(process: Process) -> int | None:
-    """Return the number of the elementary form of a process; None if its class does not state one.
+    """Return the number by which the kernel knows a process without a shape; None if the kernel does not know it.
 
-    A class states by `elementary` that its `coefficient_covariance` at scale 1 is a form of the kernels: "white",
-    "walk", "spike" (rounding errors) or "drift". A subclass may have changed the covariance and does not inherit it.
+    The attribute `elementary` of a class states that the kernel has its `coefficient_covariance`: "white" for white
+    noise, "walk" for a random walk, "spike" for quantization noise, or "drift". It is not inherited, because a subclass
+    may have another covariance.
     """
     form = vars(type(process)).get("elementary")
     return None if form is None else _KINDS.index(form)
@@ -41,24 +44,24 @@ def _kind(process: Process) -> int | None:
 def reweighted(
     search: ExponentialSearch, solution: Solution, design: Design, options: Vector
 ) -> tuple[Optimum, Vector, float, float] | None:
-    """Iterate estimate and weights 1 / V_jj.
+    """Iterate the estimate and the weights 1 / V_jj.
 
     Parameters
     ----------
     search : ExponentialSearch
+        Search with the kernel of the problem.
     solution : Solution
-        Where to start.
+        Estimate from which the iteration starts.
     design : Design
-        The design for weights.
+        Design for weights, see `Design.for_weights`.
     options : (7,) array
-        Degrees of freedom of the curve, change that ends the iteration, longest step and cutoff of the mixing; numbers
-        of iterations, of iterations in which the change must fall to a half, and of iterations that are combined.
+        The constants PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`, in this order.
 
     Returns
     -------
     tuple of Optimum, (J,) array, float, float
-        The optimum, the weights, and the last and the expected next change of the curve. None if the model has no noise
-        at some level.
+        Optimum, weights, relative change of the curve in the last iteration, and expected change in the next one. None
+        if the model has no noise at some level.
     """
     problem, processes = search.problem, search.problem.model.processes
     linear = [processes[place] for place in problem.linear]

@@ -1,4 +1,4 @@
-"""Methods of a fit for inference: standard errors, intervals, tests, criteria, datasheet, summary and picture."""
+"""Methods of a fit that compute standard errors, intervals, tests, criteria, datasheet numbers, summaries and plots."""
 
 from __future__ import annotations
 
@@ -28,25 +28,24 @@ if TYPE_CHECKING:
 
 
 class InferenceMethods:
-    """Methods of a `Fit` whose results the upper layers compute. `Fit` is the only class that inherits from this
-    one."""
+    """Methods of a `Fit` that call functions of upper layers. Only `Fit` inherits from this class."""
 
     @property
     def _fit(self) -> Fit:
-        """This object, typed as the fit that has these methods."""
+        """The object itself, with the type `Fit`."""
         return cast("Fit", self)
 
     @cached_property
     def sandwich(self) -> Sandwich:
-        """Covariance of the estimates by the sandwich formula, with its parts.
+        """Covariance of the estimates by the sandwich formula.
 
-        Its parts are the names of the estimated parameters, their relative standard errors, and V, the covariance of
-        the wavelet variance.
+        The object also has the names of the estimated parameters, their relative standard errors, and the covariance V
+        of the wavelet variance.
 
         Raises
         ------
         ModelError
-            If the model has no noise at some level, so that its estimates would have no error.
+            If the model has no noise at some level.
         MissingTheoryError
             If the covariance of a process is unknown.
         """
@@ -56,9 +55,10 @@ class InferenceMethods:
 
     @cached_property
     def covariance(self) -> Matrix:
-        """Covariance (p, p) of the estimates, Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ.
+        """Covariance (p, p) of the estimates, Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ and D = ∂ν²/∂θ.
 
-        Its rows are the parameters of `standard_errors`, in the same order. Raises the errors of `sandwich`.
+        The rows and columns are the parameters of `standard_errors`, in the same order. Raises the errors of
+        `sandwich`.
         """
         return self.sandwich.covariance
 
@@ -66,8 +66,8 @@ class InferenceMethods:
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each estimated parameter, by name, in the unit of the parameter.
 
-        A parameter that is held, zero or at an end of its domain has no standard error; its key raises a KeyError that
-        says why. Raises the errors of `sandwich`.
+        A parameter that is fixed, zero or at an end of its domain has no standard error. Looking it up raises a
+        KeyError that states the reason. Raises the errors of `sandwich`.
         """
         from gmwm.inference.asymptotic import standard_errors
 
@@ -75,11 +75,11 @@ class InferenceMethods:
 
     @cached_property
     def replicates(self) -> Replicates | None:
-        """Compare the recordings of a fit to several recordings with each other; None for a single recording.
+        """Comparison of the recordings with each other, for a fit to several recordings; None for a single recording.
 
-        It has the test that their parameters are equal, a test without a model, the numbers of each recording and their
-        spread, and the model for a filter. Standard errors, `confidence_intervals` and the datasheet include the
-        spread; the bootstrap does not.
+        It has a test whether the parameters of the recordings are equal, a test that uses no model, the datasheet
+        numbers of each recording, their spread, and a model for a navigation filter. Standard errors,
+        `confidence_intervals` and the datasheet include the spread; the bootstrap does not.
 
         Examples
         --------
@@ -105,33 +105,35 @@ class InferenceMethods:
     ) -> dict[str, Interval]:
         """Compute a confidence interval (low, high) for every estimated parameter, by name.
 
-        - A variance, or a correlation time, has θ̂ exp(±z SE/θ̂): symmetric on the scale of the logarithm.
-        - φ of an AR1 has an interval that is symmetric on the scale of artanh φ.
-        - A drift ω, which has a sign, has ω̂ ± z SE.
-        - A white noise, random walk or drift whose zero cannot be excluded has the interval from 0 to an upper limit
-          (a drift from −limit to limit). This one-sided limit of a 95 % interval holds at 97.5 %.
-        - A parameter that the data do not determine has (0, inf).
+        With the estimate θ̂, its standard error SE and the normal quantile z:
+
+        - The interval of a variance or a correlation time is θ̂ exp(±z SE/θ̂), which is symmetric for the logarithm.
+        - The interval of φ of an AR1 is symmetric for artanh φ.
+        - The interval of the slope ω of a drift, which has a sign, is ω̂ ± z SE.
+        - If the data do not exclude that a white noise, a random walk or a drift is zero, the interval is from 0 to an
+          upper limit (for a drift, from −limit to limit). This one-sided limit of a 95 % interval has the level 97.5 %.
+        - If the data do not determine a parameter, the interval is (0, inf).
 
         Parameters
         ----------
         level : float
             Confidence level, between 0 and 1.
         method : "asymptotic" or "bootstrap"
-            Whether to compute from the exact covariance of the wavelet variance, or from quantiles of the estimates of
+            Source of the intervals: the exact covariance of the wavelet variance, or quantiles of the estimates from
             `draws` simulated recordings.
         covariance : (J, J) array, optional
-            V in place of the covariance of the fitted model, as from `empirical_covariance`; only with
-            method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance of
-            data with outliers belongs to the classical estimate, not to a robust fit.
+            Covariance V that replaces the covariance of the fitted model, for example from `empirical_covariance`; only
+            with method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance
+            of data with outliers belongs to the classical estimate, not to a robust fit.
         draws : int
-            Number of simulated recordings. A level needs at least 2 / (1 − level) − 1 of them: 39 at 95 %.
+            Number of simulated recordings, at least 2 / (1 − level) − 1, which is 39 for 95 %.
         rng : int or numpy.random.Generator
             Source of the draws; the same integer gives the same result.
 
         Returns
         -------
         dict of name to (low, high)
-            In the unit of the parameter.
+            Intervals, in the units of the parameters.
 
         Raises
         ------
@@ -161,23 +163,23 @@ class InferenceMethods:
     def goodness_of_fit(
         self, method: Method = "asymptotic", *, draws: int = 500, rng: int | np.random.Generator = 0
     ) -> GoodnessOfFit:
-        """Test whether the data could come from the fitted model, under any weighting Ω.
+        """Test whether the data could come from the fitted model, for any weighting Ω of the fit.
 
-        With r = ν̂² − ν²(θ̂), V the covariance of ν̂² and D = ∂ν²/∂θ, at the estimate,
+        With the residuals r = ν̂² − ν²(θ̂), the covariance V of ν̂² and D = ∂ν²/∂θ at the estimate,
 
             T = rᵀV⁻¹r − rᵀV⁻¹D (DᵀV⁻¹D)⁻¹ DᵀV⁻¹r ~ χ² with (levels − parameters) degrees of freedom.
 
-        The test leaves out the coarsest levels, whose ν̂² is skewed however long the recording is: with them a test at
-        the 5 % level would reject about 8 % of correct models. The model is fitted again without these levels. This fit
-        has the same weighting if it is "diagonal" or "optimal", and "diagonal" otherwise, because estimates under other
-        weights may be too far off for the law to hold. Parameters that are zero or at an end of their domain do not
-        count.
+        The test leaves out the coarsest levels, whose ν̂² has a skewed distribution for recordings of any length. With
+        these levels, a test at the 5 % level would reject about 8 % of correct models. The model is fitted again
+        without them. This fit has the same weighting if it is "diagonal" or "optimal". Otherwise it is "diagonal",
+        because estimates with other weights may be too inaccurate for the chi-square distribution to hold. Parameters
+        that are zero or at an end of their domain do not count.
 
         Parameters
         ----------
         method : "asymptotic" or "bootstrap"
-            The chi-square law, or the objectives of `draws` recordings simulated from the fitted model, with all
-            levels.
+            Source of the p-value: the chi-square distribution, or the objectives of `draws` recordings that are
+            simulated from the fitted model, with all levels.
         draws : int
             Number of simulated recordings, at least 19, because p is at least 1 / (draws + 1).
         rng : int or numpy.random.Generator
@@ -211,15 +213,17 @@ class InferenceMethods:
         return goodness_of_fit(self._fit, method, draws=draws, rng=rng)
 
     def wic(self, method: Method = "asymptotic", *, draws: int = 500, rng: int | np.random.Generator = 0) -> Criterion:
-        """Compute the wavelet information criterion: the expected loss of the fit on another recording.
+        """Compute the wavelet information criterion, which is the expected loss of the fit on another recording.
 
-        Compare values between models only under one Ω; `gmwm.rank` and `gmwm.select` ensure this.
+        Values of several models are only comparable for the same Ω; `gmwm.rank` and `gmwm.select` ensure this.
 
         Parameters
         ----------
         method : "asymptotic" or "bootstrap"
-            The optimism is 2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ, or twice the covariance of
-            ν̂* and ν(θ̂*) over `draws` recordings simulated from the fit.
+            Source of the optimism, the amount by which the fit to the data has a smaller loss than to another
+            recording. For "asymptotic" it is 2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ. For
+            "bootstrap" it is
+            2 Σ_jk Ω_jk Cov(ν̂_j*, ν_k(θ̂*)) over `draws` recordings (*) that are simulated from the fit.
         draws : int
             Number of simulated recordings.
         rng : int or numpy.random.Generator
@@ -228,7 +232,7 @@ class InferenceMethods:
         Returns
         -------
         Criterion
-            The value, and the loss and the optimism that it is the sum of.
+            Value of the criterion, and the loss and the optimism, whose sum it is.
 
         Raises
         ------
@@ -237,7 +241,7 @@ class InferenceMethods:
         ModelError
             If the model has no noise at some level.
         MissingTheoryError
-            If the covariance of a process is unknown ("asymptotic"), or it cannot be simulated ("bootstrap").
+            If the covariance of a process is unknown ("asymptotic"), or a process cannot be simulated ("bootstrap").
 
         References
         ----------
@@ -258,30 +262,31 @@ class InferenceMethods:
     def bootstrap(
         self, draws: int = 500, rng: int | np.random.Generator = 0, *, progress: Callable[[int], None] | None = None
     ) -> Bootstrap:
-        """Estimate the parameters again from recordings that are simulated from the fit (parametric bootstrap).
+        """Estimate the parameters from each of many recordings that are simulated from the fit (parametric bootstrap).
 
         Each recording has the length and the gaps of the data. Gauss-Markov and autoregressive terms start from their
-        stationary law. Each recording is fitted with the weights of this fit, robustly if this fit is robust.
+        stationary distribution. Each recording is fitted with the weights of this fit, and robustly if this fit is
+        robust.
 
         Parameters
         ----------
         draws : int
             Number of simulated recordings, at least 2.
         rng : int or numpy.random.Generator
-            Source of the draws; the same integer gives the same result. The result records the integer seed; from a
-            Generator one integer is drawn.
+            Source of the draws; the same integer gives the same result. The result records the integer seed, which is
+            drawn from a Generator if one is given.
         progress : callable, optional
-            Called with the number of recordings done so far.
+            Function that is called with the number of recordings that are finished.
 
         Returns
         -------
         Bootstrap
-            The estimates, with their standard errors and quantiles.
+            Estimates from all recordings, with their standard errors and quantiles.
 
         Raises
         ------
         OptionError
-            If `draws` or `rng` cannot be used.
+            If `draws` or `rng` has an invalid value.
         MissingTheoryError
             If a process cannot be simulated.
 
@@ -300,26 +305,28 @@ class InferenceMethods:
     def datasheet(self, level: float = 0.95) -> Datasheet:
         """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
 
-            N = √(σ²Δt)   Q = Q_d Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
-            B = √B² of a flicker term, or else min over τ of the model's Allan deviation / √(2 ln 2/π)
-            A = √(2P)   f_0 of a line
+            N = √(σ²Δt)   Q = √(q2) Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
+            B = √(b2) of a flicker term, or else min over τ of the Allan deviation of the model / √(2 ln 2/π)
+            A = √(2P) and f_0 of a line
 
-        If the model has a flicker term that is not zero, B is the coefficient of that term, as the standard defines it.
-        Otherwise B is read at the lowest point of the Allan deviation of the model without its lines. The second kind
-        of B includes the parts of N and K at that point and is at least as large as the first, so do not compare the
-        two. If the flicker term is estimated as zero, its upper limit is given as B_f.
+        Here σ², q2, γ², ω, β, σ²_GM, b2, P and f_0 are the parameters of the processes, f is the sampling rate, and Δt
+        = 1/f. If the model has a flicker term that is not zero, B is the coefficient of that term, as IEEE Std 952
+        defines it. Otherwise B is computed from the minimum of the Allan deviation of the model without its lines. This
+        second kind of B includes the contributions of N and K at the minimum and is at least as large as the first
+        kind, so do not compare the two. If the flicker term is estimated as zero, its upper limit is given as B_f.
 
-        A term that acts as another process on these data is added to that process: a Gauss-Markov term that acts as
-        white noise adds to N², and one that acts as a random walk adds to K². A process that the model does not contain
-        gives no number. An AR1 gives T_c and q_c of the Gauss-Markov process with the same samples, if φ > 0.
+        If a term acts as another process on these data, it is added to that process: a Gauss-Markov term that acts as
+        white noise adds to N², and a Gauss-Markov term that acts as a random walk adds to K². A process that the model
+        does not contain gives no number. An AR1 with φ > 0 gives T_c and q_c of the Gauss-Markov process that has the
+        same samples.
 
         Intervals are computed on the logarithmic scale by the delta method with the joint covariance of the estimates.
         If a number depends on one parameter only, its interval is the transformed interval of that parameter. R has a
         sign, and its interval is R ± z SE. If a term is zero or cannot be distinguished from zero, its number is an
         upper limit, as in `Fit.confidence_intervals`. B is an upper limit too if the data show no minimum.
 
-        The fit must be of a wavelet variance whose unit says what the sensor measures. Without a known unit the numbers
-        are in "u", the unit of the data, and have no datasheet units.
+        The unit of the wavelet variance determines whether the sensor is a gyroscope or an accelerometer. If the unit
+        is unknown, the numbers are in "u", the unit of the data, and have no datasheet units.
 
         Parameters
         ----------
@@ -329,7 +336,7 @@ class InferenceMethods:
         Returns
         -------
         Datasheet
-            A mapping of symbol to `Entry`, in SI and in datasheet units.
+            Mapping of symbol to `Entry`, which has the number in SI and in datasheet units.
 
         Raises
         ------
@@ -402,7 +409,7 @@ class InferenceMethods:
         level : float
             Confidence level of the intervals, between 0 and 1.
         method : "asymptotic" or "bootstrap"
-            Intervals and test from theory, or from `draws` simulated recordings.
+            Source of the intervals and the test: theory, or `draws` simulated recordings.
         draws : int
             Number of simulated recordings.
         rng : int or numpy.random.Generator
@@ -411,8 +418,9 @@ class InferenceMethods:
         Returns
         -------
         str
-            Model, number of samples, rate, levels and weighting; the objective with its bounds; the goodness-of-fit
-            test; each parameter with estimate, interval, relative standard error and unit; and the warnings.
+            Text with the model, the number of samples, the rate, the levels and the weighting; the objective with its
+            bounds; the goodness-of-fit test; a table of the parameters with estimate, interval, relative standard error
+            and unit; and the remarks.
 
         Raises
         ------
@@ -439,18 +447,19 @@ class InferenceMethods:
         Parameters
         ----------
         view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
+            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+            averaging time τ/2 (s).
         units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
+            Units of the plot: rad/s and m/s², or deg/h and mg.
         decomposition : bool, optional
-            Whether to draw the terms. Default: True, but False with `label` or `color`.
+            Whether to draw the curves of the terms. By default they are drawn unless `label` or `color` is given.
         label : str, optional
-            Name in the legend, for several fits on the same `ax`: `monday.plot(ax=ax, label="monday")`. Its colour
-            and symbol then differ from the earlier ones, and the axes have one legend and include all fits.
+            Name of the fit in the legend. Use it to draw several fits on the same axes, as in
+            `monday.plot(ax=ax, label="monday")`. Each fit then has its own colour and symbol.
         color : str, optional
-            A colour of Matplotlib such as "#D55E00"; by default the next colour that earlier fits do not have.
+            Matplotlib colour such as "#D55E00"; by default a colour that no earlier fit has.
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; by default the axes of a new figure.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -470,7 +479,7 @@ class InferenceMethods:
         )
 
     def _repr_html_(self) -> str:
-        """Return the summary as HTML, with the parameters as a table, for notebooks."""
+        """Return the summary as HTML with a table of the parameters, for notebooks."""
         from gmwm.inference.summary import as_html
 
         return as_html(self._fit)

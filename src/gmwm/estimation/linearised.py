@@ -1,5 +1,4 @@
-"""Linearisation of a fit near its estimate: the covariance of the parameters, and the residuals that they cannot
-explain."""
+"""Linearisation of a fit near its estimate, for the covariance of the parameters and for tests of the residuals."""
 
 from __future__ import annotations
 
@@ -14,14 +13,18 @@ from gmwm.estimation.weighting import square_root
 from gmwm.processes.model import Model
 
 COLLINEAR = 1e-9
-"""Relative singular value of the Jacobian below which a direction of the parameters is not determined. Pinned by
-tests/inference/test_plan.py: parameters with the same effect on the curve have infinite standard errors."""
+"""Relative singular value of the Jacobian below which the data do not determine a direction of the parameters.
+Parameters with the same effect on the curve then have infinite standard errors (tests/inference/test_plan.py)."""
 NO_COEFFICIENT = 1e-8
-"""Value that replaces a coefficient φ = 0, because errors are relative to values."""
+"""Value that replaces a coefficient of exactly zero, because errors are relative to the values of parameters."""
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
-    """Compute B V Bᵀ (p, p) for a Jacobian D (J, p); infinite for parameters that the Jacobian does not determine."""
+    """Compute the covariance B V Bᵀ (p, p) of parameters, with B = (DᵀΩD)⁻¹DᵀΩ.
+
+    `slopes` is the Jacobian D (J, p), `matrix` is Ω and `wavelet` is V. The variance of a parameter that the Jacobian
+    does not determine is infinite.
+    """
     if slopes.shape[1] == 0:
         return np.zeros((0, 0))
     root = square_root(matrix)
@@ -34,8 +37,10 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
 
 
 def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
-    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and the parameters that it does not determine
-    (p,)."""
+    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask of undetermined parameters.
+
+    The mask (p,) marks the parameters that the Jacobian does not determine.
+    """
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
     left, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
@@ -48,8 +53,11 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
 
 
 def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
-    """Return the squared length of a vector (J,) without its part in the span of some columns (J, p), and the rank of
-    the columns."""
+    """Return the squared length of the part of a vector that is orthogonal to some columns, and the rank of the
+    columns.
+
+    `left` is the vector (J,), and `slopes` has the columns (J, p).
+    """
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)
@@ -58,7 +66,10 @@ def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
 
 
 def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Return the names of the free parameters, and the subset that is reported."""
+    """Return the names of the parameters that are estimated, and the set of those that are reported.
+
+    The shape of a term that acts as another process is not estimated, and its scale is not reported.
+    """
     columns, reported = [], set()
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale == 0:
@@ -74,7 +85,8 @@ def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set
 
 
 def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str, ...]) -> Matrix:
-    """Compute θ ∂ν_j²/∂θ (J, p) for the parameters `names`."""
+    """Compute the derivatives θ ∂ν_j²/∂θ (J, p) of the curve with respect to the logarithms of the parameters
+    `names`."""
     jacobian = model.jacobian(design.levels, design.rate, design.filter)
     place = {name: k for k, name in enumerate(model.names)}
     values = sizes_of(model, names)
@@ -82,6 +94,6 @@ def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str
 
 
 def sizes_of(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
-    """Return the values of parameters, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
+    """Return the values of the parameters `names`, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
     values = np.array([model.parameters[name] for name in names], dtype=np.float64)
     return np.where(values == 0, NO_COEFFICIENT, values)

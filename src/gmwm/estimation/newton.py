@@ -1,6 +1,6 @@
-"""Newton's method for the place of a local optimum, to all digits.
+"""Newton's method, which determines the parameters of a local optimum to all digits.
 
-The value of the objective gives its place to half of the digits only, because it hardly changes near the optimum.
+The value of the objective determines them to half of the digits only, because it hardly changes near the optimum.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from gmwm.estimation.problem import Problem
 from gmwm.processes.base import Process
 
 SHARP = 1e-12
-"""Change of the search coordinate below which the iteration ends: near the rounding error of β itself."""
+"""Change of the search coordinate below which the iteration ends. It is near the rounding error of the parameter."""
 CURVATURE_STEP = 1e-3
-"""Step of the differences of slopes. An error of the second derivative only slows the convergence."""
+"""Step of the finite differences that give second derivatives. Their errors only slow the convergence."""
 
 
 def sharpened(
     problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
 ) -> list[Place] | None:
-    """Refine the places of a local optimum by at most `steps` steps; None if the steps diverge.
+    """Refine the places of a local optimum by at most `steps` Newton steps; return None if the steps diverge.
 
-    Minimises |target − Σ w a − Σ x g(u)|² over the weights and the places u together. Weights that are zero stay zero,
-    places at an end of their branch stay there, and no step may be longer than `reach`.
+    The objective |target − Σ w a − Σ x g(u)|² is minimised over the weights w and x and the places u together, where a
+    are the unit vectors of the linear processes and g(u) those of the curved processes. Weights that are zero stay
+    zero, places at an end of their branch stay there, and no step of a place may be longer than `reach`.
     """
     linear = len(problem.linear)
     moving = np.array([b.low < u < b.high for b, u in places], dtype=bool)
@@ -55,7 +56,11 @@ def sharpened(
 def _step(
     target: Vector, fixed: Matrix, value: Matrix, slope: Matrix, bend: Matrix, x: Vector, moving: Vector
 ) -> Vector | None:
-    """Return the Newton step of all weights, followed by the steps of the places that move."""
+    """Return the Newton step of all weights, followed by the steps of the places that `moving` marks.
+
+    `value`, `slope` and `bend` are the unit vectors of the curved processes and their first two derivatives, and `x`
+    are the weights.
+    """
     rows = np.concatenate([fixed, value])
     residual = target - x @ rows
     weight = x[fixed.shape[0] :, None]
@@ -73,7 +78,10 @@ def _step(
 
 
 def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
-    """Return values and first two derivatives (n, J) of the curved processes at exact places, weighted by L."""
+    """Return the wavelet variances (n, J) of the curved processes at places, and their first two derivatives.
+
+    The derivatives are with respect to the search coordinate, and all three arrays are multiplied by L.
+    """
     count, d = len(places), CURVATURE_STEP
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])

@@ -1,4 +1,4 @@
-"""The estimation problem as weighted vectors: a target, and one vector, curve or surface for each process."""
+"""Estimation problem, formulated with weighted vectors: the data, and a vector, curve or surface for each process."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Relative error of each product L_jk ν_k² in the residual: four times the 2 ε measured on exact curves.
+"""Relative error of each product L_jk ν_k² in the residual, which is four times the error of 2 ε measured on exact
+curves.
 
 Pinned by tests/estimation/test_last_places.py.
 """
@@ -26,26 +27,27 @@ Pinned by tests/estimation/test_last_places.py.
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """An estimation problem: find the non-negative scales of all processes, and the shapes of some.
+    """Problem of estimating the non-negative scales of all processes and the shapes of some.
 
-    The objective (ν̂ − ν)ᵀ Ω (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|². The vectors a (fixed shape) and g (free
-    shape) have length one. `unit` is a power of two, so that data scaled by a power of two give the same problem to the
-    last bit.
+    The objective (ν̂ − ν)ᵀ Ω (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|². The vectors a belong to processes of
+    known shape and the vectors g to processes of free shape; all have length one. The coefficients c and x are
+    proportional to the scales. `unit` is a power of two, so that data scaled by a power of two give exactly the same
+    problem.
 
     Attributes
     ----------
     linear : tuple of int
         Indices, in the model, of the processes without a free shape parameter.
     curved : tuple of int
-        Indices of the processes with one free shape parameter that branch and bound searches; all of one class.
+        Indices of the processes with one free shape parameter that branch and bound searches; all are of one class.
     free : tuple of int
         Indices of the other processes, whose shapes are found from starting values; sorted by name.
     shapes : (n linear, J) array
-        Wavelet variances of the linear processes at unit scale.
+        Wavelet variances of the linear processes for scale coefficient 1.
     observed : (J,) array, in the signal's unit²
-        ν̂² minus the wavelet variance of the processes that are held.
+        Measured ν̂² minus the wavelet variance of the processes whose parameters are all fixed.
     root : (J, J) array
-        L with LᵀL = Ω.
+        Matrix L with LᵀL = Ω.
     """
 
     model: Model
@@ -70,17 +72,17 @@ class Problem:
 
     @property
     def curved_class(self) -> type[Process] | None:
-        """The class of the curved processes."""
+        """Class of the curved processes; None if there are none."""
         return type(self.model.processes[self.curved[0]]) if self.curved else None
 
     @property
     def fixed(self) -> Matrix:
-        """Unit vectors of the linear processes, row by row."""
+        """Unit vectors a (n linear, J) of the linear processes."""
         return self.weighted(self.shapes)
 
     @property
     def positive(self) -> Vector:
-        """A vector whose inner product with every weighted wavelet variance is positive: L⁻ᵀ √diag Ω."""
+        """Vector L⁻ᵀ √diag Ω (J,), whose inner product with every weighted wavelet variance is positive."""
         return np.ascontiguousarray(np.linalg.solve(self.root.T, np.sqrt(np.diag(self.matrix))))
 
     @cached_property
@@ -90,16 +92,16 @@ class Problem:
         return ROUNDING * float(size) / self.unit
 
     def as_low(self, objective: float, least: float, share: float) -> bool:
-        """Return whether an objective exceeds `least` by no more than `share` (relative) and the rounding error of the
+        """Return whether an objective exceeds `least` by at most a relative `share` plus the rounding error of the
         residual.
 
-        If the data follow the model exactly, objectives are squared rounding errors. With a share alone, the order of
-        summation of the processor would decide.
+        If the data equal the curve of a model, objectives are squared rounding errors. Without the second part, the
+        order of summation would decide which one is smaller.
         """
         return objective <= (1 + share) * (sqrt(least) + self.rounding) ** 2
 
     def under(self, matrix: Matrix) -> Problem:
-        """Return the same problem under another weighting matrix Ω."""
+        """Return the same problem with another weighting matrix Ω."""
         root, unit, target = weighed(self.observed, matrix)
         return replace(self, matrix=matrix, root=root, unit=unit, target=target)
 
@@ -109,23 +111,26 @@ class Problem:
         return replace(self, observed=observed, unit=unit, target=target)
 
     def weighted(self, shapes: Matrix) -> Matrix:
-        """Multiply each row by L, and scale it to length one."""
+        """Multiply each row of wavelet variances by L, and scale it to length one."""
         rows = shapes @ self.root.T
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
     def scales(self, shapes: Matrix, weights: Vector) -> Vector:
-        """Scale coefficients of processes from the coefficients of their unit vectors (c and x of the objective)."""
+        """Return the scale coefficients of processes from the coefficients (c or x) of their unit vectors.
+
+        `shapes` has the wavelet variances of the processes for scale coefficient 1.
+        """
         return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
 
 
 def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
-    """Pose the problem of fitting `model` to `wv` under the weighting matrix Ω.
+    """Return the problem of fitting `model` to `wv` with the weighting matrix Ω.
 
     Raises
     ------
     ModelError
-        If the model has no free parameter or more than there are levels; if a scale is held while a shape parameter of
-        the same process is free; or if the filter removes one of the processes.
+        If the model has no free parameter, or more free parameters than there are levels; if a scale is fixed while a
+        shape parameter of the same process is free; or if the wavelet filter removes one of the processes.
     """
     linear, shaped, held = by_kind(model)
     curved, free = searched(model, shaped)
@@ -166,7 +171,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
 
 
 def weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
-    """Return L with LᵀL = Ω, the unit of the objective, and the weighted data in this unit."""
+    """Return L with LᵀL = Ω, the `unit` of the problem, and the weighted data in this unit."""
     root = square_root(matrix)
     weighted = root @ observed
     largest = float(np.abs(weighted).max())
@@ -175,12 +180,12 @@ def weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
 
 
 def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
-    """Return the wavelet variance (J,) at unit scale of a process with a known shape.
+    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape.
 
     Raises
     ------
     ModelError
-        If it is zero at every level.
+        If the wavelet variance is zero at every level.
     """
     shape = np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
     if not np.any(shape > 0):
@@ -200,9 +205,11 @@ def to_find(process: Process) -> tuple[int, ...]:
 
 
 def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the indices of the processes that branch and bound searches, and of the other processes with a free shape.
+    """Divide the processes with a free shape, at the indices `shaped`, into those that branch and bound searches and
+    others.
 
-    The search covers one class of processes. If the model has two, it is the one with more terms.
+    The search covers one class of processes. If the model has several such classes, the class with the most terms is
+    searched.
     """
     kinds = {place: type(model.processes[place]) for place in shaped}
     with_search = [kind for kind in kinds.values() if len(kind.nonlinear_parameters()) == 1 and kind.search(1024, 1.0)]
@@ -213,7 +220,7 @@ def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tu
 
 
 def by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    """Return the indices of the processes with a free scale only, with a free shape, and with all parameters held."""
+    """Return the indices of processes with only a free scale, with a free shape, and with fixed parameters only."""
     linear: list[int] = []
     shaped: list[int] = []
     held: list[int] = []

@@ -1,12 +1,13 @@
-"""Differences between the recordings of a pooled fit: in its parameters, near its estimate, where its curve is linear.
+"""Deviations of the parameters of single recordings from a fit to all of them, by linearisation near the estimate.
 
-The curve of recording r differs from the fitted curve by z_r. With V_r its covariance under the fitted model and D_r
-the derivatives of the curve with respect to the logarithms of the parameters, the deviation of its parameters is
+The curve of recording r differs from the fitted curve by z_r. Let V_r be the covariance of the curve of the recording
+under the fitted model, and D_r the derivatives of the curve with respect to the logarithms of the parameters. The
+deviation of the logarithms of the parameters of this recording is
 
     δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r,   Cov δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹.
 
-It is one step of a fit to this recording alone. V_r never comes from a fit to recording r alone: a recording that is
-low by chance would then have too large a weight.
+It is one step of a fit to this recording alone. V_r does not come from a fit to recording r alone, because a recording
+whose variance is low by chance would then have too large a weight.
 """
 
 from __future__ import annotations
@@ -31,39 +32,42 @@ if TYPE_CHECKING:
 LEAST_FREEDOM = 3.0
 """Degrees of freedom above which a level is used, as in the goodness-of-fit test (docs/validation/recordings.md)."""
 SURE = 0.002
-"""p-value below which recordings differ beyond their parameters, as for the error of a model in `selection.search`."""
+"""p-value below which recordings differ in a way that the parameters do not describe. It is the same as for the error
+of a model in `selection.search`."""
 SMALLEST = 1e-6
-"""Smallest relative difference: the relative standard error of ν̂² in 10¹² samples."""
+"""Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples."""
 _HALVINGS = 40
+"""Number of steps of the bisection for this difference."""
 LONGEST = 5.0
 """Largest step of the logarithm of a shape parameter. A recording that needs a larger step does not determine the
 parameter."""
 LEVEL = 0.95
-"""Confidence level at which the covariance has the same width as the t distribution."""
+"""Confidence level at which an interval from the covariance is as wide as the interval for the mean of recordings with
+a spread."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
-    """The deviations of the recordings from a pooled fit, and the test that all recordings have the same parameters.
+    """Deviations of the recordings from a pooled fit, and the test that all recordings have the same parameters.
 
     Attributes
     ----------
     recordings : tuple of str
         Names of the R recordings.
     names : tuple of str
-        The p parameters that the data determine.
+        Names of the p parameters that the data determine.
     values : (R, p) array
-        δ_r, relative to the estimate; NaN if a recording does not determine a parameter.
+        Deviations δ_r, relative to the estimate; NaN if a recording does not determine a parameter.
     covariances : (R, p, p) array
-        Covariance of δ_r without a spread between recordings; infinite variance for NaN.
+        Covariance of δ_r without a spread between recordings; the variance is infinite where the deviation is NaN.
     model_error : float
-        Relative difference of the recordings at each level that no parameters describe; it enters the weights of the
-        deviations and their covariances, and not the test.
+        Relative difference between the recordings at each level that the parameters do not describe. The weights and
+        the covariances of the deviations account for it; the test does not.
     statistic : float
-        H: the statistic of the goodness-of-fit test of a fit with the same parameters for all recordings, minus the
-        sum of the statistics of fits with separate parameters for each recording.
+        Statistic H of the test. It is the statistic of the goodness-of-fit test of a fit with the same parameters for
+        all recordings, minus the sum of the statistics of fits with separate parameters for each recording.
     df : int
-        Its degrees of freedom.
+        Degrees of freedom of H.
     """
 
     recordings: tuple[str, ...]
@@ -80,14 +84,14 @@ class Deviations:
 
     @property
     def pvalue(self) -> float:
-        """p-value of H; 1 without a degree of freedom."""
+        """p-value of the test; 1 if there is no degree of freedom."""
         from scipy.special import gammaincc
 
         return float(gammaincc(self.df / 2, self.statistic / 2)) if self.df > 0 else 1.0
 
     @property
     def variances(self) -> Matrix:
-        """Variances of δ_r (R, p)."""
+        """Variances (R, p) of the deviations δ_r."""
         return np.diagonal(self.covariances, axis1=1, axis2=2)
 
     @property
@@ -97,7 +101,7 @@ class Deviations:
 
     @property
     def correlation(self) -> Matrix:
-        """Correlation (p, p) of the deviations over the recordings."""
+        """Correlation (p, p) of the deviations of the parameters across the recordings."""
         with np.errstate(invalid="ignore"):
             apart = np.nan_to_num(self.values - self.effects.mean)
         length = np.linalg.norm(apart, axis=0)
@@ -107,12 +111,12 @@ class Deviations:
 
     @property
     def of_mean(self) -> Matrix:
-        """Return the part of the covariance (p, p) of the pooled estimate that the spread between recordings adds.
+        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate.
 
-        It gives the width of the interval that includes the uncertainty of τ̂, whether a test finds a spread or not.
-        With equally accurate recordings, this is at least the t interval of their mean, which holds for any spread:
-        four times as wide as without a spread for two equal recordings, twice for three, and 1.3 times for five
-        (docs/validation/recordings.md).
+        With it, intervals are as wide as intervals that include the uncertainty of the estimated spread, whether a test
+        finds a spread or not. For equally accurate recordings, they are at least as wide as the t interval of their
+        mean, which holds for any spread. For recordings without a spread, this is four times the width without the
+        addition for two recordings, twice for three, and 1.3 times for five (docs/validation/recordings.md).
         """
         information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
         known = information > 0
@@ -124,8 +128,10 @@ class Deviations:
 
 
 def half_widths(x: Matrix, s2: Matrix) -> Vector:
-    """Return half widths of the 95 % confidence intervals of the means of samples (m, n) with a spread; see
-    `of_mean`."""
+    """Return the half widths (m,) of the 95 % confidence intervals of the means of m samples; see `Deviations.of_mean`.
+
+    `x` (m, n) has the n values of each sample, and `s2` (m, n) their variances without a spread between them.
+    """
     alone = effects(x, s2, spread2=np.zeros(len(x)))
     half = NormalDist().inv_cdf((1 + LEVEL) / 2) * alone.error
     several = alone.count > 1
@@ -141,7 +147,7 @@ def deviations(fit: Fit) -> Deviations:
     Parameters
     ----------
     fit : Fit
-        A fit to several recordings, `fit.wavelet_variance.recordings`.
+        Fit to several recordings, which are in `fit.wavelet_variance.recordings`.
     """
     if "_deviations" not in fit.__dict__:
         fit.__dict__["_deviations"] = _deviations(fit)
@@ -150,18 +156,18 @@ def deviations(fit: Fit) -> Deviations:
 
 
 class _Part(NamedTuple):
-    """The usable levels (K,) of one recording.
+    """Data of the K usable levels of one recording r.
 
     Attributes
     ----------
     place : int
-        Number of the recording.
+        Index of the recording.
     curve, left, apart : (K,) arrays
-        The fitted curve, and the difference of the recording from it and from the mean of all recordings.
+        Fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
     scatter : (K, K) array
-        V_r.
+        Covariance V_r.
     slopes : (K, p) array
-        D_r.
+        Derivatives D_r.
     """
 
     place: int
@@ -172,7 +178,7 @@ class _Part(NamedTuple):
     slopes: Matrix
 
     def root(self, error: float) -> Matrix:
-        """L with LᵀL = (V_r + error² diag ν⁴)⁻¹."""
+        """Return L with LᵀL = (V_r + error² diag ν⁴)⁻¹, where ν² is the fitted curve."""
         return square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
 
 
@@ -203,7 +209,7 @@ def _deviations(fit: Fit) -> Deviations:
 
 
 def _parts(fit: Fit, names: list[str]) -> list[_Part]:
-    """Return the recordings that have usable levels."""
+    """Return the data of the recordings that have usable levels; `names` are the parameters."""
     known: dict[object, tuple[Vector, Matrix, Matrix]] = {}
     parts = []
     for k, wv in enumerate(fit.wavelet_variance.recordings.values()):
@@ -224,11 +230,12 @@ def _parts(fit: Fit, names: list[str]) -> list[_Part]:
 
 
 def _error_between(parts: list[_Part]) -> float:
-    """Relative difference τ of the recordings at each level beyond their scatter and other parameters; 0 by default.
+    """Return the relative difference between the recordings at each level that the parameters do not describe.
 
-    If the recordings differ in a way that the parameters do not describe, for example in the shape of the noise at high
-    frequencies, the precise first levels would decide about all parameters. τ is estimated as the relative error of a
-    model is: the statistic of what the parameters do not describe equals its degrees of freedom.
+    It is 0 unless a test finds such a difference, for example in the shape of the noise at high frequencies. Without
+    it, the precise first levels would then determine the deviations of all parameters. It is chosen so that the
+    chi-square statistic of the part of the differences that the parameters do not describe equals its degrees of
+    freedom.
     """
     from scipy.special import gammaincc
 
@@ -254,11 +261,10 @@ def _error_between(parts: list[_Part]) -> float:
 
 
 def spread_of_mean(fit: Fit) -> Matrix:
-    """Return the part of the covariance of the wavelet variance (J, J), in unit⁴, that the spread between recordings
-    adds.
+    """Return the covariance (J, J), in unit⁴, that the spread between recordings adds to that of the wavelet variance.
 
-    The spread is in the parameters: it moves the curve in the directions of its derivatives. The goodness-of-fit test
-    does not depend on it.
+    The spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit
+    test does not depend on it.
     """
     found = deviations(fit)
     slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), found.names)
@@ -266,7 +272,7 @@ def spread_of_mean(fit: Fit) -> Matrix:
 
 
 def stepped(parameter: Parameter, value: float, share: float) -> float:
-    """Return a value after a relative step, inside the domain of its parameter.
+    """Return the value of a parameter after a relative step `share`; the result is in the domain of the parameter.
 
     >>> from gmwm import WN
     >>> stepped(WN.parameters[0], 4.0, 0.25), stepped(WN.parameters[0], 4.0, -1.5)

@@ -1,4 +1,4 @@
-"""The result of a fit: estimates, objective with its bounds, and the data."""
+"""Result of a fit, with the estimates, the objective and its bounds, and the data."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ _HOW_WRITTEN = "Pass the values that `Fit.to_dict()` returned."
 
 
 GIVEN = "given"
-"""Weighting of a `Fit` whose values were given, and not estimated from data."""
+"""Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnostics:
-    """Diagnostics of a fit: terms that the data do not determine, the search, and remarks.
+    """Diagnostics of a fit, with the terms that the data do not determine, the search and remarks.
 
     Attributes
     ----------
     acts_as : mapping of term to process name
-        Terms at an end of their domain, which the data cannot distinguish from another process.
+        For each term at an end of its domain, the process that the data cannot distinguish from it.
     not_supported : tuple of str
         Terms that are estimated as zero.
     nodes : int
@@ -55,7 +55,7 @@ class Diagnostics:
     remarks: tuple[Remark, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the diagnostics as numbers, lists and strings, ready for JSON."""
+        """Return the diagnostics as plain numbers, lists and strings for JSON."""
         return {
             "acts_as": dict(self.acts_as),
             "not_supported": list(self.not_supported),
@@ -66,7 +66,7 @@ class Diagnostics:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Diagnostics:
-        """Return the diagnostics from the values of `to_dict`."""
+        """Restore the diagnostics from `values`, the output of `to_dict`."""
         start = values["start"]
         return cls(
             acts_as=dict(values["acts_as"]),
@@ -79,34 +79,36 @@ class Diagnostics:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fit(InferenceMethods, KalmanMethods):
-    """A model fitted to a wavelet variance.
+    """Model that was fitted to a wavelet variance.
 
     Attributes
     ----------
     wavelet_variance : WaveletVariance
-        The data, ν̂².
+        Measured wavelet variance ν̂².
     model : Model
-        The model with its estimates. Repeated terms are sorted by correlation time, the shortest first.
+        Fitted model. Repeated terms are sorted by correlation time, the shortest first.
     parameters : mapping of name to value
-        Estimates by name: "WN.sigma2", "GM.beta", and "GM[1].beta" for repeated terms. SI units and per sample, β in
-        1/s. "DR.omega" has a sign if the wavelet variance was computed from a signal; otherwise it is |ω|.
+        Estimates by name, such as "WN.sigma2" and "GM.beta", or "GM[1].beta" for repeated terms. They are in SI units
+        and per sample, and β is in 1/s. "DR.omega" has a sign if the wavelet variance was computed from a signal;
+        otherwise it is |ω|.
     objective : float
-        (ν̂ − ν)ᵀ Ω (ν̂ − ν) at the estimate.
+        Objective (ν̂ − ν)ᵀ Ω (ν̂ − ν) at the estimate.
     lower_bound : float or None
-        Lower bound on the objective of every model of this form. None if fitted with certify=False, or if a process has
-        several shape parameters.
+        Lower bound on the objective of every model of this form. None if the fit was made with certify=False, or if a
+        process has several shape parameters.
     relaxed_bound : float
-        Lower bound on the objective of models with any number of the repeated process; 0 if none is known.
+        Lower bound on the objective of models with any number of the repeated process; 0 if it is unknown.
     implied : (J,) array, in unit²
         Wavelet variance ν² of the fitted model.
     decomposition : mapping of term to (J,) array
         Wavelet variance of each term; their sum is `implied`.
     weighting : str
-        Ω: "diagonal", "optimal", "identity", or "matrix" if an array was passed; "given" if there were no data.
+        Kind of the weighting: "diagonal", "optimal", "identity", "matrix" if an array was passed, or "given" if there
+        were no data.
     weighting_matrix : (J, J) array
-        Ω, in unit⁻⁴.
+        Weighting matrix Ω, in unit⁻⁴.
     diagnostics : Diagnostics
-        Terms that act as another process or that the data do not support, and the search.
+        Terms that act as another process or are estimated as zero, and the search.
     """
 
     wavelet_variance: WaveletVariance
@@ -129,9 +131,9 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @property
     def gap(self) -> float | None:
-        """Largest relative decrease of the objective that any other fit can reach; None without a certificate.
+        """Largest relative decrease of the objective that other parameter values can reach; None without a certificate.
 
-        0 if the objective is as small as rounding errors.
+        It is 0 if the objective is as small as rounding errors.
         """
         if self.lower_bound is None:
             return None
@@ -142,7 +144,7 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Shape parameters of terms that are estimated as zero. The data do not determine their values."""
+        """Names of the shape parameters of terms that are estimated as zero. The data do not determine their values."""
         return tuple(
             f"{term}.{parameter.name}"
             for term, process in zip(self.model.terms, self.model.processes, strict=True)
@@ -153,27 +155,26 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @property
     def regression(self) -> Regression | None:
-        """The effect of the temperature or of other conditions that was removed from the data; None if no effect was
-        removed."""
+        """Effect of the temperature or of other conditions that was removed from the data; None if none was removed."""
         found: Regression | None = self.wavelet_variance.regression
         return found
 
     def units(self) -> dict[str, str]:
-        """Unit of every parameter, by name."""
+        """Return the unit of every parameter, by name."""
         return self.model.units(self.wavelet_variance.unit)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Remarks about the terms, the weights and the wavelet variance. Read them before using the fit."""
+        """Remarks about the terms, the weights and the wavelet variance that limit the use of the fit."""
         return (*self.diagnostics.remarks, *self.wavelet_variance.remarks)
 
     def to_frame(self, level: float = 0.95) -> DataFrame:
-        """Return the estimates as a Polars data frame: parameter, value, low and high of the interval, and unit.
+        """Return the estimates as a Polars data frame with the columns parameter, value, low, high and unit.
 
         Parameters
         ----------
         level : float
-            Confidence level of the intervals.
+            Confidence level of the intervals from low to high.
         """
         from polars import DataFrame
 
@@ -192,7 +193,7 @@ class Fit(InferenceMethods, KalmanMethods):
         return DataFrame(rows)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fit as numbers, lists and strings, ready for JSON."""
+        """Return the fit as plain numbers, lists and strings for JSON."""
         return {
             "model": str(self.model),
             "parameters": dict(self.parameters),
@@ -211,12 +212,12 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Fit:
-        """Read a fit from the values of `to_dict`, exact to the last bit.
+        """Restore a fit from the output of `to_dict`. All numbers are exactly the same.
 
         Parameters
         ----------
         values : mapping
-            The values of `to_dict`, also after JSON, or one axis of a fits.json file.
+            Output of `to_dict`, which may have been written to JSON and read again, or one axis of a fits.json file.
 
         Returns
         -------
@@ -283,7 +284,7 @@ class Fit(InferenceMethods, KalmanMethods):
 
 
 def _curve(values: Any, levels: int) -> Vector:
-    """Check an array with one number for each level."""
+    """Check that an array has one number for each level, and return it."""
     curve = np.array(values, dtype=np.float64)
     if curve.shape != (levels,):
         raise ModelError(

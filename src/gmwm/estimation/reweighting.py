@@ -1,10 +1,10 @@
-"""Iterated weights: the exact covariance of ν̂² under the fitted model, and a fit with these weights, repeated to
-convergence.
+"""Iteration of weights and estimate until they agree.
 
-Weights from the data alone depend on the errors of the data. A level that is too small by chance then has too large a
-weight, and all estimates become too small. Weights from the fitted model do not have this bias. An estimate that is
-optimal under its own weights solves Σ_j (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, and the left side has mean zero at the true
-parameters.
+Each iteration computes weights from the exact covariance of ν̂² under the fitted model, and fits the model with these
+weights. Weights from the data alone depend on the errors of the data. A level that is too small by chance then has too
+large a weight, and all estimates become too small. Weights from the fitted model do not have this bias. An estimate
+that is optimal for its own weights solves Σ_jk (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, and the left side has mean zero at
+the true parameters.
 """
 
 from __future__ import annotations
@@ -32,45 +32,47 @@ from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
 REWEIGHTED = ("diagonal", "optimal")
-"""The weightings that depend on the estimate."""
+"""Weightings that depend on the estimate."""
 FIXED = 1e-11
-"""Relative change of the fitted curve at which the iteration ends, 100 times smaller than the 1e-9 to which
-tests/estimation/test_fit_laws.py compares fits of scaled data."""
+"""Relative change of the fitted curve below which the iteration ends. It is 100 times smaller than the tolerance of
+1e-9 with which tests/estimation/test_fit_laws.py compares fits of scaled data."""
 ROUNDS = 60
-"""Largest number of iterations. From one to the next the change falls to a tenth, or to a half if a drift is weak, so
-that 60 iterations reach `FIXED`."""
+"""Largest number of iterations. Each iteration reduces the change to about a tenth, or to a half if a drift is weak, so
+that
+60 iterations reach `FIXED`."""
 PRIOR = 1000.0
 """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
-Without the average, a level would have the more weight, the further the model lies below the data. The average costs a
-relative bias of at most 4 / (η + 1000) of a level, which is small beside its scatter √(2/η). The resulting bias and
-coverage of the estimates are in docs/validation/weighting.md.
+Without the average, a level at which the model is far below the data would have a large weight. The average causes a
+relative bias of a level of at most 4 / (η + 1000), which is small compared with its standard error √(2/η), where η are
+the degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
+coverage of their intervals.
 """
 HOPE = 12
-"""Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. Slow
-convergence by a factor of up to 0.94 per iteration still passes."""
+"""Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. A
+convergence by a factor of 0.94 per iteration is still fast enough."""
 NEARLY = 3
 """Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
 models."""
 MIXED = 5
-"""Largest number of iterations that are combined for the next one."""
+"""Largest number of previous iterations that are combined into the next one."""
 CUTOFF = 1e-6
 """Relative singular value below which a direction of the combination counts as zero."""
 FAR = 0.7
-"""Largest change of the logarithm of a parameter by the combination: a factor of two."""
+"""Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
 RETURNS = 4
-"""Number of times that the iteration is repeated if the global search finds another optimum."""
+"""Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum."""
 CLOSE = 1e-6
-"""Relative change of the curve, beyond `fixed`, at which weights and estimate are treated as equal."""
+"""Relative change of the curve below which weights and estimate agree, if `fixed` is not larger."""
 
 
 First = Callable[[Problem], Solution]
-"""A function that solves the problem for the first time."""
+"""Function that solves the problem for the first time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """A solved problem with its final weights, and remarks about these."""
+    """Solved problem with its final weights, and remarks about these weights."""
 
     problem: Problem
     solution: Solution
@@ -91,28 +93,30 @@ def settle(
 ) -> Settled:
     """Iterate estimate and weights until they agree.
 
-    The iteration starts with weights from the data. The final weights are held for the global search and its
-    certificate, so that the estimate is the proven optimum of the objective with the recorded Ω.
+    The iteration starts with weights from the data. The global search then uses the final weights, so that the estimate
+    is the proven optimum of the objective with the recorded Ω.
 
     Estimate and weights may fail to agree, for example if two estimates alternate because each implies weights that
-    lead to the other. The final weights then come from the most likely mixture of all processes, without the model.
+    lead to the other. The final weights are then computed without the model, from the mixture of all processes with the
+    largest likelihood.
 
     Parameters
     ----------
     weighting : "diagonal" or "optimal"
-        1 / V_jj, or V⁻¹.
+        Weights 1 / V_jj, or V⁻¹.
     certify : bool
-        Compute the lower bound on the objective.
+        Whether to compute the lower bound on the objective.
     start : Model, optional
-        A model near the estimate, for the first weights.
+        Model near the estimate, from which the first weights are computed.
     fixed : float
-        The iteration ends when the relative change of the curve is at most this.
+        Relative change of the curve below which the iteration ends.
     first : callable, optional
-        Replaces the first global search.
+        Function that replaces the first global search.
     search : bool
-        Search again under the final weights. Not needed if `start` is an estimate from almost the same data.
+        Whether to search again with the final weights. This is not needed if `start` is an estimate from almost the
+        same data.
     returns : int
-        Largest number of iterations, each of which ends with a search.
+        Largest number of iterations to convergence, each of which ends with a search.
 
     Raises
     ------
@@ -146,15 +150,19 @@ def settle(
             break
     if found.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
         return Settled(problem, solution)
-    # Two estimates may alternate, each with weights that lead to the other. Weights without the model end this.
+    # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
+    # this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
     return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
 
 
 @dataclass(frozen=True, eq=False)
 class _Iterated:
-    """A problem with iterated weights and its solution, the last and the expected next relative change of the curve,
-    and the reason why the model has no weights, if it has none."""
+    """Problem with iterated weights, and its solution.
+
+    `change` and `expected` are the relative changes of the curve in the last iteration and, as expected, in the next
+    one. `reason` says why the model gives no weights; None if it does.
+    """
 
     problem: Problem
     solution: Solution
@@ -166,8 +174,10 @@ class _Iterated:
 def _iterated(
     problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
 ) -> _Iterated:
-    """Iterate weights and estimate until the curve changes by `fixed`, or does not converge; in a kernel if it has the
-    covariance of every process."""
+    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge.
+
+    A compiled kernel is used if it knows the covariance of every process.
+    """
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
         options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
@@ -191,7 +201,7 @@ def _iterated(
         before, implied = implied, _implied(problem, solution, wv)
         change = _change(before, implied)
         history.append(change)
-        # The steps shrink by at least the last ratio.
+        # The next change is expected to be smaller by the last ratio of changes.
         expected = change * min(1.0, change / history[-2]) if len(history) > 1 and history[-2] > 0 else change
         if expected <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
             break
@@ -199,9 +209,10 @@ def _iterated(
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
-    """Fit with weights that have nearly converged, to compare models; also return V (J, J), which determines them.
+    """Fit a model with weights that have nearly converged, to compare models.
 
-    The last fits are kept, because a search for a model and the ranking after it begin with the same fit.
+    The second result is the covariance V (J, J) from which the weights are computed. The last fits are cached, because
+    a search for a model and the ranking after it begin with the same fit.
     """
     return _nearly_settled(model.processes, wv, weighting)
 
@@ -223,16 +234,17 @@ def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighti
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
-    """Return Ω of the most likely mixture of all processes, which does not depend on the fitted model."""
+    """Return the weights Ω that the mixture of all processes with the largest likelihood implies."""
     _, model = mixture(wv.variance, wv.degrees_of_freedom, design)
     return implied_weights(weighting, model, design, wv.variance)
 
 
 class _Ahead:
-    """Accelerate the fixed-point iteration by Anderson mixing of the logarithms of the parameters.
+    """Acceleration of the fixed-point iteration by Anderson mixing of the logarithms of the parameters.
 
-    Each iteration maps a model x to the estimate g under the weights of x. The next model is the combination of the
-    last estimates whose residual g − x would be least if the map were linear (Anderson 1965, J. ACM 12, 547-560).
+    An iteration maps the parameters x of a model to the estimates g with the weights of this model. The next model is
+    the combination of the last estimates whose residual g − x would be smallest if the map were linear (Anderson 1965,
+    J. ACM 12, 547-560).
     """
 
     def __init__(self) -> None:
@@ -263,23 +275,26 @@ class _Ahead:
 
 
 def _logarithms(model: Model) -> dict[str, float]:
-    """Return the logarithms of the absolute values of the free parameters that are not zero, by label."""
+    """Return the logarithms of the absolute values of the free parameters by label; zero parameters are left out."""
     values = {name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed_names}
     return {name: math.log(value) for name, value in values.items() if 0 < value < math.inf}
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Compute the weights Ω of a model: V⁻¹ ("optimal"), or 1 / V_jj ("diagonal").
+    """Compute the weights Ω that a model implies, from the covariance V of the wavelet variance under the model.
 
     Parameters
     ----------
     weighting : "diagonal" or "optimal"
+        Weights 1 / V_jj, or V⁻¹.
     model : Model
-        Model with all values.
+        Model whose parameters all have values.
     design : Design
+        Design of the wavelet variance.
     observed : (J,) array, optional
-        Data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000). This changes little
-        if the model is right, and makes V larger where the model lies below the data.
+        Data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000), where η are the
+        degrees of freedom. This changes little if the model is correct, and makes V larger where the model is below the
+        data.
 
     Raises
     ------
@@ -307,13 +322,13 @@ def _no_noise(model: Model) -> ModelError:
 
 
 def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Return the covariance V (J, J) of a model, scaled to ν̄² if there are data (see `implied_weights`)."""
+    """Return the covariance V (J, J) under a model, scaled to ν̄² if `observed` is given; see `implied_weights`."""
     scale = _drawn_scale(model, design, observed)
     return covariance(model, design.for_weights) * np.outer(scale, scale)
 
 
 def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vector:
-    """Return the scale ν̄² / ν² (J,), see `implied_weights`."""
+    """Return the ratio ν̄² / ν² (J,) by which V is scaled; see `implied_weights`."""
     if observed is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         freedom = design.degrees_of_freedom
@@ -327,6 +342,6 @@ def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vecto
 
 
 def _change(before: Vector, after: Vector) -> float:
-    """Return the largest relative change over the levels; levels without variance are left out."""
+    """Return the largest relative change of a curve at any level; levels with zero variance are left out."""
     scale = np.maximum(before, after)
     return float(np.max(np.abs(after - before) / np.where(scale > 0, scale, 1.0)))

@@ -1,9 +1,10 @@
 """Solve the estimation problem.
 
-The model curve is linear in all parameters except the shape parameters. Non-negative least squares eliminates the
-linear parameters. What remains is one search coordinate for each Gauss-Markov process, and the coordinates of each
-process with several shape parameters (variable projection). `branch_and_bound` finds the former with a proof;
-`variable_projection` finds both from starting values, if there are any of the latter or if the user asks for draws.
+The wavelet variance of a model is linear in the scales of its processes. Non-negative least squares eliminates the
+scales. The remaining unknowns are one search coordinate for each curved process, such as a Gauss-Markov process, and
+the coordinates of each free process, which has several shape parameters. If there are only curved processes,
+`branch_and_bound` finds the global optimum with a proof. Otherwise, or if the user asks for random draws,
+`variable_projection` finds local optima from starting values.
 """
 
 from __future__ import annotations
@@ -35,18 +36,19 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 RETURNS = 3
-"""Number of alternating searches of the curved processes with the free ones held, and of the free ones; pinned by
+"""Largest number of repeated searches, for the curved processes and for single free processes. Pinned by
 tests/estimation/test_arma_fits.py (two lines are both found)."""
 
 KEPT = 10
 """Number of points of a scan from which descents start."""
 KEPT_QUICK = 3
-"""The same number if the weights will change."""
+"""Number of points of a scan from which descents start if the weights will change."""
 SCOUTED = 5
-"""Number of steps of each descent, after which the better half continues for as many steps. Pinned by
-tests/estimation/test_arma_fits.py: descents followed to the end from every point reach no smaller objective."""
+"""Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
+many steps. If all descents are followed to the end, the objective is not smaller
+(tests/estimation/test_arma_fits.py)."""
 SCOUTED_BESIDE = 10
-"""The same number with several free processes: lines have many optima close to each other
+"""The same number of steps if there are several free processes, because lines have many optima close to each other
 (test_two_lines_are_both_found)."""
 FOLLOWED = 3
 """Number of descents that are followed to the end."""
@@ -56,7 +58,12 @@ TOGETHER = 0.03
 
 @dataclass(frozen=True)
 class Solution:
-    """An optimum: scales of the linear processes, terms with a shape and their places, objective and bounds."""
+    """Optimum of an estimation problem.
+
+    It has the scales of the linear processes, the terms with free shapes and their places, and the objective with its
+    bounds. `point` and `curvature` are the coordinates and the second derivatives at the optimum if the problem has
+    free processes.
+    """
 
     objective: float
     lower_bound: float | None
@@ -69,22 +76,22 @@ class Solution:
     point: Point | None = None
     curvature: Curvature | None = None
     origin: Point | None = None
-    """The point from which the descent to `point` started."""
+    """Point from which the descent to `point` started."""
 
 
 def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:
     """Find the optimum of a problem from deterministic starting points.
 
-    It is the global optimum, with its certificate if `certify`, unless a process has several shape parameters. It is
-    then the best of the local optima that a scan leads to, and of the one next to the solution `near`. If `quick`, only
-    the best points of the scan are used: enough for weights that will change.
+    Without free processes, it is the global optimum, with a certificate if `certify`. Otherwise it is the best of the
+    local optima that descents from the points of a scan and from the solution `near` reach. If `quick`, only the best
+    points of the scan are used, which is enough if the weights will change.
     """
     if problem.free:
         return _scanned(problem, quick=quick, near=near)
     square = problem.unit**2
     if problem.curved_class is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
-        # Without a curve the problem is convex: the optimum is its own certificate.
+        # Without curved processes the problem is convex, so the optimum is the lower bound.
         value = objective * square
         scales = problem.scales(problem.shapes, weights)
         return Solution(
@@ -113,7 +120,10 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
 
 
 def solve_near(problem: Problem) -> Solution:
-    """Find the optimum near the values of the model, without a scan, for data near those that gave the values."""
+    """Find the optimum near the values in the model, without a scan.
+
+    This is sufficient if the values were estimated from almost the same data.
+    """
     if not problem.free:
         return solve(problem, certify=False)
     surface = Surface(problem)
@@ -127,9 +137,9 @@ def solve_near(problem: Problem) -> Solution:
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
-    """Find the local optimum next to the solution of a problem with other weights; exact to first order if near.
+    """Find the local optimum that is nearest to the solution of the problem with slightly different weights.
 
-    If `ends`, also find out which process each curved term acts as.
+    If `ends`, also find the process that the data cannot distinguish from each curved term.
     """
     if solution.point is not None:
         return _resumed(problem, solution, ends=ends)
@@ -140,7 +150,7 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
 
 
 def moved(search: Search, solution: Solution, best: Optimum, *, ends: bool = False) -> Solution:
-    """Return a solution with another local optimum of the places; without bounds."""
+    """Return a solution in which `best` replaces the places, the scales and the objective; it has no lower bound."""
     problem = search.problem
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return replace(
@@ -150,7 +160,7 @@ def moved(search: Search, solution: Solution, best: Optimum, *, ends: bool = Fal
 
 
 def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Solution:
-    """Find the local optimum next to the best of random draws."""
+    """Find the local optimum that a descent from the best of random draws reaches."""
     surface = Surface(problem)
     point = sampled_point(problem, wv, sampled, spread)
     before, found = surface.at(point), surface.downhill(point)
@@ -165,10 +175,10 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
-    """Solve the problem under the final weights: by the global search, or from the optimum that draws led to.
+    """Solve the problem with the final weights, by the global search or from the optimum that random draws led to.
 
-    After draws, the bounds belong to the global optimum, which the draws may have missed. The start then has the
-    objective that the deterministic search reaches under the same weights.
+    After random draws, the bounds are those of the global search, because the draws may have missed the global optimum.
+    `Start.default` then has the objective that the global search reaches with the same weights.
     """
     if solution.start.how != "sampled":
         return solve(problem, certify=certify, near=solution)
@@ -183,7 +193,7 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
 
 
 def _value(found: Projection | None, problem: Problem) -> float:
-    """Return the objective, in the unit of the data."""
+    """Return the objective of an optimum in the unit of the data."""
     assert found is not None
     return float(found.objective * problem.unit**2)
 
@@ -213,10 +223,10 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
 def _lowest(
     problem: Problem, surface: Surface, points: list[Point], *, count: int = FOLLOWED, known: Projection | None = None
 ) -> tuple[int | None, Projection] | None:
-    """Return the lowest local optimum that descents from points reach, with the index of its point; or the `known` one.
+    """Return the best local optimum that descents from points reach, with the index of its point.
 
-    A few steps from each point show which half of the descents is worth a few more, and these which `count` of them are
-    worth following to the end.
+    After a few steps, the better half of the descents continues for a few more steps, and then the best `count` of them
+    are followed to the end. If the `known` optimum is better, it is returned with the index None.
     """
     steps = SCOUTED if len(surface.frees) == 1 else SCOUTED_BESIDE
     scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, steps)) is not None]
@@ -246,7 +256,7 @@ def _together(one: Point, other: Point) -> bool:
 
 
 def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
-    """Return the optimum after moving one free process at a time to the best places of its own scan."""
+    """Return the optimum after each free process in turn was moved to the best points of its own scan."""
     for _ in range(RETURNS):
         moved = list(moved_points(problem, surface, alone, best.point))
         found = _lowest(problem, surface, moved, known=best)
@@ -257,7 +267,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Pr
 
 
 def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
-    """Return the optimum after a new search for the curved processes with the free ones held."""
+    """Return the optimum after another search for the curved processes with fixed shapes of the free processes."""
     for _ in range(RETURNS if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
@@ -278,14 +288,17 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     found, curvature = (None, None) if here is None else surface.sharpened(here, solution.curvature)
     if found is None or not _at_rest(surface, found):
         found = surface.downhill(solution.point)
-        assert found is not None  # the point was a process under the weights before, too
+        assert found is not None  # the point was valid with the previous weights, and validity does not depend on them
         found, curvature = surface.sharpened(found)
     there = _solution(problem, surface, found, solution.start, ends=ends)
     return replace(there, curvature=curvature, origin=solution.origin)
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Return whether the gradient is zero to rounding: at most 1e-10 of the product of the lengths of its factors."""
+    """Return whether the gradient is zero up to rounding errors.
+
+    Each component must be at most 1e-10 of the product of the lengths of the vectors whose inner product it is.
+    """
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
     able = surface.moving(found, gradient)
@@ -294,16 +307,19 @@ def _at_rest(surface: Surface, found: Projection) -> bool:
 
 
 def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
-    """Make the solution from an optimum; if `ends`, with the process that each curved term acts as."""
+    """Return the solution for an optimum.
+
+    If `ends`, it includes the process that the data cannot distinguish from each curved term.
+    """
     linear = len(problem.linear)
     u, z = surface.split(found.point)
     terms: tuple[Term, ...] = ()
     places = tuple(zip(found.point.branches, u.tolist(), strict=True))
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
-        # That search leaves out processes whose wavelet variance is zero.
+        # The search leaves out processes whose wavelet variance is zero.
         terms = search.terms(search.at(list(places)), ends=ends)
-    # `unit` over the length of the weighted shape.
+    # A scale is the weight times `unit`, divided by the length of the weighted shape.
     scales = found.weights[linear:] * problem.unit / np.where(found.lengths > 0, found.lengths, 1.0)
     for free, part, scale in zip(surface.frees, z, scales[len(places) :], strict=True):
         values = tuple(free.values(part.reshape(1, -1))[0].tolist())
@@ -326,7 +342,7 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
 def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
     """Return the model with the values of a solution, in the same order of terms.
 
-    A signed parameter has the sign of the `slope` of the data, if that is known.
+    A parameter with a sign gets the sign of the `slope` of the data, if the slope is known.
     """
     processes = list(problem.model.processes)
     for place, scale in zip(problem.linear, solution.scales, strict=True):

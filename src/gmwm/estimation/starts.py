@@ -1,4 +1,4 @@
-"""Starting values: a deterministic scan, and the random draws of the paper (its Algorithms 1 to 3)."""
+"""Starting values from a deterministic scan, and from random draws by Algorithms 1 to 3 of Balamuta et al."""
 
 from __future__ import annotations
 
@@ -26,42 +26,48 @@ from gmwm.variance.result import WaveletVariance
 How = Literal["convex", "given", "scan", "sampled"]
 """Source of the starting point of a fit: the convex relaxation, values in the model, a scan, or random draws."""
 
-# The sizes of the scan below are pinned by tests/estimation/test_arma_fits.py and test_surface.py: no other start,
-# including random draws, may reach a smaller objective (docs/validation/starts.md has the study).
+# tests/estimation/test_arma_fits.py and test_surface.py pin the sizes of the scan below: no other start, including
+# random draws, may reach a smaller objective (docs/validation/starts.md has the study).
 SCANNED = 64
-"""Number of points of a scan of one coordinate; four times as many for each additional one, up to `MOST_SCANNED`."""
+"""Number of points of a scan of one coordinate. It is multiplied by four for each additional coordinate, up to
+`MOST_SCANNED`."""
 MOST_SCANNED = 4096
+"""Largest number of points of a scan."""
 ALONE = 256
-"""Number of points of a scan of one coordinate of one process while the others are held."""
+"""Number of points of a scan of one coordinate of a single process, while the other processes do not change. It is
+multiplied by four for each additional coordinate."""
 ROUNDS = 4
+"""Largest number of rounds in which each process in turn is moved to the best point of its scan."""
 ALIKE = 0.9999
 """Inner product of two unit vectors above which their points are treated as one."""
 LEFT_FOR = 4
-"""Number of places to which each process is moved after the first descent."""
+"""Number of points of its scan to which each process is moved after the first descent."""
 LOOKED_AT = 256
-"""Number of the best points of a scan from which the `KEPT` points are chosen, no two of them close to each other."""
+"""Number of the best points of a scan from which the points for descents are chosen, no two of them close to each
+other."""
 DICTIONARY = 48
-"""Number of places that represent a curved process while points are scanned."""
+"""Number of places that represent a curved process during a scan."""
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Random starting values, as in the paper (its Algorithms 1 to 3); for ``fit(…, start=Sampled())``.
+    """Random starting values for ``fit(…, start=Sampled())``, by Algorithms 1 to 3 of Balamuta et al.
 
-    For comparison only: the default starts from the convex relaxation, needs no random numbers, and finds the global
-    optimum. The local optimisation starts from the draw with the smallest Σ_j (1 − ν_j²(θ)/ν̂_j²)².
+    They are for comparison only. By default, a fit starts from the convex relaxation, needs no random numbers, and
+    finds the global optimum. With random draws, the local optimisation starts from the draw with the smallest
+    Σ_j (1 − ν_j²(θ)/ν̂_j²)².
 
     Parameters
     ----------
     draws : int
-        G, the number of random starting values, at least 1.
+        Number G of random starting values, at least 1.
     rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same fit. From a Generator, an integer is drawn and kept.
+        Source of the draws; the same integer gives the same fit. From a Generator, an integer is drawn and stored.
 
     Raises
     ------
     OptionError
-        If `draws` or `rng` is not valid.
+        If `draws` or `rng` has an invalid value.
 
     References
     ----------
@@ -83,18 +89,19 @@ class Sampled:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """The starting point of a fit, and the objective there.
+    """Starting point of a fit, with the objective there.
 
     Attributes
     ----------
     how : "convex", "given", "scan" or "sampled"
-        The convex relaxation, values in the model, a scan, or random draws.
+        Source of the starting point: the convex relaxation, values in the model, a scan, or random draws.
     tried : int
         Number of starting points that were evaluated.
     objective : float
-        The objective at the starting point, with the best scales.
+        Objective at the starting point, with the best scales.
     default : float or None
-        The objective that a fit without draws reaches under the same weights; None without draws or with certify=False.
+        Objective that a fit without random draws reaches with the same weights. None if there were no random draws, or
+        if the fit was made with certify=False.
     """
 
     how: How
@@ -104,7 +111,7 @@ class Start:
 
     @property
     def in_words(self) -> str:
-        """Describe the start in a few words, for summaries."""
+        """Description of the start, for summaries."""
         if self.how == "sampled":
             other = "" if self.default is None else f"; without draws {self.default:.6g}"
             return f"from the best of {self.tried} draws, objective {self.objective:.6g} there{other}"
@@ -114,12 +121,12 @@ class Start:
         return f"best of the optima reached from {self.tried} starting points ({which})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the start as numbers and strings, ready for JSON."""
+        """Return the start as plain numbers and strings for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Start:
-        """Return the start from the values of `to_dict`."""
+        """Restore a start from `values`, the output of `to_dict`."""
         default = values["default"]
         how: How = values["how"]
         if how not in get_args(How):
@@ -132,19 +139,20 @@ class Start:
         )
 
 
-# --- a scan, for processes with several parameters of their shape -----------------------------------------
+# --- scan, for processes with several shape parameters ----------------------------------------------------
 
 
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
 ) -> tuple[list[tuple[How, Point]], int]:
-    """Return the points from which to descend, the best first, and the number of points evaluated.
+    """Return the points from which descents start, and the number of points that were evaluated.
 
-    The free coordinates run over a sequence that fills their box evenly. The curved and the linear processes are
-    optimised for each point. Values given in the model come first. `alone` are the scans of the single processes.
+    The first point has the values in the model, if there are any. The second point comes from `alone`, the scans of the
+    single free processes. The others are the best of a sequence of points that fills the box of the free coordinates
+    evenly. The curved and the linear processes are optimised at each point.
     """
     count = sum(free.size for free in surface.frees)
-    # If a parameter is held, only few points of the box belong to a valid process, so more points are needed.
+    # If a parameter is fixed, only a few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)
     number = min(MOST_SCANNED, SCANNED * 4 ** (count - 1 + 2 * held))
     share, columns = _even(number, count), []
@@ -166,28 +174,30 @@ def scanned_points(
 
 
 def given_point(problem: Problem, surface: Surface) -> Point | None:
-    """Return the point of the values in the model, if the model has values for all free processes."""
+    """Return the point of the values in the model; None unless the model has values for all free processes."""
     given = [free.given() for free in surface.frees]
     there = [z for z in given if z is not None]
     return _with_curved(problem, surface, there) if len(there) == len(given) else None
 
 
 def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
-    """Return nonlinear parameters (n, q) at relative positions (n, d) in the scanned box, with the held parameters."""
+    """Return the nonlinear parameters (n, q), including fixed ones, at relative positions (n, d) in the scanned box."""
     ends = free.scanned(problem.samples, problem.rate)
     return np.asarray(free.values(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
 class Alone:
-    """A scan of one free process by itself: nonlinear parameters (n, q) and unit vectors (n, J)."""
+    """Scan of a single free process, with n sets of nonlinear parameters (n, q) and their unit vectors (n, J)."""
 
     values: Matrix
     units: Matrix
 
     def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
-        """Return the indices of the best points of the scan together with the terms `others`, without neighbouring
-        points."""
+        """Return the indices of the `count` best points of the scan, no two of them close to each other.
+
+        The objective is the smallest one that the point reaches together with the unit vectors `others`.
+        """
         rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
         objectives = np.empty(len(self.units))
         for k, unit in enumerate(self.units):
@@ -201,7 +211,7 @@ class Alone:
 
 
 def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
-    """Scan each of several free processes; None if there is only one, or if one has no valid point."""
+    """Scan each free process separately; return None if there is only one, or if one has no valid point."""
     if len(surface.frees) < 2:
         return None
     every = []
@@ -216,9 +226,10 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
 
 
 def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
-    """Return the coordinates of the free processes, optimised one process at a time until none moves.
+    """Return the coordinates of the free processes after each of them in turn was optimised until none changes.
 
-    The frequency of one of several lines lies in a narrow band, which points of a high-dimensional scan miss.
+    This finds the frequencies of several lines. Each frequency lies in a narrow band, which the points of a scan of all
+    coordinates miss.
     """
     base = _dictionary(problem)
     at: dict[int, int] = {}
@@ -234,7 +245,10 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
 
 
 def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: Point) -> Iterator[Point]:
-    """Yield points at which one free process is moved to the best places of its own scan, and all others stay."""
+    """Yield points at which one free process is moved to one of the best points of its own scan.
+
+    The other free processes do not change.
+    """
     _, z = surface.split(point)
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
@@ -271,7 +285,7 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: M
 
 
 def _dictionary(problem: Problem) -> Matrix:
-    """Return unit vectors of the linear processes, and of the curved ones at points over their whole domain."""
+    """Return the unit vectors of the linear processes, and of the curved processes at places in their whole domain."""
     if problem.curved_class is None:
         return problem.fixed
     values = grid(
@@ -282,7 +296,7 @@ def _dictionary(problem: Problem) -> Matrix:
 
 
 def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
-    """Return the point with these coordinates of the free processes and the best places of the curved ones."""
+    """Return the point with the coordinates `z` of the free processes and the best places of the curved processes."""
     branches, u = [], []
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
@@ -294,8 +308,11 @@ def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
 
 
 def _even(count: int, size: int) -> Matrix:
-    """Points (count, size) that fill the unit cube evenly: the additive recurrence with powers of 1/x modulo 1, where x
-    is the root of x^(d+1) = x + 1 (M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018)."""
+    """Return points (count, size) that fill the unit cube evenly.
+
+    They are an additive recurrence modulo 1 with powers of 1/x, where x is the root of x^(d+1) = x + 1 for d = `size`
+    (M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018).
+    """
     root = 2.0
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (size + 1))
@@ -303,16 +320,16 @@ def _even(count: int, size: int) -> Matrix:
     return np.asarray((0.5 + np.outer(np.arange(1.0, count + 1), steps)) % 1.0)
 
 
-# --- the paper's draws ------------------------------------------------------------------------------------
+# --- random draws -----------------------------------------------------------------------------------------
 
 
 def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Point:
-    """Return the draw whose wavelet variance is closest to the data, in the coordinates of the problem.
+    """Return the random draw whose wavelet variance is closest to the data, as a point of the problem.
 
     Parameters
     ----------
     spread : float
-        (max x − min x)/N, which scales the draws of drifts.
+        Range of the samples divided by their number, (max x − min x)/N, which scales the draws of drifts.
     """
     surface = Surface(problem)
     rng = np.random.default_rng(sampled.rng)
@@ -352,8 +369,10 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
-    """Run Algorithms 1 and 2 of the paper: find the process that dominates the first two levels, and the start of each
-    draw."""
+    """Run Algorithms 1 and 2 of Balamuta et al.
+
+    They find the process that dominates the first two levels, and the condition of Algorithm 3 for each draw.
+    """
     dominant = _dominant(wv)
     first = np.ones(draws, dtype=np.int64)
     if dominant == "quantization":

@@ -1,8 +1,8 @@
-"""Local optima over all shapes by variable projection, for processes with several shape parameters.
+"""Local optima of problems that have processes with several shape parameters, by variable projection.
 
-Non-negative least squares eliminates the scales. What remains is a function of the coordinates of all shapes, and its
-gradient follows from the derivatives of the shapes (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432).
-Levenberg-Marquardt steps lead to a minimum, and Newton steps give all digits.
+Non-negative least squares eliminates the scales. The objective is then a function of the coordinates of all shapes, and
+its gradient follows from the derivatives of the shapes (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432).
+Levenberg-Marquardt steps lead to a minimum, and Newton steps then give all digits.
 """
 
 from __future__ import annotations
@@ -26,31 +26,38 @@ from gmwm.processes.parameter import Branch
 STEPS = 100
 """Largest number of Levenberg-Marquardt steps."""
 ALIKE = 1e-9
-"""Relative decrease of the objective below which these steps end. Newton steps then converge faster."""
+"""Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then converge
+faster."""
 NEWTON_STEPS = 15
+"""Largest number of Newton steps."""
 HESSIANS = 6
 """Largest number of times that Newton steps compute the second derivatives."""
 SLOW = 0.1
-"""Relative length of a step, compared with the previous step, from which the second derivatives are computed again."""
+"""Ratio of the length of a Newton step to the previous one above which the second derivatives are computed again."""
 SHARP = 1e-11
 """Change of every coordinate below which Newton steps end."""
 NEAR = 0.3
 """Longest Newton step that is accepted."""
 LONGEST = 2.0
-"""Longest Levenberg-Marquardt step in a coordinate: a factor of seven in a correlation time."""
+"""Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven."""
 NOISE = 1e-12
-"""Relative difference below which two objectives are equal to rounding."""
+"""Relative difference below which two objectives are equal up to rounding."""
 FAR = 12.0
-"""Extension of the scanned range of a coordinate: a factor of 160 000, or up to 1 − 1e-12 of a bounded domain."""
+"""Distance by which a coordinate may leave the scanned range. It is a factor of 160 000, or extends a bounded domain up
+to
+1 − 1e-12."""
 HELD_REACH = 5.0
-"""Range of the scan of a bounded parameter while others are held: 0.9999 of its domain. Pinned by
-tests/estimation/test_arma_fits.py (a thin set of processes)."""
+"""Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers 0.9999
+of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes)."""
 _DAMPED = 1e10
 _COMPLEX = 1e-30
 
 
 class Coordinates:
-    """Coordinates of one free process: joint ones, or one for each parameter if some parameters are held."""
+    """Coordinates of one free process.
+
+    They are the joint coordinates of its class, or one coordinate for each free parameter if some parameters are fixed.
+    """
 
     def __init__(self, process: Process) -> None:
         self.kind = type(process)
@@ -68,7 +75,7 @@ class Coordinates:
         return len(self.moving)
 
     def values(self, z: NDArray[Any]) -> NDArray[Any]:
-        """Return all nonlinear parameters (n, q) at coordinates (n, d)."""
+        """Return all nonlinear parameters (n, q), including fixed ones, at coordinates (n, d)."""
         if self.together:
             return self.kind.at_coordinates(z)
         values = np.tile(self.held.astype(z.dtype), (len(z), 1))
@@ -77,12 +84,15 @@ class Coordinates:
         return values
 
     def with_slopes(self, z: Vector) -> tuple[Matrix, Matrix]:
-        """Return values (1, q) at one point, and ∂ values/∂ z (q, d), by complex steps."""
+        """Return the nonlinear parameters (1, q) at one point z (d,), and their derivatives (q, d) with respect to z.
+
+        The derivatives are computed by complex steps.
+        """
         moved = self.values(z + 1j * _COMPLEX * np.eye(z.size))
         return np.ascontiguousarray(moved[:1].real), np.asarray(moved.imag.T / _COMPLEX)
 
     def of(self, values: Matrix) -> Matrix:
-        """Return the coordinates (n, d) of nonlinear parameters (n, q), without the held ones."""
+        """Return the coordinates (n, d) of nonlinear parameters (n, q); fixed parameters have no coordinate."""
         if self.together:
             return self.kind.coordinates(values)
         columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
@@ -92,7 +102,7 @@ class Coordinates:
         """Return the ends (d, 2) of the coordinates in a scan for starting values."""
         if self.together:
             return self.kind.scan(samples, rate)
-        # The box of single parameters reaches close to their bounds, because held values may allow little else.
+        # The range of a bounded parameter extends close to its bounds, because fixed values may exclude other values.
         box = np.array([p.scanned(samples, rate) for p in self.parameters])
         share = np.array([p.domain == "between" for p in self.parameters])
         return np.where(share[:, None], HELD_REACH * np.sign(box), box)
@@ -102,14 +112,15 @@ class Coordinates:
         return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
-        """Return which rows of nonlinear parameters (n, q) are valid; joint coordinates always are."""
+        """Return a mask of the rows of nonlinear parameters (n, q) that are valid. Joint coordinates are always
+        valid."""
         if self.together:
             return np.ones(len(values), dtype=np.bool_)
         with np.errstate(invalid="ignore"):
             return np.asarray(np.all(self.kind.room(values) > 0, axis=1))
 
     def given(self) -> Vector | None:
-        """Return the coordinates of the starting values in the model, if it has all of them."""
+        """Return the coordinates of the values in the model; None if a value is missing."""
         if any(value is None for value in (self.process.values[p.name] for p in self.process.nonlinear_parameters())):
             return None
         return np.asarray(self.of(self.process.nonlinear.reshape(1, -1))[0])
@@ -117,8 +128,11 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Coordinates of all shapes: u of each curved process with its branch, then the coordinates of the free
-    processes."""
+    """Point in the space of all shapes.
+
+    `branches` has the branch of each curved process. `x` has the search coordinates u of the curved processes, followed
+    by the coordinates of the free processes.
+    """
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -126,7 +140,11 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """The smallest objective at fixed shapes, with the non-negative weights of the linear, curved and free terms."""
+    """Smallest objective for given shapes, with the non-negative weights of the linear, curved and free processes.
+
+    `units` are the unit vectors of the processes, `lengths` the lengths of the weighted wavelet variances of the curved
+    and free processes, and `residual` is the target minus the weighted sum of the unit vectors.
+    """
 
     objective: float
     point: Point
@@ -138,14 +156,15 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """Second derivatives of the objective, in the unit of the data, with respect to the coordinates that can move."""
+    """Second derivatives of the objective, in the unit of the data, with respect to the coordinates that `able`
+    marks."""
 
     able: NDArray[np.bool_]
     hessian: Matrix
 
 
 class Surface:
-    """The objective of one problem as a function of all coordinates."""
+    """Objective of one problem as a function of the coordinates of all shapes."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -156,8 +175,8 @@ class Surface:
         self.ends = np.concatenate([np.empty((0, 2)), *ends])
 
     def split(self, point: Point) -> tuple[Vector, list[Vector]]:
-        """Split a point into the search coordinates of the curved processes, and the coordinates of each free
-        process."""
+        """Return the search coordinates of the curved processes, and the coordinates of each free process, of a
+        point."""
         count = len(point.branches)
         return point.x[:count], [point.x[count + a : count + b] for a, b in self.spans]
 
@@ -175,7 +194,7 @@ class Surface:
         if not np.all(np.isfinite(rows)):
             return None
         lengths = np.linalg.norm(rows, axis=1)
-        # A shape whose wavelet variance is zero, as of a sinusoid at a zero of the filters, has no weight.
+        # A process whose wavelet variance is zero, such as a sinusoid at a zero of the filters, gets no weight.
         units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
@@ -189,7 +208,7 @@ class Surface:
         )
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
-        """Return wavelet variances (n, J) of the free processes at unit scale."""
+        """Return the wavelet variances (n, J) of the free processes with scale coefficient 1 at the coordinates `z`."""
         return self._free_shapes([f.values(part.reshape(1, -1)) for f, part in zip(self.frees, z, strict=True)])
 
     def _free_shapes(self, values: list[Matrix]) -> Matrix:
@@ -201,8 +220,10 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """Return the search for the curved processes with the free ones held, without processes whose wavelet variance
-        is zero."""
+        """Return the search for the curved processes if the free processes have the fixed coordinates `z`.
+
+        Free processes whose wavelet variance is zero are left out.
+        """
         problem, found = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
         seen = np.any(found > 0, axis=1)
@@ -217,7 +238,10 @@ class Surface:
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Return derivatives (d, J) of Σ weight · unit vector with respect to every coordinate, with lengths held."""
+        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate.
+
+        The lengths by which the unit vectors are scaled are treated as constants.
+        """
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
@@ -243,7 +267,10 @@ class Surface:
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
     def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
-        """Return which coordinates can move: their process has a weight, and the step does not leave their branch."""
+        """Return a mask of the coordinates that can change.
+
+        The process must have a weight, and a step against the gradient must not leave the branch.
+        """
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
         able = np.concatenate([found.weights[first : first + count] > 0, *free])
@@ -252,7 +279,7 @@ class Surface:
         return np.asarray(able, dtype=np.bool_)
 
     def moved(self, point: Point, step: Vector) -> Point:
-        """Return the point after a step, inside its branches and bounds."""
+        """Return the point after a step, limited to its branches and bounds."""
         x = point.x + step
         for k, branch in enumerate(point.branches):
             x[k] = min(max(x[k], branch.low), branch.high)
@@ -260,10 +287,10 @@ class Surface:
         x[count:] = np.clip(x[count:], self.ends[:, 0], self.ends[:, 1])
         return Point(point.branches, x)
 
-    # --- downhill ---------------------------------------------------------------------------------------
+    # --- descent ----------------------------------------------------------------------------------------
 
     def downhill(self, start: Point | Projection, steps: int = STEPS) -> Projection | None:
-        """Return the local optimum that Levenberg-Marquardt steps reach from a point, to some digits."""
+        """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
         best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
             return None
@@ -296,16 +323,16 @@ class Surface:
         return best
 
     def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
-        """Return slopes without their projection on the unit vectors: the scales compensate for this part."""
+        """Return the slopes minus their projection on the unit vectors, because the scales compensate for this part."""
         rows = found.units[found.weights > 0]
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
     def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
-        """Return the optimum after Newton's method, if its objective is not larger, and the last second derivatives.
+        """Return the optimum after Newton steps, and the last second derivatives.
 
-        Steps use the same second derivatives until they become slow. `known` are the second derivatives of a problem
-        with nearly the same weights.
+        Steps that increase the objective are rejected. The same second derivatives are used until the steps converge
+        slowly. `known` are the second derivatives of the problem with slightly different weights.
         """
         square, before, computed = self.problem.unit**2, np.inf, 0
         for _ in range(NEWTON_STEPS):
@@ -339,7 +366,10 @@ class Surface:
         return best, known
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Return the Hessian in the coordinates that can move, by differences; None if it is not positive definite."""
+        """Return the Hessian for the coordinates that `able` marks, by differences of gradients.
+
+        It is None if it is not positive definite.
+        """
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None
@@ -361,7 +391,8 @@ class Surface:
 
 
 def _solved(matrix: Matrix, right: Vector) -> Vector:
-    """Solve a symmetric system scaled to unit diagonal; the least-norm solution if it is singular."""
+    """Solve a symmetric system after scaling it to unit diagonal; a singular system gives the solution of least
+    norm."""
     size = np.sqrt(np.diag(matrix))
     size = np.where(size > 1e-150, size, 1.0)
     scaled = matrix / np.outer(size, size)

@@ -1,4 +1,4 @@
-"""Dependence of a term on a known condition: sums of known functions such as "1 + rate**2"."""
+"""Dependence of the variance of a term on a known condition, as a sum of known functions such as "1 + rate**2"."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _HATS = re.compile(r"hats\(([^()]*)\)")
 
 @dataclass(frozen=True)
 class Function:
-    """A known function of the condition, and its text."""
+    """Known function of the condition, with its text."""
 
     text: str
     of: Callable[[Vector], Vector]
@@ -27,13 +27,14 @@ class Function:
 
 @dataclass(frozen=True)
 class Varies:
-    """The functions φ_m of the condition c in the variance of a term, Σ_m s_m φ_m(c).
+    """Functions φ_m of the condition c in the variance Σ_m s_m φ_m(c) of a term.
 
     Attributes
     ----------
     condition : str
         Name of the condition; "" if the functions do not name it.
     functions : tuple of Function
+        Functions φ_m.
     """
 
     condition: str
@@ -41,12 +42,12 @@ class Varies:
 
     @classmethod
     def parse(cls, text: str) -> Varies:
-        """Read a sum such as "1 + rate**2".
+        """Parse the text of a sum such as "1 + rate**2".
 
         Raises
         ------
         OptionError
-            If it is not a sum of known functions.
+            If the text is not a sum of known functions.
 
         Examples
         --------
@@ -76,7 +77,7 @@ class Varies:
         return cls(next(iter(names), ""), tuple(functions))
 
     def at(self, conditions: Vector, term: str) -> Matrix:
-        """Return φ_m(c_s) (m, s) at conditions (s,).
+        """Return the values φ_m(c_s) (m, s) of the functions at the conditions c_s (s,). `term` is named in errors.
 
         Raises
         ------
@@ -101,12 +102,12 @@ class Varies:
 
 
 def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
-    """Parse the functions of each term, and the name of the condition.
+    """Parse the sum of functions that describes the variance of each term, and find the name of the condition.
 
     Raises
     ------
     OptionError
-        If a sum cannot be read, or two sums name different conditions.
+        If a sum cannot be parsed, or two sums name different conditions.
     """
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
@@ -122,7 +123,10 @@ def _power(power: int) -> Callable[[Vector], Vector]:
 
 
 def _hats(inside: str, text: str) -> list[Function]:
-    """Return piecewise linear functions that are 1 at one place and 0 at the others, and constant beyond the ends."""
+    """Return one piecewise linear function for each number in hats(…).
+
+    It is 1 at this number and 0 at the others, and constant outside their range.
+    """
     try:
         places = np.array([float(word) for word in inside.split(",")])
     except ValueError:

@@ -1,4 +1,4 @@
-"""The weighting matrix Ω of the objective (ν̂ − ν)ᵀ Ω (ν̂ − ν)."""
+"""Weighting matrix Ω of the objective (ν̂ − ν)ᵀ Ω (ν̂ − ν)."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
 Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
-"""How levels are weighted: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
+"""Weighting of the levels: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
 
 
 WELL_KNOWN = 8.0
-"""Degrees of freedom above which a level is used in the check for a covariance that was not inverted.
-
-ν̂_j² then has a relative standard error of at most 1/2. Pinned by tests/estimation/test_weights.py.
-"""
+"""Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is then
+at most 1/2. Pinned by tests/estimation/test_weights.py."""
 COVARIANCE_FACTOR = 5.0
-"""Weights that agree with V_jj within this factor look like a covariance (tests/estimation/test_weights.py)."""
+"""Largest factor between a weight and V_jj for which the weight looks like a variance
+(tests/estimation/test_weights.py)."""
 PRECISION_FACTOR = 1000.0
-"""Factor that at least one weight must differ by from 1 / V_jj for this check: V_jj near 1 unit⁴ decides nothing."""
+"""Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot be
+distinguished."""
 
 
 def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
-    """Return the default weighting: "optimal" if a process has several free shape parameters, otherwise "diagonal".
+    """Return the default weighting, "optimal" if a process has several free shape parameters, and else "diagonal".
 
-    Source: docs/validation/weighting.md.
+    docs/validation/weighting.md has the study behind this choice.
     """
     several = any(
         sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
@@ -42,26 +42,26 @@ def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
-    """Approximate the sampling variance of the wavelet variance from the data: Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴.
+    """Approximate the variance of the estimates ν̂_j² from the data, Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴.
 
-    ν̄² is ν̂², smoothed at levels with few coefficients. η_j = max(M_j / 2^j, 1) are the degrees of freedom. They are
-    multiplied by the efficiency if ν̂² is robust, which bounds its larger variance.
+    ν̄² is ν̂² after smoothing at levels with few coefficients. η_j = max(M_j / 2^j, 1) are the degrees of freedom. For
+    a robust ν̂² they are multiplied by the efficiency, which gives an upper bound on its variance.
     """
     return 2 * smoothed(wv) ** 2 / wv.degrees_of_freedom
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Make Ω as a (J, J) matrix, in unit⁻⁴, from the data without a model.
+    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model.
 
     Parameters
     ----------
     weighting : "diagonal", "identity", or (J,) or (J, J) array
-        "diagonal" is 1 / `sampling_variance`; a vector is the diagonal of the matrix.
+        Weights. "diagonal" means 1 / `sampling_variance`, and a vector is the diagonal of the matrix.
 
     Raises
     ------
     DataError
-        If "diagonal" is wanted and the variance of a level is zero, or its square overflows.
+        If the weighting is "diagonal" and the variance of a level is zero, or its square overflows.
     OptionError
         If the matrix has the wrong shape, is not finite, or is not symmetric and positive definite.
     """
@@ -116,9 +116,10 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
 
 
 def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
-    """Report the weights of a user that look like a covariance that was not inverted.
+    """Return a remark if the weights of a user look like a covariance that was not inverted.
 
-    They do if they agree with V_jj at every level with enough degrees of freedom, and are far from 1 / V_jj at one.
+    The diagonal of the weights must agree with the variances V_jj of the estimates at every level with enough degrees
+    of freedom, and must differ much from 1 / V_jj at one of these levels.
     """
     known = (wv.degrees_of_freedom >= WELL_KNOWN) & (wv.variance > 0) & (np.diag(matrix) > 0)
     if np.count_nonzero(known) < 3 or not np.all(wv.variance > 0):
@@ -131,15 +132,15 @@ def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]
 
 
 def precision(covariance: Matrix) -> Matrix:
-    """Invert a covariance V (J, J) of levels.
+    """Return the inverse of a covariance V (J, J) of wavelet variances.
 
-    V is scaled to unit diagonal first, because variances of levels differ by many powers of ten. Eigenvalues below the
-    rounding error are replaced by the rounding error.
+    V is scaled to unit diagonal first, because the variances of the levels differ by many powers of ten. Eigenvalues
+    below the rounding error are replaced by the rounding error.
 
     Raises
     ------
     ModelError
-        If a level has zero variance.
+        If the variance of a level is zero.
     """
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
@@ -154,7 +155,9 @@ def precision(covariance: Matrix) -> Matrix:
 
 
 def square_root(matrix: Matrix) -> Matrix:
-    """Return the upper triangular L with LᵀL = Ω: the Cholesky factor, computed from Ω scaled to unit diagonal.
+    """Return the upper triangular matrix L with LᵀL = Ω, the Cholesky factor of Ω.
+
+    It is computed after Ω is scaled to unit diagonal.
 
     Raises
     ------
