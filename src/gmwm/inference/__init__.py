@@ -1,4 +1,4 @@
-"""Standard errors, confidence intervals, tests, bootstrap and planning, which methods of a fit return."""
+"""Standard errors, confidence intervals, tests, the bootstrap and planning. Most are available as methods of a fit."""
 
 from gmwm.inference.asymptotic import Sandwich
 from gmwm.inference.bootstrap import Bootstrap

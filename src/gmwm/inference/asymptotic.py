@@ -1,7 +1,7 @@
-"""Covariance of the estimates by the sandwich formula: Cov θ̂ = B V Bᵀ, B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ.
+"""Covariance of the estimates by the sandwich formula Cov θ̂ = B V Bᵀ, with B = (DᵀΩD)⁻¹DᵀΩ and D = ∂ν²/∂θ.
 
-V is the exact covariance (J, J) of ν̂² at the estimate, for any weights Ω. The computation uses relative coordinates
-(D_θ = θ ∂ν²/∂θ), because parameters differ by many powers of ten and their relative errors do not.
+V is the exact covariance (J, J) of ν̂² at the estimate, and Ω the weighting matrix. The computation uses derivatives
+with respect to logarithms, θ ∂ν²/∂θ, because parameters differ by many powers of ten and their relative errors do not.
 """
 
 from __future__ import annotations
@@ -26,21 +26,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sandwich:
-    """Covariance of the estimates, without parameters that are held, zero or at an end of their domain.
+    """Covariance of the estimates, without parameters that are fixed, zero or at an end of their domain.
 
     Attributes
     ----------
     names : tuple of str
         Names of the p parameters.
     values : (p,) array
-        Estimates.
+        Estimates of the parameters.
     relative : (p, p) array
-        Covariance of θ̂_i/θ_i; infinite if the data do not determine a parameter.
+        Covariance of the relative errors of the estimates. The variance is infinite if the data do not determine a
+        parameter.
     wavelet : (J, J) array, in unit⁴
-        V, the covariance of the wavelet variance under the fitted model. For several recordings, it includes the spread
-        of the parameters between them.
+        Covariance V of the wavelet variance under the fitted model. For several recordings, it includes the spread of
+        the parameters between them.
     without_spread : Sandwich or None
-        For several recordings, the covariance without the spread between them. It decides whether a term can be zero.
+        For several recordings, the covariance without the spread between them, which shows whether a term can be zero.
+        None for a single recording.
     """
 
     names: tuple[str, ...]
@@ -58,23 +60,23 @@ class Sandwich:
 
     @property
     def sampling(self) -> Sandwich:
-        """The covariance without a spread between recordings."""
+        """Covariance without the spread between recordings."""
         return self if self.without_spread is None else self.without_spread
 
     @property
     def covariance(self) -> Matrix:
-        """Cov θ̂ (p, p)."""
+        """Covariance Cov θ̂ (p, p) of the estimates."""
         return freeze(self.relative * np.outer(self.values, self.values))
 
     @property
     def errors(self) -> dict[str, float]:
-        """Standard error of each parameter."""
+        """Standard error of each parameter, in the unit of the parameter."""
         errors = np.sqrt(np.diag(self.relative)) * np.abs(self.values)
         return dict(zip(self.names, errors.tolist(), strict=True))
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """Compute the covariance of the estimates: see `Fit.sandwich`."""
+    """Compute the covariance of the estimates of a fit; see `Fit.sandwich`."""
     design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
     wavelet = noise_covariance(fit.model, design)
     found = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
@@ -86,7 +88,7 @@ def sandwich(fit: Fit) -> Sandwich:
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:
-    """Return V (J, J) of a model that has noise at every level.
+    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level.
 
     Raises
     ------
@@ -100,7 +102,7 @@ def noise_covariance(model: Model, design: Design) -> Matrix:
 
 
 def no_noise(model: Model) -> ModelError:
-    """Make the error for a model whose V is zero at a level."""
+    """Return the error for a model whose wavelet variance has no random error at some level."""
     return ModelError(
         f"{model.structure} as estimated has no noise at some level, so its estimates would be exact",
         advice="Use a model with noise at every level, for example with WN.",
@@ -110,11 +112,11 @@ def no_noise(model: Model) -> ModelError:
 def sandwich_of(
     model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
-    """Compute the covariance of estimates with the weighting matrix Ω (J, J) if ν̂² has the covariance V (J, J).
+    """Compute the covariance of estimates from the weighting matrix Ω = `matrix` and the covariance V = `wavelet`.
 
-    The shape of a term that acts as another process is left out, and the term is not reported. A term that is estimated
-    as zero may be present, and the other terms smaller by as much. It is therefore treated as free, which makes the
-    standard errors of the other terms larger and safe.
+    The shape of a term that acts as another process is left out, and the parameters of the term are not reported. A
+    term that is estimated as zero may have a positive true value, and the other terms would then be smaller. Its scale
+    is therefore treated as free, which makes the standard errors of the other terms larger and conservative.
     """
     columns, reported = columns_of(model, acts_as or {})
     values = sizes_of(model, columns)
@@ -130,7 +132,7 @@ def sandwich_of(
 
 
 def _unseen(model: Model, design: Design) -> list[Vector]:
-    """Return wavelet variances (J,), at unit scale, of terms that are zero and have no free shape parameter."""
+    """Return the wavelet variances (J,), for scale coefficient 1, of terms that are zero and have no free shape."""
     return [
         process.shape(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
         for process in model.processes
@@ -141,7 +143,7 @@ def _unseen(model: Model, design: Design) -> list[Vector]:
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Return standard errors by name: see `Fit.standard_errors`."""
+    """Return the standard errors by name; see `Fit.standard_errors`."""
     errors = fit.sandwich.errors
     return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
 

@@ -1,4 +1,4 @@
-"""The parametric bootstrap: recordings simulated from the fitted model and fitted again."""
+"""Parametric bootstrap, which fits the model to recordings that are simulated from the fitted model."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 DRAWS = 500
 LEAST_DRAWS = 2
-"""Smallest number of recordings for a standard deviation."""
+"""Smallest number of simulated recordings that gives a standard deviation."""
 LEAST_FOR_TEST = 19
-"""Smallest number of recordings for a test at the 5 % level, because p is at least 1 / (draws + 1)."""
+"""Smallest number of simulated recordings for a test at the 5 % level, because p is at least 1 / (draws + 1)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -37,13 +37,13 @@ class Bootstrap:
     names : tuple of str
         Names of the p estimated parameters.
     estimates : (draws, p) array
-        Estimates. A drift has the sign of the fit.
+        Estimates from each simulated recording. A drift has the same sign as in the fit.
     objectives : (draws,) array
-        Objectives, with the weights of the fit.
+        Objectives of the fits to the simulated recordings, with the weights of the original fit.
     variances : (draws, J) array, in unit²
         Wavelet variances of the simulated recordings.
     implied : (draws, J) array, in unit²
-        Wavelet variances of the models fitted to them.
+        Wavelet variances of the models that were fitted to the simulated recordings.
     seed : int
         Seed of the simulation.
     """
@@ -64,11 +64,11 @@ class Bootstrap:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Standard error of each parameter: the standard deviation of its estimates."""
+        """Standard error of each parameter, which is the standard deviation of its estimates."""
         return dict(zip(self.names, self.estimates.std(axis=0, ddof=1).tolist(), strict=True))
 
     def quantiles(self, low: float, high: float) -> dict[str, tuple[float, float]]:
-        """Quantiles `low` and `high` (between 0 and 1) of the estimates of each parameter."""
+        """Return the quantiles `low` and `high` (between 0 and 1) of the estimates of each parameter."""
         ends = np.quantile(self.estimates, [low, high], axis=0)
         return {name: (float(ends[0, k]), float(ends[1, k])) for k, name in enumerate(self.names)}
 
@@ -76,7 +76,7 @@ class Bootstrap:
 def bootstrap(
     fit: Fit, draws: int = DRAWS, rng: int | np.random.Generator = 0, *, progress: Callable[[int], None] | None = None
 ) -> Bootstrap:
-    """Refit the model to recordings simulated from the fit: see `Fit.bootstrap`."""
+    """Fit the model of a fit to recordings that are simulated from the fit; see `Fit.bootstrap`."""
     draws, seed = as_draws(draws, LEAST_DRAWS, "a standard deviation"), as_seed(rng)
     kept: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
     if (draws, seed) not in kept:
@@ -85,15 +85,19 @@ def bootstrap(
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
-    """Check a number of simulated recordings: a whole number, and large enough for `what`."""
+    """Check that a number of simulated recordings is a whole number of at least `least`, and return it.
+
+    `what` says in the error for what purpose this number is required.
+    """
     if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
     return int(draws)
 
 
 def least_draws(level: float) -> int:
-    """Return the smallest number of draws for an interval of this level: the extremes of n estimates are quantiles 1 /
-    (n + 1).
+    """Return the smallest number of draws for an interval of this confidence level.
+
+    The smallest of n estimates is the quantile 1 / (n + 1), and the largest one the quantile n / (n + 1).
 
     >>> least_draws(0.95), least_draws(0.99)
     (39, 199)

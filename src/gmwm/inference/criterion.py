@@ -1,8 +1,8 @@
-"""The wavelet information criterion, which measures how well a fitted model predicts the wavelet variance of another
+"""Wavelet information criterion, which measures how well a fitted model predicts the wavelet variance of a new
 recording.
 
-A fit is closer to its own data than to other data. The criterion adds the mean of this difference, the optimism, to the
-objective.
+The objective of a fit is smaller for its own data than for other data. The mean of this difference is called the
+optimism. The criterion is the objective plus the optimism.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 BEND = 1e-4
-"""Relative step of the nonlinear parameters in the differences of first derivatives. ε^(1/4) is the best order of
-magnitude for central differences; tests/inference/test_criterion.py compares with the bootstrap."""
+"""Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
+ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py compares the
+criterion with the bootstrap."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,10 +43,11 @@ class Criterion:
     Attributes
     ----------
     loss : float
-        (ν̂ − ν(θ̂))ᵀ Ω (ν̂ − ν(θ̂)), on the recording that the model was fitted to.
+        Loss (ν̂ − ν(θ̂))ᵀ Ω (ν̂ − ν(θ̂)) for the recording to which the model was fitted.
     optimism : float
-        2 tr[Cov(ν̂, ν(θ̂)) Ω], the mean increase of the loss on another recording.
+        Mean increase 2 tr[Cov(ν̂, ν(θ̂)) Ω] of the loss for another recording.
     method : "asymptotic" or "bootstrap"
+        Method by which the optimism was computed.
     """
 
     loss: float
@@ -54,18 +56,18 @@ class Criterion:
 
     @property
     def value(self) -> float:
-        """Loss + optimism; smaller is better."""
+        """Sum of the loss and the optimism; smaller is better."""
         return self.loss + self.optimism
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the criterion as numbers and strings, ready for JSON."""
+        """Return the criterion as plain numbers and strings for JSON."""
         return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
 
 
 def wic(
     fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
 ) -> Criterion:
-    """Compute the wavelet information criterion: see `Fit.wic`."""
+    """Compute the wavelet information criterion of a fit; see `Fit.wic`."""
     one_of(method, "method", get_args(Method))
     if method == "bootstrap":
         drawn = bootstrap(fit, draws, rng)
@@ -76,7 +78,10 @@ def wic(
 
 
 def optimism(fit: Fit, wavelet: Matrix) -> float:
-    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory, with V (J, J) the covariance of ν̂²."""
+    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory; `wavelet` is the covariance V (J, J) of ν̂².
+
+    D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ.
+    """
     wv = fit.wavelet_variance
     root = square_root(fit.weighting_matrix)
     design = Design.of(wv)
@@ -97,7 +102,7 @@ def optimism(fit: Fit, wavelet: Matrix) -> float:
 
 
 def _inverse(hessian: Matrix) -> Matrix | None:
-    """Return H⁻¹; None if the estimate is not a minimum to second order, for example at the end of a domain."""
+    """Return the inverse of the Hessian H; None if H is not positive definite, for example at the end of a domain."""
     strength, axes = np.linalg.eigh(hessian)
     if strength[0] <= COLLINEAR * strength[-1]:
         return None
@@ -107,8 +112,7 @@ def _inverse(hessian: Matrix) -> Matrix | None:
 def _derivatives(
     fit: Fit, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector
 ) -> tuple[Matrix, Matrix]:
-    """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p), with respect to free scale coefficients and nonlinear
-    parameters."""
+    """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p); θ are the free scale coefficients and nonlinear parameters."""
     columns: list[Vector] = []
     blocks: list[Matrix] = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
@@ -138,7 +142,10 @@ def _of_process(
     pull: Vector,
     free: NDArray[np.intp],
 ) -> tuple[Matrix, Matrix]:
-    """Return the same derivatives for one process: its scale first, then the nonlinear parameters `free`."""
+    """Return the derivatives of `_derivatives` for one process.
+
+    The first parameter is the scale coefficient; the others are the nonlinear parameters with the indices `free`.
+    """
     at = process.nonlinear
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
@@ -160,7 +167,10 @@ def _of_process(
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
-    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from draws (B, J)."""
+    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated recordings.
+
+    `variances` (B, J) has their wavelet variances ν̂*, and `implied` (B, J) those of the models fitted to them.
+    """
     centred = variances - variances.mean(axis=0)
     fitted = implied - implied.mean(axis=0)
     return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
@@ -169,9 +179,10 @@ def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> floa
 def implied_by_refits(
     problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
 ) -> Matrix:
-    """Return fitted curves ν(θ̂*) (B, J) of a problem for other data (B, J).
+    """Return the wavelet variances ν(θ̂*) (B, J) of the models fitted to the wavelet variances `variances` (B, J).
 
-    `known` (J,) is the wavelet variance of the held processes.
+    `problem` has the model and the weights. `known` (J,) is the wavelet variance of the processes that are entirely
+    fixed.
     """
     rows = np.empty_like(variances)
     for k, variance in enumerate(variances):
@@ -184,6 +195,6 @@ def implied_by_refits(
 
 
 def problem_of(fit: Fit) -> tuple[Problem, Vector]:
-    """Return the problem that a fit solved, and the wavelet variance of its held processes."""
+    """Return the problem that a fit solved, and the wavelet variance (J,) of the processes that are entirely fixed."""
     problem = pose(fit.model, fit.wavelet_variance, fit.weighting_matrix)
     return problem, fit.wavelet_variance.variance - problem.observed

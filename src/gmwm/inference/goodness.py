@@ -1,4 +1,4 @@
-"""The goodness-of-fit test of a fitted model."""
+"""Goodness-of-fit test of a fitted model."""
 
 from __future__ import annotations
 
@@ -25,27 +25,29 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 LEAST_FREEDOM = 3.0
-"""Degrees of freedom M_j / 2^j above which a level is used. The chi-square law then holds at the 5 % level
-(docs/validation/goodness.md). From a full set of levels, the two coarsest are left out."""
+"""Degrees of freedom M_j / 2^j above which a level is used. The test at the 5 % level then has this size
+(docs/validation/goodness.md). If all levels of a recording are available, the two coarsest are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GoodnessOfFit(Summarised):
-    """A test of the hypothesis that the data come from the fitted model.
+    """Test of the hypothesis that the data come from the fitted model.
 
     Attributes
     ----------
     statistic : float
-        rᵀV⁻¹r without the part that the free parameters can fit; for the bootstrap, the objective.
+        Statistic T of `Fit.goodness_of_fit`; for the bootstrap, the objective of the fit.
     df : int or None
-        Degrees of freedom: levels used minus free parameters. None for the bootstrap.
+        Degrees of freedom, which are the number of levels used minus the number of free parameters. None for the
+        bootstrap.
     pvalue : float
-        Probability of a statistic at least this large if the model is right.
+        Probability of a statistic that is at least this large if the model is correct.
     levels : (J,) int array
         Levels that the test uses.
     left_out : tuple of int
         Coarse levels that the test leaves out, because they have too few degrees of freedom.
     method : "asymptotic" or "bootstrap"
+        Method by which the p-value was computed.
     """
 
     statistic: float
@@ -59,7 +61,7 @@ class GoodnessOfFit(Summarised):
         freeze(self.levels)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the test as numbers, lists and strings, ready for JSON."""
+        """Return the test as plain numbers, lists and strings for JSON."""
         return {
             "statistic": self.statistic,
             "df": self.df,
@@ -83,7 +85,7 @@ class GoodnessOfFit(Summarised):
 
     @property
     def pvalue_in_words(self) -> str:
-        """Format the p-value with three decimals, or as "< 0.001"."""
+        """Text of the p-value, with three decimals or as "< 0.001"."""
         return f"{self.pvalue:.3f}" if self.pvalue >= 0.001 else "< 0.001"
 
     def __str__(self) -> str:
@@ -93,7 +95,7 @@ class GoodnessOfFit(Summarised):
 def goodness_of_fit(
     fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
 ) -> GoodnessOfFit:
-    """Test whether the data could come from the fitted model: see `Fit.goodness_of_fit`."""
+    """Test whether the data could come from the fitted model; see `Fit.goodness_of_fit`."""
     one_of(method, "method", get_args(Method))
     wv = fit.wavelet_variance
     if method == "bootstrap":
@@ -108,7 +110,7 @@ def goodness_of_fit(
             left_out=(),
             method=method,
         )
-    # The test needs another fit. A summary, a file and a table use the same one.
+    # The result is cached, because the test needs another fit, and a summary, a file and a table all show the test.
     if "_goodness" not in fit.__dict__:
         fit.__dict__["_goodness"] = _by_theory(fit)
     found: GoodnessOfFit = fit.__dict__["_goodness"]
@@ -146,12 +148,12 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
 
 
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
-    """Return which levels of a wavelet variance have enough degrees of freedom for the test (J,)."""
+    """Return a mask (J,) of the levels of a wavelet variance that have enough degrees of freedom for the test."""
     return usable_in(Design.of(wv))
 
 
 def usable_in(design: Design) -> NDArray[np.bool_]:
-    """Return which levels of a design have enough degrees of freedom for the test (J,)."""
+    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for the test."""
     return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
 
 

@@ -1,4 +1,4 @@
-"""Confidence intervals of the parameters of a fit, and upper limits of terms whose zero cannot be excluded."""
+"""Confidence intervals of the parameters of a fit, and upper limits of terms that may be zero."""
 
 from __future__ import annotations
 
@@ -30,12 +30,14 @@ Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
 ROUNDING = 1e-8
-"""Tolerance of the correlations in a covariance that a user passes: about √ε, as for a matrix written with 8 digits."""
+"""Tolerance of the correlations in a covariance that a user passes. It allows for a matrix that was written with 8
+digits."""
 _UNKNOWN = 14.0
-"""Half width of an interval, on the logarithm of a parameter, from which the parameter is not determined: a factor of a
-million."""
+"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
+is a factor of a million."""
 _ROUNDS = 60
-"""Largest number of iterations. `_SETTLED` ends them earlier in every fit of tests/inference/test_inference_laws.py."""
+"""Largest number of iterations for an upper limit. In every fit of tests/inference/test_inference_laws.py, `_SETTLED`
+ends the iteration earlier."""
 _SETTLED = 1e-4
 """Relative accuracy of an upper limit; limits are shown with four digits."""
 
@@ -49,12 +51,12 @@ def confidence_intervals(
     draws: int = DRAWS,
     rng: int | np.random.Generator = 0,
 ) -> dict[str, Interval]:
-    """Compute a confidence interval for every estimated parameter: see `Fit.confidence_intervals`."""
+    """Compute a confidence interval for every estimated parameter; see `Fit.confidence_intervals`."""
     level = as_confidence(level, "level")
     one_of(method, "method", get_args(Method))
     seed = as_seed(rng) if method == "bootstrap" else 0
     if covariance is None:
-        # Upper limits are slow to compute. A summary, a datasheet and a file use the same ones.
+        # The intervals are cached, because upper limits are slow, and a summary, a datasheet and a file all use them.
         kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
         key = (level, method, draws, seed)
         if key not in kept:
@@ -97,9 +99,10 @@ def _intervals(
 
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
-    """Return a copy of a fit of minor weight with quick intervals: upper limits after one step, ĉ + z SE(ĉ).
+    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison.
 
-    The fit itself keeps no quick intervals, because its users get exact ones.
+    The upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so
+    that its intervals stay exact.
     """
     key = (level, "asymptotic", DRAWS, 0)
     if key in fit.__dict__.get("_intervals", {}):
@@ -131,7 +134,7 @@ def free_shape(process: Process) -> bool:
 
 
 def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
-    """Return whether a scale parameter is zero, or its scale coefficient is less than z standard errors from zero."""
+    """Return whether a scale parameter is zero, or its scale coefficient is at most z standard errors above zero."""
     if fit.parameters[name] == 0:
         return True
     found, power = fit.sandwich.sampling, parameter.scale_power or 1.0
@@ -167,7 +170,11 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """Return the interval value ± reach, on the scale that keeps its ends inside the domain of the parameter."""
+    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`.
+
+    The interval is symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the
+    parameter; for a parameter that can be any real number it is value ± reach.
+    """
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -182,7 +189,8 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
 
 
 def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
-    """Check a covariance of the fit's wavelet variance (J, J): finite, symmetric and positive semidefinite."""
+    """Check that a covariance (J, J) of the wavelet variance of a fit is finite, symmetric and positive
+    semidefinite."""
     size = len(fit.wavelet_variance)
     try:
         array = np.asarray(covariance, dtype=np.float64)
@@ -217,12 +225,12 @@ def _no_covariance(what: str, got: object) -> OptionError:
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """Return the upper limit of a scale parameter: if it were true, an estimate as small as this has the probability (1
-    − level)/2.
+    """Return the upper limit of a scale parameter.
 
-    The scale coefficient c of the limit solves c = ĉ + z SE(c), with the standard error of a model with this c, because
-    it grows with c. In addition, no process can exceed the data: c times its wavelet variance is at most the upper
-    chi-square limit of each of the J levels, at (1 − level)/(2J).
+    If the parameter had this value, an estimate as small as the actual one would have the probability (1 − level)/2.
+    The scale coefficient c of the limit solves c = ĉ + z SE(c), where ĉ is the estimate. SE(c) is the standard error
+    for a model with this c, because the standard error increases with c. In addition, no process can exceed the data: c
+    times its wavelet variance is at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J).
     """
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
@@ -252,7 +260,7 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
 
 
 def _spread(fit: Fit, name: str) -> float:
-    """Return the part of the squared relative standard error of a parameter that the spread between recordings adds."""
+    """Return the relative standard error that the spread between recordings adds to a parameter in quadrature."""
     found = fit.sandwich
     if found.without_spread is None or name not in found.names:
         return 0.0
@@ -261,7 +269,10 @@ def _spread(fit: Fit, name: str) -> float:
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """Return the fixed point of the line through the last two (x, f(x)); f(x) if the line is too steep."""
+    """Return the fixed point of the line through the last two points (x, f(x)).
+
+    The last f(x) is returned if there is only one point, or if the line is too steep.
+    """
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value
@@ -270,7 +281,7 @@ def _fixed_point(tried: list[tuple[float, float]]) -> float:
 
 
 def _relative_error(fit: Fit, model: Model, name: str) -> float:
-    """Return the relative standard error of a parameter under `model`."""
+    """Return the relative standard error of the parameter `name` if `model` were the true model."""
     design = Design.of(fit.wavelet_variance)
     matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
     found = sandwich_of(

@@ -13,14 +13,14 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True)
 class Losses:
-    """Gaps of a planned recording: the gaps of a pilot recording, repeated.
+    """Gaps of a planned recording, which repeat the gaps of a pilot recording.
 
     Attributes
     ----------
     filled : float
         Share of the samples that are filled.
     segments : tuple of int
-        Lengths of the segments of the pilot recording; () if it has no gap that is not filled.
+        Lengths of the segments of the pilot recording; () if all its gaps are filled or it has no gaps.
 
     Examples
     --------
@@ -33,19 +33,19 @@ class Losses:
 
     @classmethod
     def of(cls, wv: WaveletVariance | None) -> Losses:
-        """Return the gaps of the recording of a curve."""
+        """Return the gaps of the recording with the wavelet variance `wv`; no gaps for None."""
         return cls() if wv is None else cls(wv.filled / wv.samples, wv.segments)
 
     def __bool__(self) -> bool:
         return bool(self.filled or self.segments)
 
     def shortest(self, least: int) -> int:
-        """Return the number of samples after which a segment has `least` samples.
+        """Return the length (samples) of the shortest recording with a segment of `least` samples.
 
         Raises
         ------
         OptionError
-            If all segments are shorter.
+            If all segments are shorter than `least` samples.
         """
         before = 0
         for length in self.segments:
@@ -60,9 +60,9 @@ class Losses:
         return least
 
     def design(self, samples: int, rate: float) -> tuple[Design, float]:
-        """Return the design of a recording of `samples`, and a factor of its covariance.
+        """Return the design of a recording of `samples` samples, and a factor by which its covariance is multiplied.
 
-        If the segments repeat m times, the covariance is the covariance of one repetition divided by m.
+        If the segments are repeated m times, the design has one repetition, and the factor is 1/m.
         """
         filled, share, segments = round(self.filled * samples), 1.0, self.segments
         if not segments:

@@ -1,8 +1,9 @@
-"""The relative error of a model: its distance from the data at each level in addition to chance.
+"""Relative error of a model, which is the part of its difference from the data that chance does not explain.
 
-Long recordings reject every model. The error τ of a model is estimated as in random-effects models: each level of the
-model is off by a factor 1 ± τ, independent of the others, in addition to the scatter of the data. The estimate makes
-the chi-square statistic equal to its expectation (Paule and Mandel 1982).
+If a recording is long enough, a goodness-of-fit test rejects every model. The error τ of a model is estimated as in
+random-effects models: the model is wrong at each level by a random factor 1 ± τ, independently of the other levels, in
+addition to the errors of the data. τ is chosen so that the chi-square statistic equals its expectation (Paule and
+Mandel 1982).
 """
 
 from __future__ import annotations
@@ -26,34 +27,38 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 LARGEST = 1.0
-"""Largest error that is considered: a model that is wrong by a factor of two is of no use
+"""Largest error that is considered, because a model that is wrong by a factor of two is useless
 (tests/inference/test_model_error.py)."""
 IMPLAUSIBLE = 0.01
-"""Level of the test of the coarse levels of one fit: 1 %, because a unit has several axes."""
+"""Significance level of the test of the coarse levels of one fit. It is 1 % because a unit has several axes."""
 SMALLEST = 1e-5
-"""Smallest error that the search considers: far below the relative standard error of any level."""
+"""Smallest error that is considered. It is far below the relative standard error of any level."""
 _ROUNDS = 2
+"""Largest number of fits with weights that follow from the error."""
 _SETTLED = 0.05
+"""Relative change of the error below which no further fit is needed."""
 _HALVINGS = 24
+"""Number of steps of the bisection for the error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RelativeMisfit:
-    """Relative distance of a model from the data, over the levels with more than 30 degrees of freedom.
+    """Relative difference between the wavelet variances of a model and of the data.
 
     Attributes
     ----------
     distance : (J,) array
-        Model / data − 1 of the wavelet variance at each level.
+        Relative difference d at each level, which is the wavelet variance of the model divided by that of the data,
+        minus 1.
     error : (J,) array
-        Relative standard error of each level of the data.
+        Relative standard error s of the data at each level.
     judged : (J,) bool array
-        Levels with more than 30 degrees of freedom.
+        Mask of the levels with more than 30 degrees of freedom, which are judged.
     largest, rms : float
-        Largest and root mean square distance over the judged levels, with the part that chance explains taken off:
-        √max(d² − s², 0).
+        Largest and root-mean-square difference over the judged levels, after the part that chance explains is
+        subtracted: √max(d² − s², 0).
     tau : float
-        Scale (s) of the largest distance.
+        Scale (s) of the largest difference.
     """
 
     distance: Vector
@@ -68,7 +73,7 @@ class RelativeMisfit:
             freeze(array)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the misfit as numbers and lists, ready for JSON."""
+        """Return the misfit as plain numbers and lists for JSON."""
         return {
             "distance": self.distance.tolist(), "error": self.error.tolist(), "judged": self.judged.tolist(),
             "largest": self.largest, "rms": self.rms, "tau": self.tau,
@@ -83,11 +88,11 @@ class RelativeMisfit:
 
 
 MANY = 30.0
-"""Degrees of freedom above which a level is judged: its relative standard error is then below 26 %."""
+"""Degrees of freedom above which a level is judged. The relative standard error of the level is then below 26 %."""
 
 
 def relative_misfit(fit: Fit) -> RelativeMisfit:
-    """Compute the relative distance of a fitted model from its data."""
+    """Compute the relative difference between a fitted model and its data."""
     wv = fit.wavelet_variance
     error = np.sqrt(2 / wv.degrees_of_freedom)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -104,16 +109,17 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 
 
 def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return which coarse levels (J,) are farther from the model than simulated recordings of the model would be.
+    """Return a mask (J,) of the coarse levels that differ from the model by more than chance explains.
 
-    Levels with at most 30 degrees of freedom are tested, each with the chi-square law of the variance that the model
-    implies, at `size` for all of them together.
+    Levels with at most 30 degrees of freedom are tested. Each test uses a chi-square distribution with the mean and the
+    variance that the model implies.
 
     Parameters
     ----------
     fit : Fit
+        Fit whose levels are tested.
     size : float
-        Probability that a recording of the model has such a level.
+        Probability that at least one level of a recording of the model is marked.
     """
     from scipy.special import gammainc, gammaincc
 
@@ -130,19 +136,20 @@ def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, n
 
 
 def model_error(fit: Fit) -> float:
-    """Estimate the relative error τ of a fitted model; 0 if the distance from the data is as small as by chance.
+    """Estimate the relative error τ of a fitted model.
 
-    The model is fitted again with the weights that follow from τ, and τ is estimated again from this fit.
+    It is 0 if chance explains the difference from the data. The model is then fitted with the weights that follow from
+    τ, and τ is estimated from this fit.
 
     Parameters
     ----------
     fit : Fit
-        A fit with weights of its own model ("optimal" or "diagonal").
+        Fit whose weights follow from its own model ("optimal" or "diagonal").
 
     Returns
     -------
     float
-        τ, at most 1.
+        Relative error τ, at most 1.
 
     References
     ----------
@@ -161,30 +168,32 @@ def model_error(fit: Fit) -> float:
 
 
 def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
-    """Return the wavelet variance with a relative error of the model at each level."""
+    """Return the wavelet variance with `error` as the relative error of the model at each level."""
     return wv if error == wv.model_error else replace(wv, model_error=error)
 
 
 def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model with weights that have converged to a few per cent, without a certificate of the global optimum. It
-    is for comparing models."""
+    """Fit a model with weights that have converged to a few per cent, to compare models.
+
+    The fit has no certificate of the global optimum.
+    """
     return as_fit(nearly_settled(model, wv, weighting)[0], wv, weighting)
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """The distance of a fit from its data, over the levels that the goodness-of-fit test uses.
+    """Difference between a fit and its data at the J levels that the goodness-of-fit test uses.
 
     Attributes
     ----------
     left : (J,) array
-        ν̂² − ν², in unit².
+        Residuals ν̂² − ν², in unit².
     scatter : (J, J) array
-        V.
+        Covariance V of ν̂², including the excess of the data.
     slopes : (J, p) array
-        Relative derivatives of ν² with respect to the parameters.
+        Derivatives of ν² with respect to the logarithms of the parameters.
     curve : (J,) array
-        ν².
+        Fitted wavelet variance ν².
     """
 
     left: Vector
@@ -194,7 +203,7 @@ class Distance:
 
     @classmethod
     def of(cls, fit: Fit) -> Distance:
-        """Compute the distance of a fit; its covariance includes the excess of the data."""
+        """Compute the difference between a fit and its data."""
         wv = fit.wavelet_variance
         used = usable_levels(wv)
         design = Design.of(wv).only(used)
@@ -206,25 +215,30 @@ class Distance:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom: levels minus parameters."""
+        """Degrees of freedom, which are the number of levels minus the number of parameters."""
         return int(self.left.size - self.slopes.shape[1])
 
     @property
     def surely(self) -> float:
-        """The p-value if every level were a degree of freedom. It is at least the p-value of any sum within the fitted
-        one."""
+        """p-value of the test if every level counted as a degree of freedom.
+
+        It is at least the p-value of any model whose terms are a part of the fitted model.
+        """
         from scipy.special import gammaincc
 
         return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
     def statistic(self, error: float) -> float:
-        """Compute the chi-square statistic for a model with a relative error, without the part that the parameters can
-        fit."""
+        """Compute the chi-square statistic for a model with a relative error.
+
+        The part of the residuals that a change of the parameters explains is left out.
+        """
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
         return unexplained(root @ self.left, root @ self.slopes)[0]
 
     def error(self) -> float:
-        """Return the relative error with which the statistic equals its degrees of freedom."""
+        """Return the relative error for which the statistic equals its degrees of freedom; 0 if it is smaller
+        anyway."""
         if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
             return 0.0
         low, high = SMALLEST, LARGEST

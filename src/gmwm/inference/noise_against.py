@@ -1,4 +1,4 @@
-"""Test whether the noise of an axis depends on a condition such as the temperature: `gmwm.inference.noise_against`."""
+"""Test whether the noise of an axis depends on a condition such as the temperature."""
 
 from __future__ import annotations
 
@@ -29,20 +29,23 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 LEAST_FREEDOM = 30.0
-"""Smallest number of degrees of freedom of a level: the joint test at 5 % then rejects 3 %
-(docs/validation/regression.md)."""
+"""Smallest number of degrees of freedom of the levels that are used. The joint test at the 5 % level then rejects 3 %
+of recordings whose noise does not change (docs/validation/regression.md)."""
 LEAST_RANGE = 0.5
-"""Smallest share of the variance of the condition that its means over a scale must have. Otherwise the condition
-changes within one coefficient."""
+"""Smallest ratio of the variance of the means of the condition over a scale to the variance of the condition itself. If
+the ratio is smaller, the condition changes too much within one coefficient."""
 SHORTEST = 16
-"""Smallest length of the blocks (samples) in which knocks are clipped."""
+"""Smallest length (samples) of the blocks in which knocks are clipped."""
 SUPPORTED = 4.0
-"""Distance from zero, in standard errors, from which a slope is estimated for a term: a weaker term has no usable
-slope."""
+"""Smallest ratio of a scale parameter to its standard error for which the slope of the term is estimated. The slope of
+a weaker term would be too uncertain."""
 PARTS = 4096
-"""Number of parts of each level whose mean squares are used, so that the cost does not depend on the length."""
+"""Number of parts into which each level is divided. The mean square of each part is used, so that the cost does not
+depend on the length of the recording."""
 _ROUNDS = 20
+"""Largest number of iterations for a slope."""
 _SETTLED = 1e-10
+"""Step below which the iteration for a slope ends."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +55,11 @@ class Slope:
     Attributes
     ----------
     value : float
-        Relative change of the standard deviation per unit of the condition: σ(c) = σ(c₀) e^{value (c − c₀)}.
+        Relative change of the standard deviation σ per unit of the condition c, σ(c) = σ(c₀) e^{value (c − c₀)}.
     error : float
         Standard error of `value`.
     pvalue : float
-        Two-sided p-value of the hypothesis that the noise does not change.
+        Two-sided p-value of the hypothesis that the noise does not depend on the condition.
     """
 
     value: float
@@ -66,7 +69,7 @@ class Slope:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class NoiseAgainst(Summarised):
-    """The dependence of the noise of an axis on a condition.
+    """Dependence of the noise of an axis on a condition.
 
     Attributes
     ----------
@@ -75,19 +78,20 @@ class NoiseAgainst(Summarised):
     unit : str
         Unit of the condition; "" if it is unknown.
     range : (lowest, highest)
-        Range of the condition in the recording.
+        Smallest and largest value of the condition in the recording.
     levels : (J,) int array
         Levels that are tested.
     tau : (J,) array
-        Their scales (s).
+        Scales (s) of these levels.
     slopes : tuple of Slope
-        One for each level.
+        Change of the noise at each level.
     pvalue : float
-        Joint test of all levels: the noise does not change with the condition.
+        p-value of the joint test of all levels that the noise does not depend on the condition.
     terms : mapping of name to Slope
-        Slopes of the terms of the model that the data support, such as "WN".
+        Change of each term of the model that the data support, such as "WN".
     pvalue_terms : float or None
-        Test that the slopes of the terms explain the slopes of the levels; None if there are as many terms as levels.
+        p-value of the test that the slopes of the terms explain the slopes of the levels; None if there are as many
+        terms as levels.
     """
 
     axis: str
@@ -106,7 +110,7 @@ class NoiseAgainst(Summarised):
         freeze(self.tau)
 
     def summary(self) -> str:
-        """Write the slopes of levels and terms in per cent per unit, with standard errors and p-values."""
+        """Format a table of the slopes of levels and terms in per cent per unit, with standard errors and p-values."""
         per = f"%/{self.unit}" if self.unit else "% per unit"
         verdict = "changes" if self.pvalue < 0.05 else "does not change measurably"
         lines = [
@@ -125,7 +129,7 @@ class NoiseAgainst(Summarised):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the slopes as numbers, lists and strings, ready for JSON."""
+        """Return the slopes as plain numbers, lists and strings for JSON."""
         return {
             "axis": self.axis, "condition": self.condition, "unit": self.unit, "range": list(self.range),
             "levels": self.levels.tolist(), "tau": self.tau.tolist(), "slopes": [vars(one) for one in self.slopes],
@@ -140,38 +144,42 @@ class NoiseAgainst(Summarised):
 def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN + WN + FN + RW") -> NoiseAgainst:
     """Test whether the noise of an axis depends on a condition such as the temperature.
 
-    At each level j, the variance of the Haar coefficients is ν_j²(c) = ν_j² e^{2 s_j (c − c̄)}, with c the mean of the
-    condition over the coefficient. The slope s_j solves Σ (c − c̄) W_j² e^{−2 s_j (c − c̄)} = 0. The slopes of the
-    terms follow from the slopes of the levels by generalised least squares, s_j = Σ_k (ν_jk²/ν_j²) s_k. The effect of
-    the condition on the mean is removed first.
+    The effect of the condition on the mean is removed first. At each level j, the variance of the Haar coefficients W_j
+    is ν_j²(c) = ν_j² e^{2 s_j (c − c̄)}, where c is the mean of the condition over the samples of a coefficient and c̄
+    the mean over the recording. The slope s_j solves Σ (c − c̄) W_j² e^{−2 s_j (c − c̄)} = 0. The slopes s_k of the
+    terms k follow from the slopes of the levels by generalised least squares with s_j = Σ_k (ν_jk²/ν_j²) s_k, where
+    ν_jk² is the wavelet variance of term k.
 
     Parameters
     ----------
     signal : Signal
-        The axis.
+        Signal of the axis.
     condition : (N,) array, Signal, mapping of one name to it, or "time"
-        The condition, for example ``{"temperature": imu.temperature}``; the name may have the options of `against` for
-        its effect on the mean, such as "temperature:3" or "rate:exact". It must change slowly: only scales over which
-        it is nearly constant are used.
+        Condition, for example ``{"temperature": imu.temperature}``. The name may have the options of `against` for its
+        effect on the mean, such as "temperature:3" or "rate:exact". The condition must change slowly, because only
+        scales over which it is nearly constant are used.
     model : Model or str
-        The noise terms whose slopes are estimated.
+        Noise terms whose slopes are estimated.
 
     Returns
     -------
     NoiseAgainst
+        Slopes of levels and terms, with tests.
 
     Raises
     ------
     OptionError
         If `signal` is not a Signal, or there is not exactly one condition.
     DataError
-        If the condition is constant or not known well enough, or the recording is too short.
+        If the condition is constant, changes too quickly or is missing for too many samples, or if the recording is too
+        short.
 
     Notes
     -----
-    In the study, the joint test at the 5 % level rejects 3 % of 160 series of noise with a constant variance, and 95 %
+    In a study, the joint test at the 5 % level rejects 3 % of 160 series of noise with a constant variance, and 95 %
     intervals of the slope of white noise contain the true value in 95 % of 320 series (docs/validation/regression.md).
-    The slopes describe the recording: noise that changes with time for another reason also has slopes.
+    A slope does not prove that the condition is the cause: noise that changes with time for another reason also has
+    slopes.
 
     Examples
     --------
@@ -209,7 +217,8 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     _, noise = mixture(wv.variance, wv.degrees_of_freedom, design)
     design = replace(design, excess=excess_covariance(even, signal_wavelet_variance(even)))
     curve = noise.wavelet_variance(wv.levels, wv.rate)[used]
-    # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), with K/M the variance of the condition.
+    # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), where K_j/M_j is the variance of the condition at
+    # level j.
     relative = covariance(noise, design)[np.ix_(used, used)] / np.outer(curve, curve)
     errors = relative / np.outer(spread, spread) / 4
     inverse = np.linalg.inv(errors)
@@ -258,7 +267,7 @@ def _tested(value: float, error: float) -> Slope:
 
 
 def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> tuple[list[str], Matrix]:
-    """Return the terms that the data support, and their shares of the wavelet variance of each level (J, terms)."""
+    """Return the names of the terms that the data support, and the share (J, terms) of each in the wavelet variance."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         found = fit(model, wv, certify=False)
@@ -271,22 +280,27 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
-    """Return the levels with enough degrees of freedom, over whose coefficients the condition is nearly constant
-    (J,)."""
+    """Return a mask (J,) of the levels that are used.
+
+    They have enough degrees of freedom, and the condition is nearly constant over the samples of a coefficient.
+    """
     found, whole = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
     for k, (level, freedom) in enumerate(zip(design.levels.tolist(), design.degrees_of_freedom, strict=True)):
         if freedom >= LEAST_FREEDOM:
             away = np.concatenate([_running(values[a:b], 1 << level) for a, b in _long(signal, level)])
             away -= np.mean(away)
             own = float(np.mean(away**2))
-            # A condition that is seldom far from its mean has fewer degrees of freedom.
+            # If the condition is rarely far from its mean, the slope has fewer degrees of freedom.
             few = freedom * own**2 < LEAST_FREEDOM * float(np.mean(away**4))
             found[k] = own >= LEAST_RANGE * whole and not few
     return found
 
 
 def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64], Vector, Vector]:
-    """Return numbers of coefficients, sums of their squares, and means of the condition, in parts of a level."""
+    """Divide the coefficients of a level into parts.
+
+    Returns, for each part, the number of coefficients, the sum of their squares, and the mean of the condition.
+    """
     pieces = [
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
@@ -302,13 +316,14 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
 
 
 def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[float, float]:
-    """Return the relative change of the noise standard deviation per unit of the condition (slope of ln σ) at one
-    level, and the standard deviation of the condition over the parts of the level.
+    """Return the relative change of the standard deviation of the noise per unit of the condition, at one level.
+
+    The second result is the standard deviation of the condition over the parts of the level.
 
     Parameters
     ----------
     counts, sums, means : (n,) arrays
-        Number of coefficients of each part, the sum of their squares, and the mean of the condition.
+        Number of coefficients, sum of their squares, and mean of the condition for each of n parts.
     """
     away = means - np.average(means, weights=counts)
     spread = float(np.sqrt(np.average(away**2, weights=counts)))
@@ -323,7 +338,7 @@ def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[floa
 
 
 def _long(signal: Signal, level: int) -> list[tuple[int, int]]:
-    """Return the segments with a coefficient of a level."""
+    """Return the first sample and the end of each segment that is long enough for a coefficient of a level."""
     return [(a, b) for a, b in signal.segments if b - a >= 1 << level]
 
 

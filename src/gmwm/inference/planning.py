@@ -1,4 +1,5 @@
-"""Plan a recording: standard errors of the parameters of a model as a function of the recording's length."""
+"""Plan a recording, with the standard errors of the parameters of a model as functions of the length of the
+recording."""
 
 from __future__ import annotations
 
@@ -31,40 +32,42 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 SEEN = 0.5
-"""Relative standard error above which a parameter is uncertain: the 95 % interval then includes zero."""
+"""Relative standard error above which a parameter is uncertain, because its 95 % interval then includes zero."""
 PER_DECADE = 8
-"""Number of lengths for which the curve is computed, per factor of ten."""
+"""Number of lengths per factor of ten for which standard errors are computed."""
 LONGEST = 2**40
-"""Number of samples of the longest recording that is allowed: 350 years at 100 Hz."""
+"""Largest number of samples of a planned recording, which is 350 years at 100 Hz."""
 SUMMED = 2**20
 """Number of samples up to which a covariance that is a sum over all lags takes less than a second."""
 BEYOND = 1e4
 """Multiple of the planned duration up to which `Plan.needed` searches."""
 PER_OCTAVE = 4
-"""Number of lengths per factor of two that this search evaluates before it bisects."""
+"""Number of lengths per factor of two that `Plan.needed` evaluates before it bisects."""
 NEAR = 5e-3
-"""Relative accuracy of the length that it finds; lengths are shown with two digits."""
+"""Relative accuracy of the lengths that `Plan.needed` finds; lengths are shown with two digits."""
 _LEAST, _MOST = 1e-295, 1e295
-"""Range of squared variances: the range of double precision, 1e±308, with a margin for sums over 2⁴⁰ samples."""
+"""Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
+samples."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan(Summarised):
-    """Relative standard errors of the estimates of a model, by length of the recording.
+    """Relative standard errors of the estimates of a model for recordings of different lengths.
 
     Attributes
     ----------
     model : Model
-        The model to be estimated, with its expected values; held parameters are treated as known.
+        Model to be estimated, with its expected values; fixed parameters are treated as known.
     rate : float
         Sampling rate (Hz).
     weighting : "diagonal" or "optimal"
         Weighting of the planned fit.
     durations : (n,) array, s
-        Lengths, eight in a factor of ten, from the shortest recording with more levels than parameters to the planned
-        one. Each is a whole number of samples.
+        Lengths of recordings, eight per factor of ten, from the shortest recording with more levels than parameters to
+        the planned recording. Each is a whole number of samples.
     errors : mapping of name to (n,) array
-        Relative standard error of each parameter; infinite if a recording does not determine the parameter.
+        Relative standard error of each parameter at these lengths; infinite if a recording does not determine the
+        parameter.
     unit : str
         Unit of the signal, for the summary.
     losses : Losses
@@ -116,9 +119,10 @@ class Plan(Summarised):
         Parameters
         ----------
         accuracy : float
-            Wanted relative standard error: a horizontal line, with a ring where each parameter reaches it.
+            Desired relative standard error. It is drawn as a horizontal line, with a ring where each parameter reaches
+            it.
         ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; by default the axes of a new figure.
         path : path, optional
             File to write the picture to, ending in .png, .pdf or .svg.
 
@@ -129,7 +133,7 @@ class Plan(Summarised):
         Raises
         ------
         OptionError
-            If `accuracy` is not between 0 and 0.5, or the picture cannot be drawn on `ax` or written to `path`.
+            If `accuracy` is not between 0 and 0.5, or the plot cannot be drawn on `ax` or written to `path`.
         """
         from gmwm.plots.plan import plot_plan
 
@@ -137,19 +141,22 @@ class Plan(Summarised):
 
     @property
     def duration(self) -> float:
-        """The planned length of the recording (s)."""
+        """Length (s) of the planned recording."""
         return float(self.durations[-1])
 
     @property
     def horizon(self) -> float:
-        """The longest recording (s) that `needed` considers; shorter if the covariance is a sum over all lags."""
+        """Length (s) of the longest recording that `needed` considers.
+
+        It is shorter if the covariance of a process is a sum over all lags, which would take too long.
+        """
         far = min(BEYOND * self.duration, LONGEST / self.rate)
         if all(process.memory(self.rate) is not None for process in self.model.processes):
             return far
         return min(far, max(self.duration, SUMMED / self.rate))
 
     def at(self, duration: float) -> dict[str, float]:
-        """Relative standard error of each parameter in a recording of another length.
+        """Compute the relative standard error of each parameter for a recording of another length.
 
         Parameters
         ----------
@@ -159,11 +166,12 @@ class Plan(Summarised):
         Returns
         -------
         dict of name to float
+            Relative standard error of each parameter.
 
         Raises
         ------
         OptionError
-            If the recording has too few samples for the model, or more than 2⁴⁰.
+            If the recording has too few samples for the model, or more than 2⁴⁰ samples.
         """
         found = self._at(samples_of(duration, self.rate, len(self.errors), self.losses))
         return Named(zip(self.errors, found.tolist(), strict=True), "parameter")
@@ -171,20 +179,21 @@ class Plan(Summarised):
     def needed(self, accuracy: float = 0.1) -> dict[str, float]:
         """Compute the recording length (s) that each parameter needs for a relative standard error of `accuracy`.
 
-        A recording of more than twice the length is always better. Within a factor of two the error may rise a little
-        where a level is added. If there are several crossings, the last one is used; the search has steps of a quarter
-        octave.
+        A recording of more than twice the length always has smaller errors. Within a factor of two, the error may
+        increase slightly where a level is added. Of several lengths at which the error falls to `accuracy`, the largest
+        one is returned; the search has steps of a quarter octave.
 
         Parameters
         ----------
         accuracy : float
-            Wanted relative standard error, above 0 and at most 0.5.
+            Desired relative standard error, above 0 and at most 0.5.
 
         Returns
         -------
         dict of name to float
-            `math.inf` if no length up to `horizon` is enough. The horizon is 10 000 times the planned duration or 2⁴⁰
-            samples; for processes whose covariance is a sum over all lags, 2²⁰ samples or the planned duration.
+            Length (s) for each parameter; `math.inf` if no length up to `horizon` is sufficient. The horizon is 10 000
+            times the planned duration, but at most 2⁴⁰ samples. If the covariance of a process is a sum over all lags,
+            the horizon is 2²⁰ samples, or the planned duration if this is longer.
 
         Raises
         ------
@@ -201,10 +210,10 @@ class Plan(Summarised):
         return Named({name: self._needed(k, wanted) / self.rate for k, name in enumerate(self.errors)}, "parameter")
 
     def summary(self, accuracy: float = 0.1) -> str:
-        """Describe the plan as a table.
+        """Format a table of the plan.
 
-        It has the value of each parameter, its relative standard error at 1/4, 1 and 4 times the duration, and the
-        length that it needs for a relative standard error of `accuracy`.
+        It has the value of each parameter, its relative standard error at 1/4, 1 and 4 times the planned duration, and
+        the length of a recording that gives it a relative standard error of `accuracy`.
         """
         wanted, units = self.needed(accuracy), self.model.units(self.unit)
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
@@ -242,7 +251,7 @@ class Plan(Summarised):
         return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as numbers, lists and strings, ready for JSON."""
+        """Return the plan as plain numbers, lists and strings for JSON."""
         return {
             "model": str(self.model),
             "parameters": {name: self.model.parameters[name] for name in self.errors},
@@ -259,11 +268,11 @@ class Plan(Summarised):
     def __repr__(self) -> str:
         return f"Plan({self.model.structure}, {duration_text(self.duration)} at {self.rate:g} Hz)"
 
-    # --- inside ---------------------------------------------------------------------------------------
+    # --- private methods ------------------------------------------------------------------------------
 
     @cached_property
     def _known(self) -> dict[int, Vector]:
-        """Relative standard errors that are already computed, by number of samples."""
+        """Cache of relative standard errors, by number of samples."""
         samples = np.rint(self.durations * self.rate).astype(np.int64).tolist()
         return dict(zip(samples, np.column_stack(list(self.errors.values())), strict=True))
 
@@ -276,7 +285,10 @@ class Plan(Summarised):
         return self._known[samples]
 
     def _needed(self, k: int, accuracy: float) -> float:
-        """Number of samples above which the error of parameter k is at most `accuracy`; infinite beyond the horizon."""
+        """Return the number of samples from which the relative error of parameter k is at most `accuracy`.
+
+        It is infinite if it exceeds the horizon.
+        """
 
         def enough(samples: int) -> bool:
             return bool(self._at(samples)[k] <= accuracy)
@@ -288,7 +300,8 @@ class Plan(Summarised):
         while low < high:
             middle = (low + high) // 2
             low, high = (low, middle) if enough(1 << middle) else (middle + 1, high)
-        # The error falls more between octaves than it rises within one, so the last crossing is within one octave.
+        # From octave to octave the error falls by more than it can rise within an octave. The largest length at which
+        # it reaches the accuracy is therefore within one octave of `high`.
         near = (np.arange(-PER_OCTAVE, PER_OCTAVE + 1) / PER_OCTAVE + high).tolist()
         grid = sorted({min(max(round(2.0**at), 1 << (len(self.errors) + 1)), last) for at in near} | {last})
         short = [place for place, samples in enumerate(grid) if not enough(samples)]
@@ -310,38 +323,41 @@ def plan(
     unit: str = "",
     pilot: WaveletVariance | None = None,
 ) -> Plan:
-    """Plan a recording: compute the standard error of each parameter for recordings of many lengths.
+    """Plan a recording, by computing the standard error of each parameter for recordings of many lengths.
 
-    Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ and V the exact covariance of the Haar wavelet variance of N
-    samples, for many N. Nothing is simulated. Take the values of the model from a pilot recording or a datasheet.
+    The covariance of the estimates is Cov θ̂ = B V Bᵀ, with B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ, the weighting matrix Ω, and
+    the exact covariance V of the Haar wavelet variance of N samples. It is computed for many N, without simulation.
+    Take the values of the model from a pilot recording or a datasheet.
 
     Parameters
     ----------
     model : Model, Process or str
-        The model with all its values; values in ``fixed(…)`` are treated as known.
+        Model whose parameters all have values; values in ``fixed(…)`` are treated as known.
     duration : float
         Length of the planned recording (s).
     rate : float
         Sampling rate (Hz).
     weighting : "diagonal" or "optimal", optional
-        Ω of the planned fit: 1 / V_jj, or V⁻¹; the default is the default of `fit`.
+        Weighting matrix Ω of the planned fit, 1 / V_jj or V⁻¹; the default is the same as for `fit`.
     unit : str
-        Unit of the signal, for example "rad/s". It is shown in the summary and changes no number.
+        Unit of the signal, for example "rad/s", which the summary shows. It does not change the results.
     pilot : WaveletVariance, optional
-        Curve of a pilot recording. The planned recording repeats its gaps: the share of filled samples, and the lengths
-        of its segments. The duration does not include the gaps. By default, there are none.
+        Curve of a pilot recording. The planned recording then has the same share of filled samples as the pilot, and
+        repeats the lengths of its segments. The duration does not include the gaps. By default, there are no gaps.
 
     Returns
     -------
     Plan
-        Relative standard errors by duration, and the duration that a wanted accuracy needs.
+        Relative standard errors by duration, and the durations that a desired accuracy requires.
 
     Raises
     ------
     ModelError
-        If a value is missing, a scale is zero, the model cannot be fitted, or its variances exceed double precision.
+        If a value is missing, if a scale is zero, if the model cannot be fitted, or if the squares of its variances
+        exceed the range of double precision.
     OptionError
-        If the duration is too short for the model or has more than 2⁴⁰ samples, or an option is unknown.
+        If the duration is too short for the model, if it has more than 2⁴⁰ samples, or if an option has an invalid
+        value.
     MissingTheoryError
         If the covariance of a process is unknown.
 
@@ -375,8 +391,10 @@ def plan(
 def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"], losses: Losses = NONE
 ) -> tuple[tuple[str, ...], Vector]:
-    """Return the names of the free parameters, and their relative standard errors (p,), for a recording of
-    `samples` with some gaps."""
+    """Return the names of the p free parameters, and their relative standard errors (p,), for a recording.
+
+    The recording has `samples` samples and the gaps `losses`.
+    """
     design, share = losses.design(samples, rate)
     wavelet = share * covariance(model, design)
     found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
@@ -397,7 +415,10 @@ def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matr
 
 
 def _free(model: Model, rate: float) -> int:
-    """Return the number of free parameters of a model, which must have all its values and no term that is zero."""
+    """Return the number of free parameters of a model.
+
+    Raises ModelError if a parameter has no value or a term is zero.
+    """
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -426,7 +447,8 @@ def _free(model: Model, rate: float) -> int:
 
 
 def _require_range(model: Model, samples: int, rate: float) -> None:
-    """Check that the squared variances of up to `samples` samples are in the range of double precision."""
+    """Check that squared variances of recordings of up to `samples` samples are within the range of double
+    precision."""
     levels = np.arange(1, samples.bit_length())
     shown = model.wavelet_variance(levels, rate)
     freedom = np.maximum(samples / np.ldexp(1.0, levels), 1.0)
@@ -442,8 +464,10 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 
 def samples_of(duration: float, rate: float, free: int, losses: Losses = NONE) -> int:
-    """Return the number of samples of a recording of `duration` (s), which must have more levels than `free`
-    parameters."""
+    """Return the number of samples of a recording of `duration` (s).
+
+    Raises OptionError unless the recording has more levels than `free`, the number of free parameters.
+    """
     known = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
     if not (known and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
@@ -463,7 +487,7 @@ def samples_of(duration: float, rate: float, free: int, losses: Losses = NONE) -
 
 
 def as_accuracy(accuracy: float) -> float:
-    """Check a wanted relative standard error: above 0 and at most 0.5."""
+    """Check that a desired relative standard error is above 0 and at most 0.5, and return it."""
     if isinstance(accuracy, bool) or not isinstance(accuracy, int | float | np.number) or not 0 < accuracy <= SEEN:
         raise OptionError(
             argument="accuracy",

@@ -1,4 +1,4 @@
-"""Wavelet variances of simulated recordings of a model: many paths at once, on all processors."""
+"""Wavelet variances of many simulated recordings of a model, computed on all processors."""
 
 from __future__ import annotations
 
@@ -17,11 +17,8 @@ from gmwm.processes.model import Model
 from gmwm.variance.api import variances_alone
 
 BATCH = 1 << 17
-"""Number of samples of each process that are drawn at once (1 MiB): they fit into the cache, and the overhead of Python
-is small.
-
-The number must not depend on the machine, because the simulated paths depend on it.
-"""
+"""Number of samples of each process that are drawn at once. They take 1 MiB and fit into the cache, and the overhead of
+Python is small. The number must not depend on the machine, because the simulated paths depend on it."""
 
 
 def simulated_variances(
@@ -33,31 +30,33 @@ def simulated_variances(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Matrix:
-    """Simulate independent sample paths of a model and compute their wavelet variances ν̂*² under a design.
+    """Simulate independent sample paths of a model, and compute their wavelet variances.
 
-    Paths are drawn in batches. Batch b has its own random stream, child b of the seed. The result therefore does not
-    depend on `threads`, and the first rows of a longer run are the rows of a shorter one. Stationary processes start
-    from their stationary law, and quantization noise is uniform. Segments between gaps are independent paths.
+    Paths are drawn in batches. Each batch has its own random stream, which depends on the seed and the number of the
+    batch. The result therefore does not depend on `threads`, and the first rows of a longer run are the rows of a
+    shorter run. Stationary processes start from their stationary distribution, and the errors of quantization noise are
+    uniform. Segments between gaps are independent paths.
 
     Parameters
     ----------
     model : Model
-        The model with all its values.
+        Model whose parameters all have values.
     design : Design
-        Levels, samples, rate, filter, transform and estimator.
+        Levels, samples, rate, filter, transform and estimator of the wavelet variance.
     draws : int
         Number of paths B.
     seed : int
-        Seed, not negative; the same seed gives the same paths.
+        Seed, zero or positive; the same seed gives the same paths.
     threads : int, optional
-        Number of threads; by default one for each processor. Each thread holds about three paths, or three batches of
-        1 MiB if paths are shorter.
+        Number of threads; by default one for each processor. Each thread needs the memory of about three paths, or of
+        three batches of 1 MiB if paths are shorter.
     progress : callable, optional
-        Called in the caller's thread, with the number of paths done so far.
+        Function that is called in the thread of the caller with the number of paths that are finished.
 
     Returns
     -------
-    (B, J) array, in u² for a signal in u
+    (B, J) array
+        Wavelet variance of each path, in u² for a signal in the unit u.
 
     Raises
     ------
@@ -98,13 +97,16 @@ def simulated_variances(
             if progress is not None:
                 progress(done)
     finally:
-        # After Ctrl-C or an error, no new batch starts, and the running ones are waited for.
+        # After Ctrl-C or an error, no new batch starts, and the running batches are completed.
         pool.shutdown(wait=True, cancel_futures=True)
     return rows
 
 
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
-    """Fill `rows` from the first paths of a batch. A batch is always drawn whole, because paths depend on its size."""
+    """Fill `rows` (n, J) with the wavelet variances of the first n paths of a batch.
+
+    A batch is always drawn completely, because the paths depend on its size.
+    """
     deepest, wanted = int(design.levels[-1]), design.levels - 1
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
     for row, *path in zip(rows, *segments, strict=False):
@@ -114,15 +116,16 @@ def _measure(model: Model, design: Design, together: int, rng: np.random.Generat
 
 
 def _stream(seed: int, batch: int) -> np.random.Generator:
-    # Most of the time is spent on normal variates, and SFC64 is the fastest generator of NumPy, by a seventh.
+    # Most of the time is spent on normal variates. SFC64 is the fastest generator of NumPy, by a seventh.
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(batch,))))
 
 
 def _keep_memory(batch: int) -> None:
-    """Prevent the allocator from releasing the memory of a batch, because the next batch needs it.
+    """Prevent the allocator from returning the memory of a batch to the system, because the next batch needs it.
 
-    glibc returns free memory to the system beyond twice the largest block that was freed, up to 32 MiB. Getting it back
-    page by page can take longer than the arithmetic. The block here is never touched and costs nothing.
+    glibc returns free memory to the system if it exceeds twice the largest block that was freed, up to 32 MiB. To get
+    it back page by page can take longer than the computation. The block that is allocated and freed here is never
+    accessed and costs nothing.
     """
     np.empty(min(8 * batch, 31 << 17))
 

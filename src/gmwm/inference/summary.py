@@ -1,4 +1,4 @@
-"""Summary of a fit in text and HTML: estimates with intervals and units, the goodness-of-fit test, and remarks."""
+"""Summary of a fit as text and HTML, with estimates, intervals and units, the goodness-of-fit test, and remarks."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 PROVEN = 1e-3
-"""Largest gap at which a summary calls a fit the global optimum: 10 times `CERTIFIED_GAP`, at which the search stops
-unless it reaches its limit of nodes."""
+"""Largest gap at which a summary calls a fit the global optimum. It is 10 times `CERTIFIED_GAP`, the gap at which the
+search stops unless it reaches its limit of nodes first."""
 
 
 @dataclass(frozen=True)
 class IntervalMethod:
-    """Method for intervals and tests: confidence level, and theory or a bootstrap of `draws` recordings."""
+    """Method of intervals and tests, which is either theory or a bootstrap of `draws` recordings, and confidence
+    level."""
 
     level: float = 0.95
     method: Method = "asymptotic"
@@ -43,13 +44,14 @@ class IntervalMethod:
 
     @property
     def least_draws(self) -> int:
-        """Smallest number of simulated recordings for intervals of this level and a test."""
+        """Smallest number of simulated recordings for intervals of this confidence level and a test at the 5 %
+        level."""
         return max(LEAST_FOR_TEST, least_draws(self.level))
 
 
 @dataclass(frozen=True)
 class Row:
-    """One parameter as a row of text."""
+    """Texts of one row of a table of parameters."""
 
     name: str
     estimate: str
@@ -59,7 +61,7 @@ class Row:
 
 
 def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interval], Remark | None]:
-    """Return the intervals; if they cannot be computed, return none and a remark with the reason."""
+    """Return the confidence intervals and None, or no intervals and a remark with the reason why there are none."""
     try:
         return confidence_intervals(fit, how.level, how.method, draws=how.draws, rng=how.seed), None
     except (MissingTheoryError, ModelError) as error:
@@ -67,7 +69,7 @@ def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interva
 
 
 def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, str]:
-    """Return the goodness-of-fit test and its summary, or None and the reason why there is no test."""
+    """Return the goodness-of-fit test and its summary, or None and a text with the reason why there is no test."""
     try:
         test = goodness_of_fit(fit, how.method, draws=how.draws, rng=how.seed)
     except (MissingTheoryError, ModelError) as error:
@@ -76,7 +78,10 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Return intervals, standard errors and test as numbers and strings, ready for JSON; None if there is no number."""
+    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON.
+
+    None replaces a number that is infinite, and a test that cannot be computed.
+    """
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {
@@ -100,7 +105,7 @@ def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
 
 
 def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[Row]:
-    """Return one row for each parameter of a fit, in the order of the terms."""
+    """Return one row of texts for each parameter of a fit, in the order of the terms."""
     units = fit.units()
     errors = standard_errors(fit, how) if intervals else {}
     shown = []
@@ -120,18 +125,20 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
 
 
 def no_intervals(error: GmwmError) -> Remark:
-    """Make the remark that there are no confidence intervals, with the reason."""
+    """Return the remark that there are no confidence intervals, with the reason."""
     return Remark.of("no-intervals", reason=error.reason)
 
 
 def without_axis(*remarks: Remark | None) -> list[Remark]:
-    """Remove the axis from remarks, for a summary with the axis in its heading."""
+    """Return the remarks without their axis, for a summary whose heading names the axis; None is left out."""
     return [remark.about("") for remark in remarks if remark is not None]
 
 
 def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
-    """Return a short text for each parameter: estimate and relative standard error, upper limit, or what its term acts
-    as."""
+    """Return a short text for each parameter.
+
+    It is the estimate with its relative standard error, an upper limit, or the process as which the term acts.
+    """
     intervals, _ = intervals_if_known(fit, how)
     shown = {}
     for row in rows(fit, intervals, how):
@@ -150,12 +157,12 @@ def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
 
 
 def estimate_text(value: float) -> str:
-    """Format an estimate."""
+    """Format an estimate with four digits."""
     return f"{value:.3e}" if value else "0"
 
 
 def interval_text(low: float, high: float) -> str:
-    """Format an interval; in words if the parameter is not determined or has only a limit."""
+    """Format an interval as a range, as an upper limit, or as "not determined"."""
     if not math.isfinite(high):
         return "not determined"
     if low == 0:
@@ -183,13 +190,13 @@ def summary(
 
 
 def table_text(table: list[Row], level: float) -> list[str]:
-    """Format parameters as aligned columns with a header."""
+    """Format the rows of parameters as aligned columns with a header."""
     heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
     return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
 def head(fit: Fit, how: IntervalMethod) -> list[str]:
-    """Return the first lines of a summary: model, data, objective with its bounds, and the test."""
+    """Return the first lines of a summary, with the model, the data, the objective with its bounds, and the test."""
     wv = fit.wavelet_variance
     start = fit.diagnostics.start
     certificate = "not certified (certify=False)"
@@ -213,7 +220,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """Return the summary as HTML, with the parameters as a table."""
+    """Return the summary as HTML with a table of the parameters."""
     how = IntervalMethod()
     intervals, missing = intervals_if_known(fit, how)
     words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)
@@ -221,7 +228,10 @@ def as_html(fit: Fit) -> str:
 
 
 def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
-    """Make HTML from a title, facts, a table of parameters with 95 % intervals, and remarks (already HTML)."""
+    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks.
+
+    The remarks (`words`) are HTML already.
+    """
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"
