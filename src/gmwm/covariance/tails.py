@@ -45,8 +45,8 @@ MATERIAL = 0.05
 """Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
 standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass filtered signal are nearly equal."""
 AGREEMENT = 0.1
-"""Largest relative difference between the measured wavelet variance of a level and the one that the spectral density
-gives. Levels with a larger difference are not used."""
+"""Largest relative difference between the measured wavelet variance of a level and the wavelet variance that follows
+from the spectral density. Levels with a larger difference are not used."""
 NEARLY = 0.98
 """Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of loading
 1 are used."""

@@ -38,8 +38,7 @@ FIXED = 1e-11
 1e-9 with which tests/estimation/test_fit_laws.py compares fits of scaled data."""
 ROUNDS = 60
 """Largest number of iterations. Each iteration reduces the change to about a tenth, or to a half if a drift is weak, so
-that
-60 iterations reach `FIXED`."""
+that 60 iterations reach `FIXED`."""
 PRIOR = 1000.0
 """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 

@@ -44,8 +44,7 @@ NOISE = 1e-12
 """Relative difference below which two objectives are equal up to rounding."""
 FAR = 12.0
 """Distance by which a coordinate may leave the scanned range. It is a factor of 160 000, or extends a bounded domain up
-to
-1 − 1e-12."""
+to 1 − 1e-12."""
 HELD_REACH = 5.0
 """Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers 0.9999
 of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes)."""

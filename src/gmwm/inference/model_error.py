@@ -48,8 +48,7 @@ class RelativeMisfit:
     Attributes
     ----------
     distance : (J,) array
-        Relative difference d at each level, which is the wavelet variance of the model divided by that of the data,
-        minus 1.
+        Relative difference d at each level, ν²/ν̂² − 1, with the wavelet variance ν² of the model and ν̂² of the data.
     error : (J,) array
         Relative standard error s of the data at each level.
     judged : (J,) bool array

@@ -171,8 +171,8 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     OptionError
         If `signal` is not a Signal, or there is not exactly one condition.
     DataError
-        If the condition is constant, changes too quickly or is missing for too many samples, or if the recording is too
-        short.
+        If the condition is constant, not finite, known too inaccurately, or changes too quickly, or if the recording is
+        too short.
 
     Notes
     -----

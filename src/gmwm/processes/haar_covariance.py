@@ -1,16 +1,15 @@
 """Covariances of Haar wavelet coefficients, at full accuracy for any level and lag.
 
-Let K(m) be the generalised covariance of the running sum of a process, and h_j = 2^(j−1) the half-scale of level j.
-Then
+Let K(m) be the generalised covariance of the running sum of a process, and h_j = 2^(j−1) the half-scale of level j:
 
     2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a),
 
 where a takes the values 0, h_j, 2h_j and b the values 0, h_k, 2h_k, each with the weights c = (1, −2, 1). The nine
 terms cancel almost completely in double precision. Therefore the second difference over the finer level is computed
-first: D(m) = Σ_a c_a K(m + a) has a short closed form in y = |m + h_j|, and the sum is D(u) − 2 D(u − h_k) + D(u − 2
-h_k). `cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers, because Gauss rules compute the
-sums over lags. A kink is a lag at which the covariance is not smooth, and each rule covers an interval between two
-kinks.
+first: D(m) = Σ_a c_a K(m + a) has a short closed form in y = |m + h_j|, and the sum is
+D(u) − 2 D(u − h_k) + D(u − 2 h_k). `cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers,
+because Gauss rules compute the sums over lags. A kink is a lag at which the covariance is not smooth, and each rule
+covers an interval between two kinks.
 """
 
 from __future__ import annotations

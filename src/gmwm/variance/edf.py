@@ -12,8 +12,8 @@ from gmwm._arrays import Vector
 MOST_TERMS = 240
 """Largest number of terms of the sum over lags; a longer sum is replaced by a quadrature rule with this many nodes."""
 LARGEST_FINITE = 100
-"""Largest product of the cluster size n and d + 1, with the order d of the differences, for which the covariance is
-that of the sampled process. For larger products, the covariance of the process in continuous time is used."""
+"""Largest product of the cluster size n and d + 1, with the order d of the differences, for which the covariance of the
+sampled process is used. For larger products, the covariance of the process in continuous time is used."""
 CHUNK = 2048
 """Number of cluster sizes processed together, to bound the memory."""
 
