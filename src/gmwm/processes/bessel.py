@@ -7,8 +7,8 @@ The Matérn correlation of smoothness ν at the distance x is
 with the modified Bessel function K_ν. Near x = 0, M is close to 1, and the wavelet variance of a slow process depends
 on 1 − M. There 1 − M is computed as the sum of a power series in y = x²/4 and of y^ν times another power series in y.
 If ν is near an integer, the poles of both series cancel; the terms are combined in pairs and their differences are
-computed analytically. For larger x, the integral K_ν(x) = ∫ e^(−x cosh t) cosh νt dt over t > 0 is computed by the trapezoidal
-rule. Its error decreases exponentially with the number of nodes.
+computed analytically. For larger x, the integral K_ν(x) = ∫ e^(−x cosh t) cosh νt dt over t > 0 is computed by the
+trapezoidal rule. Its error decreases exponentially with the number of nodes.
 """
 
 from __future__ import annotations

@@ -31,7 +31,8 @@ LEAST_FLANK = 3
 """Smallest number of bins of a flank at the ends of the grid."""
 INNER, OUTER = 1, 5
 """Distances, in bins of the grid, for the test whether a grid is coarse enough for a peak. The excess of the peak at
-distances of 2 to 5 bins must be less than half of its excess within one bin, so that the flanks are outside the peak."""
+distances of 2 to 5 bins must be less than half of its excess within one bin, so that the flanks are outside the
+peak."""
 SHARP = 3.0
 """Smallest Q factor of a resonance whose frequency and width are fitted with a Lorentz shape."""
 AROUND, PER_WIDTH = 3.0, 6.0
