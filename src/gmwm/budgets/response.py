@@ -108,8 +108,8 @@ def mean_squares(process: Process, rate: float, motion: Response, steps: Sequenc
     """Return the mean squares (T, q) of the errors that a process causes after each number of samples.
 
     Stationary processes start in their stationary distribution. Random walks start at zero, and so does flicker noise
-    if there is no rest. After a rest whose mean is removed, it has no effect when the flicker noise started, except on
-    the tilt from levelling. For this tilt, the flicker noise is assumed to start at zero at the beginning of the rest.
+    if there is no rest. After a rest whose mean is removed, the time at which flicker noise starts has no effect,
+    except on the tilt from levelling. For this tilt, it is assumed to start at zero at the beginning of the rest.
 
     Parameters
     ----------
