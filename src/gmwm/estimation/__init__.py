@@ -1,5 +1,4 @@
-"""Estimation by the Generalized Method of Wavelet Moments (GMWM): fit the wavelet variance of a model to a measured
-one."""
+"""Estimation by the Generalized Method of Wavelet Moments (GMWM), which fits models to a measured wavelet variance."""
 
 from gmwm.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.estimation.estimator import fit

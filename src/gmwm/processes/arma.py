@@ -146,7 +146,7 @@ class ARMA(_Arma, abstract=True):
 
     @classmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """Refuse the order 0: such a process is an AR or an MA."""
+        """Raise ModelError if an order is 0, because the process is then an AR or an MA."""
         p, q = orders
         if p == 0 or q == 0:
             simpler = f"{AR.name}({p})" if p else f"{MA.name}({q})" if q else f"{cls.name}(1, 1)"
@@ -187,7 +187,7 @@ class SARMA(_Arma, abstract=True):
 
     @classmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """Refuse P = Q = 0: a process without seasonal coefficients has no season."""
+        """Raise ModelError if P = Q = 0, because the process then has no season."""
         p, q, seasonal_p, seasonal_q, _ = orders
         if seasonal_p + seasonal_q == 0:
             simpler = f"{ARMA.name}({p}, {q})" if p and q else f"{AR.name}({p})" if p else f"{MA.name}({max(q, 1)})"

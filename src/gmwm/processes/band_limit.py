@@ -1,4 +1,4 @@
-"""Datasheet numbers of noise with a short correlation time: density at low frequencies, bandwidth and resonance."""
+"""Density at low frequencies, bandwidth and resonance of noise with a short correlation time, as in datasheets."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ _LONGEST_SUM = 2**24
 
 
 class Process(ABC):
-    """Noise process: a frozen dataclass whose fields are its parameters.
+    """Base class of noise processes. Each process is a frozen dataclass whose fields are its parameters.
 
     All theory is per sample and in SI units; u is the unit of the signal. The module docstring of `noise.py` explains
     how to add a process. The methods share these arguments:
@@ -167,7 +167,7 @@ class Process(ABC):
 
     @property
     def scale(self) -> float:
-        """The linear coefficient: the wavelet variance is `scale` times the shape."""
+        """Scale coefficient, by which the shape is multiplied to give the wavelet variance."""
         return self.scale_from(self.value(self.scale_parameter().name))
 
     @property

@@ -24,7 +24,7 @@ LARGEST = 1 << 21
 
 
 def half_period(n: int) -> int:
-    """Return M for paths of n samples: the smallest power of two that is at least n and at least 2."""
+    """Return M for paths of n samples, which is the smallest power of two that is at least n and at least 2."""
     return 1 << max(n - 1, 1).bit_length()
 
 

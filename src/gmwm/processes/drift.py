@@ -22,7 +22,7 @@ from gmwm.statespace import StateSpace
 
 @dataclass(frozen=True, repr=False)
 class DR(Process):
-    """Drift (rate ramp): the deterministic mean X_t = ωt.
+    """Drift (rate ramp), which is a deterministic mean X_t = ωt.
 
     ν_j² = ω²τ_j²/16, with τ_j = 2^j samples. The wavelet variance does not depend on the sign of ω.
 

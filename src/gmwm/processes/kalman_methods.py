@@ -137,7 +137,7 @@ class KalmanMethods:
         mean: float | None = None,
         estimated: int | None = None,
     ) -> Residuals:
-        """Compute the standardised innovations: one-step prediction errors divided by their standard deviations.
+        """Compute the standardised innovations, which are one-step prediction errors over their standard deviations.
 
         Parameters
         ----------

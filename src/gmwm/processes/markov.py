@@ -309,7 +309,7 @@ class AR1(_Markov):
 
 @dataclass(frozen=True, repr=False)
 class GM(_Markov):
-    """First-order Gauss-Markov process: autocovariance σ² e^(−β|t|) at the time lag t (s).
+    """First-order Gauss-Markov process, with the autocovariance σ² e^(−β|t|) at the time lag t (s).
 
     The sampled process is an `AR1` with φ = e^(−βΔt) and marginal variance σ². The formula of its Haar wavelet variance
     is in the docstring of `AR1`.

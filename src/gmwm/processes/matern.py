@@ -1,4 +1,4 @@
-"""The Matérn process, with a correlation time and a smoothness parameter."""
+"""Matérn process, which has a time scale and a smoothness parameter."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ _LONGEST = 2**24
 
 @dataclass(frozen=True, repr=False)
 class MAT(Process):
-    """Matérn process: autocovariance σ² 2^(1−ν)/Γ(ν) (β|t|)^ν K_ν(β|t|) at the time lag t (s).
+    """Matérn process, with the autocovariance σ² 2^(1−ν)/Γ(ν) (β|t|)^ν K_ν(β|t|) at the time lag t (s).
 
-    For ν = ½ it is a Gauss-Markov process; larger ν gives smoother paths, smaller ν rougher paths. At frequencies well
-    above β/2π its spectrum decreases as f^(−2ν−1). An exact state space exists for ν = ½, 3/2, 5/2, … only; for other ν
-    up to 5, `state_space` is an approximation.
+    K_ν is the modified Bessel function of the second kind. For ν = ½ the process is a Gauss-Markov process; larger ν
+    gives smoother paths, smaller ν rougher paths. At frequencies well above β/2π its spectrum decreases as f^(−2ν−1).
+    An exact state space exists for ν = ½, 3/2, 5/2, … only; for other ν up to 5, `state_space` is an approximation.
 
     The wavelet variance is computed from the autocovariance at a few hundred lags (see `smooth_autocovariance`), for
     any filter. Its relative error is 1e-12 for the Haar filter. The error is larger for long filters and small β,

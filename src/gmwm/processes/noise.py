@@ -47,7 +47,7 @@ from gmwm.statespace import StateSpace
 
 @dataclass(frozen=True, repr=False)
 class WN(Process):
-    """White noise: uncorrelated samples of variance σ², which integrate to an angular or velocity random walk.
+    """White noise, uncorrelated samples of variance σ² whose integral is an angular or velocity random walk.
 
     ν_j² = σ²/τ_j, with τ_j = 2^j samples.
 
@@ -187,7 +187,7 @@ class QN(Process):
 
     @property
     def error_cumulant(self) -> float:
-        """Fourth cumulant of the uniform rounding error: −1.2 Q⁴."""
+        """Fourth cumulant −1.2 Q⁴ (u⁴) of the uniform rounding errors."""
         return -1.2 * self.scale**2
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:

@@ -268,7 +268,7 @@ class PL(PowerLaw):
 
 @dataclass(frozen=True, repr=False)
 class FGN(PowerLaw):
-    """Fractional Gaussian noise: increments of a fractional Brownian motion with Hurst exponent H.
+    """Fractional Gaussian noise, the increments of a fractional Brownian motion with Hurst exponent H.
 
     r(k) = ½σ² (|k+1|^(2H) − 2|k|^(2H) + |k−1|^(2H)),  ν_j² = σ² (1 − 2^(2H−2)) (τ_j/2)^(2H−2).
 

@@ -35,7 +35,7 @@ def coordinates(rows: Matrix) -> Matrix:
 
 
 def at_coordinates(z: NDArray[Any]) -> NDArray[Any]:
-    """Invert `coordinates`: return the coefficients a (rows, n). The function is analytic, so z can be complex."""
+    """Compute the coefficients a (rows, n) from `coordinates` z. The function is analytic, so z can be complex."""
     partial = np.tanh(z)
     rows = np.empty_like(partial)
     for n in range(partial.shape[1]):

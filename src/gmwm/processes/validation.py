@@ -49,14 +49,14 @@ def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
 
 
 def as_rng(rng: object) -> np.random.Generator:
-    """Return a NumPy Generator: `rng` itself, or one created from an integer or a SeedSequence."""
+    """Return `rng` if it is a NumPy Generator, or a Generator created from an integer or a SeedSequence."""
     if isinstance(rng, np.random.Generator):
         return rng
     return np.random.default_rng(rng if isinstance(rng, np.random.SeedSequence) else as_seed(rng))
 
 
 def as_seed(rng: object) -> int:
-    """Return the integer seed of all draws: `rng` itself, or a seed drawn from a NumPy Generator.
+    """Return `rng` if it is an integer seed, or a seed drawn from a NumPy Generator.
 
     Parallel work needs a seed instead of a Generator, and results record the seed.
 

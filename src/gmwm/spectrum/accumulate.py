@@ -159,7 +159,7 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def gap(self) -> None:
-        """Mark a gap: samples are missing here, and the next sample begins a new segment."""
+        """Mark a gap where samples are missing, so that the next sample begins a new segment."""
         self._fold()
         self._open, self._tail = False, np.empty(0)
 

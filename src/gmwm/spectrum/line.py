@@ -1,4 +1,4 @@
-"""Peaks in a spectrum: lines and bumps."""
+"""Lines and bumps, which are the two kinds of peaks in a spectrum."""
 
 from __future__ import annotations
 

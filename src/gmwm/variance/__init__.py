@@ -1,5 +1,4 @@
-"""Variances of a signal at many averaging times, with confidence limits: wavelet, Allan, Hadamard and total
-variance."""
+"""Wavelet, Allan, Hadamard and total variances of a signal at many averaging times, with confidence limits."""
 
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.allan import allan_variance

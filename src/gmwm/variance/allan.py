@@ -1,4 +1,4 @@
-"""Allan variance: overlapping, nonoverlapping and modified."""
+"""Overlapping, nonoverlapping and modified Allan variances."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def allan_variance(
     confidence: float = 0.95,
     progress: Progress | None = None,
 ) -> ClusterVariance:
-    """Estimate the Allan variance of a signal: half the mean squared difference of adjacent cluster means.
+    """Estimate the Allan variance of a signal, half the mean squared difference of adjacent cluster means.
 
     With the phase p (running sum of the rate, times Δt) and clusters of n samples, τ = n Δt, it is the mean of
     (p_{i+2n} − 2 p_{i+n} + p_i)² / (2 τ²) over every i ("overlapping") or every n-th i ("nonoverlapping"). The

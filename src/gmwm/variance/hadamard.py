@@ -30,7 +30,7 @@ def hadamard_variance(
     confidence: float = 0.95,
     progress: Progress | None = None,
 ) -> ClusterVariance:
-    """Estimate the Hadamard variance of a signal: a sixth of the mean squared second difference of cluster means.
+    """Estimate the Hadamard variance of a signal, a sixth of the mean squared second difference of cluster means.
 
     With the phase p and clusters of n samples, τ = n Δt, it is the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /
     (6 τ²) over every i ("overlapping") or every n-th i ("nonoverlapping"). For white noise it equals the Allan

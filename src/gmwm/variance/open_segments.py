@@ -141,7 +141,7 @@ class SegmentedAccumulator(OneAtATime):
 
     @one_at_a_time
     def gap(self) -> None:
-        """Mark a gap: samples are missing here, and the next sample begins a new segment."""
+        """Mark a gap where samples are missing, so that the next sample begins a new segment."""
         if len(self._held):
             self._held.gap()
         else:

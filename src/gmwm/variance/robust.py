@@ -110,7 +110,7 @@ def haar_robust_variances(x: Vector, levels: int, efficiency: float = 0.6) -> Ro
 
 
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
-    """Compute the robust variance of zero-mean coefficients: the square of Tukey's biweight M-estimate of scale.
+    """Compute the robust variance of zero-mean coefficients, the square of Tukey's biweight M-estimate of scale.
 
     σ solves mean ρ(W/σ) = a, with ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c and 0 otherwise. The requested efficiency
     determines c, and a = E ρ(r) under N(0, 1).

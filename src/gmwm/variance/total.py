@@ -40,7 +40,7 @@ def total_variance(
     confidence: float = 0.95,
     progress: Progress | None = None,
 ) -> ClusterVariance:
-    """Estimate the total variance of a signal: an Allan variance with more degrees of freedom at long averaging times.
+    """Estimate the total variance, an Allan variance with more degrees of freedom at long averaging times.
 
     The phase is extended beyond both ends by point reflection at the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
     (2 τ²) is averaged over all inner i of the recording. For white noise its expectation is the Allan variance. For

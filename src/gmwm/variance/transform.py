@@ -321,7 +321,7 @@ Transform = Literal["modwt", "dwt"]
 
 
 def _first_interior(filter: WaveletFilter, level: int) -> int:
-    """Return the index of the first decimated coefficient that does not depend on the boundary: 2^j (n + 1) ≥ L_j."""
+    """Return the smallest index n with 2^j (n + 1) ≥ L_j; this decimated coefficient is free of the boundary."""
     return -(-filter.width(level) >> level) - 1
 
 
