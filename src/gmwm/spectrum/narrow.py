@@ -46,7 +46,7 @@ def narrow_lines(
     density, size = spectrum.density, spectrum.density.size - 1
     free = testable.copy()
     # The spectrum of a sampled signal is symmetric about half the rate, so a line close to it has flanks on both sides.
-    # The density at half the rate has half the degrees of freedom and is left out.
+    # The density at half the rate is not doubled in a one-sided spectrum and is left out.
     shown = np.concatenate([density[FIRST_BIN:size], density[size - 1 : size - 1 - FAR : -1]])
     of_each = np.concatenate([freedom[FIRST_BIN:size], freedom[size - 1 : size - 1 - FAR : -1]])
     found = flanks(shown, of_each, NEAR, FAR, least=LEAST_FLANK)
