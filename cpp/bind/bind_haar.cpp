@@ -1,6 +1,8 @@
 #include <nanobind/nanobind.h>
 
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <stdexcept>
@@ -28,6 +30,16 @@ double mean(const Vector& x) {
   if (x.shape(0) == 0) throw std::invalid_argument("x must not be empty");
   const nb::gil_scoped_release release;
   return gmwm::mean(view(x)).value;
+}
+
+std::size_t append(const OutVector& buffer, std::size_t used, nb::handle chunk) {
+  Vector x;
+  if (!nb::try_cast<Vector>(chunk, x, false) || x.size() == 0) return used;
+  if (used > buffer.size() || x.size() > buffer.size() - used) return used;
+  if (reinterpret_cast<std::uintptr_t>(x.data()) % alignof(double) != 0) return used;
+  if (!gmwm::mean(view(x)).finite) return used;
+  std::copy_n(x.data(), x.size(), buffer.data() + used);
+  return used + x.size();
 }
 
 Result running_sum(const Vector& x) {
@@ -73,6 +85,9 @@ Result haar_variance(const Vector& x, std::size_t levels) {
 void bind_haar(nb::module_& m) {
   m.def("clone", &gmwm::running_clone, "Name of the version of the kernels that runs on this processor.");
   m.def("mean", &mean, "x"_a.noconvert(), "Mean of x; NaN if any value is not finite.");
+  m.def("append", &append, "buffer"_a.noconvert(), "used"_a, "chunk"_a,
+        "Copy chunk behind the used values of buffer, and return how many are used then: as many as before if chunk is "
+        "not a vector of finite float64 numbers, or has no room.");
   m.def("running_sum", &running_sum, "x"_a.noconvert(),
           "Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.");
   m.def("haar_sums_of_squares", &haar_sums_of_squares, "running_sum"_a.noconvert(), "levels"_a, "begin"_a, "end"_a,

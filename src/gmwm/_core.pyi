@@ -86,6 +86,11 @@ def clone() -> str:
 def mean(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
     """Mean of x; NaN if any value is not finite."""
 
+def append(buffer: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], used: int, chunk: object) -> int:
+    """
+    Copy chunk behind the used values of buffer, and return how many are used then: as many as before if chunk is not a vector of finite float64 numbers, or has no room.
+    """
+
 def running_sum(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
     Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.

@@ -260,6 +260,41 @@ def contaminated(samples=60_000):
     return x
 
 
+UNUSUAL = {
+    "list": lambda x: x.tolist(),
+    "float32": lambda x: x.astype(np.float32),
+    "big-endian": lambda x: x.astype(">f8"),
+    "every second": lambda x: np.repeat(x, 2)[::2],
+    "not aligned": lambda x: np.frombuffer(b"0" + x.tobytes(), dtype=np.uint8)[1:].view(np.float64),
+    "read-only": lambda x: np.frombuffer(x.tobytes()),
+    "masked array": np.ma.asarray,
+    "empty between": lambda x: x,
+}
+
+
+@pytest.mark.parametrize("kind", UNUSUAL)
+def test_chunks_of_any_type_are_added_after_sums_have_begun(kind):
+    x = np.round(64 * walk(40_000)) / 64  # values that float32 holds
+    live = part(x[:30_000])
+    for k in range(30_000, x.size, 1_000):
+        live.update(UNUSUAL[kind](x[k : k + 1_000]))
+        live.update(np.empty(0))
+    same(live.result(), part(x).result())
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [[1.0, np.nan], np.array([np.inf, 1.0]), np.ma.array([1.0, 2.0], mask=[0, 1]), np.ones((2, 2)), np.array(["a"])],
+)
+def test_bad_chunks_are_rejected_after_sums_have_begun(bad):
+    x = walk(40_000)
+    live = part(x[:30_000])
+    with pytest.raises(DataError, match="chunk"):
+        live.update(bad)
+    live.update(x[30_000:])
+    same(live.result(), part(x).result())
+
+
 @pytest.mark.parametrize("efficiency", [0.6, 0.9])
 def test_a_robust_result_is_that_of_all_coefficients(efficiency):
     x = contaminated()

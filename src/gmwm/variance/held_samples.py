@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from gmwm import _core
 from gmwm._arrays import Vector
 
 SMALL = 4096
-"""Chunks with fewer samples are copied into a buffer of this size, so that single samples do not each need an array."""
+"""Default size of the buffer of small chunks, so that single samples do not each need an array."""
 
 
 class HeldSamples:
     """Samples in the order of their arrival, divided into segments by gaps.
+
+    Parameters
+    ----------
+    buffer : (n,) array, optional
+        Chunks with fewer than n samples are copied into it.
 
     Examples
     --------
@@ -23,38 +31,47 @@ class HeldSamples:
     ([array([1., 2.]), array([3.])], (2, 1), False)
     """
 
-    def __init__(self) -> None:
+    def __init__(self, buffer: Vector | None = None) -> None:
         self._segments: list[list[Vector]] = [[]]
         self._lengths, self._size = [0], 0
-        self._buffer, self._used = np.empty(0), 0
+        self._buffer = np.empty(SMALL) if buffer is None else buffer
+        self._small, self._used = self._buffer.size, 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._flush()
+        return {**self.__dict__, "_buffer": np.empty(0)}
 
     def __len__(self) -> int:
         """Return the number of samples."""
-        return self._size
+        return self._size + self._used
 
     @property
     def lengths(self) -> tuple[int, ...]:
         """Number of samples of each segment. Directly after a gap, the last number is 0."""
-        return tuple(self._lengths)
+        return (*self._lengths[:-1], self._lengths[-1] + self._used)
 
     @property
     def ended(self) -> bool:
         """Whether the last sample is followed by a gap."""
-        return len(self._lengths) > 1 and not self._lengths[-1]
+        return len(self._lengths) > 1 and not self.lengths[-1]
 
     def add(self, x: Vector) -> None:
         """Add samples to the current segment. A writable array is copied, because its owner can change it."""
-        if x.size >= SMALL:
-            self._flush()
-            self._segments[-1].append(x.copy() if x.flags.writeable else x)
+        if self.append(x):
+            return
+        self._flush()
+        if x.size < self._small:
+            self._buffer = np.empty(self._small)
+            self.append(x)
         else:
-            if self._used + x.size > self._buffer.size:
-                self._flush()
-                self._buffer = np.empty(SMALL)
-            self._buffer[self._used : self._used + x.size] = x
-            self._used += x.size
-        self._lengths[-1] += x.size
-        self._size += x.size
+            self._stored(x.copy() if x.flags.writeable else x)
+
+    def append(self, x: object) -> bool:
+        """Copy samples into the buffer. Return False, and do nothing, if `x` is not a vector of finite numbers, is
+        empty, or has no room there."""
+        used = _core.append(self._buffer, self._used, x)
+        taken, self._used = used > self._used, used
+        return taken
 
     def gap(self) -> None:
         """End the current segment."""
@@ -70,6 +87,12 @@ class HeldSamples:
         return [segment[0] for segment in self._segments if segment]
 
     def _flush(self) -> None:
+        """Move the used part of the buffer to the segment, without a copy."""
         if self._used:
-            self._segments[-1].append(self._buffer[: self._used].copy())
-            self._buffer, self._used = np.empty(0), 0
+            self._stored(self._buffer[: self._used])
+            self._buffer, self._used = self._buffer[self._used :], 0
+
+    def _stored(self, x: Vector) -> None:
+        self._segments[-1].append(x)
+        self._lengths[-1] += x.size
+        self._size += x.size

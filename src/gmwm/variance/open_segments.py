@@ -78,7 +78,7 @@ class SegmentedAccumulator(OneAtATime):
         self._rises = 0.0
         self.filled, self._line = 0, RiseSums()
         self._last: SegmentState | None = None
-        self._held = HeldSamples()
+        self._held, self._panel = HeldSamples(), np.empty(0)
         self._count = 0  # samples in the sums
 
     @one_at_a_time
@@ -106,7 +106,6 @@ class SegmentedAccumulator(OneAtATime):
         """Whether all samples so far are stored. The result is then computed as in `wavelet_variance`."""
         return self._first is None and self._last is None and not self._lengths
 
-    @one_at_a_time
     def update(self, chunk: ArrayLike) -> None:
         """Add the next samples (n,), one or more.
 
@@ -116,15 +115,11 @@ class SegmentedAccumulator(OneAtATime):
             If a value is NaN or infinite, or if, in a robust accumulator, it is so large that double precision loses
             the other values. The chunk is rejected, and the earlier samples are kept.
         """
-        x = as_vector(chunk, "chunk", at_least=0)
-        self._require_usable(x)
-        room = self.held if self.holds_all else PANEL
-        if len(self._held) + x.size > room:
-            self._fold()
-        if x.size > room or (x.size >= LARGE and not self.holds_all):
-            self._grow(x)
-        elif x.size:
-            self._held.add(x)
+        with self._lock:
+            # The checks of a small chunk in Python take three times as long as its sums.
+            usual = self._panel.size and self._collector is None and type(chunk) is np.ndarray and chunk.size < LARGE
+            if not (usual and self._held.append(chunk)):
+                self._add(chunk)
 
     @one_at_a_time
     def feed(self, signal: Signal, continues: bool = False) -> None:
@@ -221,12 +216,26 @@ class SegmentedAccumulator(OneAtATime):
     def _require_usable(self, x: Vector) -> None:
         """Raise an error if these samples cannot be used. By default, all finite samples can be used."""
 
+    def _add(self, chunk: ArrayLike) -> None:
+        """Add samples after all checks."""
+        x = as_vector(chunk, "chunk", at_least=0)
+        self._require_usable(x)
+        room = self.held if self.holds_all else PANEL
+        if len(self._held) + x.size > room:
+            self._fold()
+        if x.size > room or (x.size >= LARGE and not self.holds_all):
+            self._grow(x)
+        elif x.size:
+            self._held.add(x)
+
     def _fold(self) -> None:
         """Process the samples that are stored, and store them no longer."""
         parts = self._held.joined()
         for values in parts:
             self._require_usable(values)
-        held, self._held = self._held, HeldSamples()
+        if not self._panel.size:
+            self._panel = np.empty(PANEL)
+        held, self._held = self._held, HeldSamples(self._panel)  # a segment keeps no sample of the panel
         for k, values in enumerate(parts):
             if k:
                 self._end_segment()

@@ -76,11 +76,13 @@ class SegmentState:
 
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment extended by the samples `x`."""
-        values, reach = x - self.reference, (1 << self.exact) - 1
-        joint = np.concatenate([self.tail, values])
+        reach, before = (1 << self.exact) - 1, self.tail.size
+        joint = np.empty(before + x.size)
+        joint[:before] = self.tail
+        values = np.subtract(x, self.reference, out=joint[before:])
         head = self.head if self.head.size == reach else np.concatenate([self.head, values])[:reach]
         fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], collector)
-        squares, statistics = _measured(joint, self.exact, self.tail.size, collector)
+        squares, statistics = _measured(joint, self.exact, before, collector)
         return SegmentState(
             exact=self.exact,
             start=self.start,
