@@ -156,7 +156,7 @@ class Process(ABC):
 
     def value(self, name: str) -> float:
         """Value of the parameter `name`, fixed or not. Raises ModelError if it has none."""
-        number = self.values[name]
+        number: float | None = v.value if isinstance(v := self.__dict__[name], Fixed) else v
         if number is None:
             raise ModelError(
                 f"{self.name}.{name} has no value",

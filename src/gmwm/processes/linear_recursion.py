@@ -305,7 +305,7 @@ class Lagged(Ordered, abstract=True, listed=False):
             if None in values:
                 return None
             period = self.full_orders()[-1] if part is SEASONAL_PHI else 1
-            size = float(np.abs(rational.roots(np.array(values, dtype=np.float64))).max())
+            size = _largest_root(tuple(values))
             slowest = max(slowest, -period / math.log(min(size, 1.0 - 2.0**-53)) if size > 0 else 0.0)
         return slowest / as_rate(rate)
 
@@ -336,6 +336,12 @@ class Lagged(Ordered, abstract=True, listed=False):
         out = np.empty(distances.size)
         _core.arma_autocovariance(self.full_orders(), self.nonlinear, distances, from_zero, out)
         return np.asarray(self.scale * out[where].reshape(lags.shape))
+
+
+@lru_cache(maxsize=256)
+def _largest_root(values: tuple[float | None, ...]) -> float:
+    """Return the largest modulus of a root of the polynomial with these coefficients."""
+    return float(np.abs(rational.roots(np.array(values, dtype=np.float64))).max())
 
 
 @lru_cache(maxsize=256)
