@@ -85,6 +85,12 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
+def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write `content` to `path`, completely or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_bytes(content)
+
+
 DEEPEST = 64
 """Largest depth of lists and objects in a JSON document. Documents of gmwm have ten levels; very deep ones overflow the
 stack."""

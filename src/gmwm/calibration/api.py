@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from gmwm._helpers import Helpers
 from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
@@ -25,7 +26,7 @@ from gmwm.calibration.recording_findings import recording_remarks, shared_remark
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import means_of, with_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.several import Part, measured_together, regression_of, worst
+from gmwm.calibration.several import Part, Together, measured_together, regression_of, worst
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.estimation.result import Fit
@@ -41,6 +42,7 @@ from gmwm.processes.validation import as_seed
 from gmwm.processes.walk import RW
 from gmwm.readers.streams import Stream
 from gmwm.regression.against import AUTO, Against
+from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal
 from gmwm.variance.result import WaveletVariance
@@ -193,8 +195,12 @@ def calibrate_recording(
     scheduler: str | Client | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
+    helpers: Helpers | None = None,
 ) -> Calibration:
-    """Calibrate one or several recordings like `calibrate`, with options that are already validated."""
+    """Calibrate one or several recordings like `calibrate`, with options that are already validated.
+
+    The axes are also calibrated in helper processes, if there are any.
+    """
     if threads is not None:
         as_whole_number(threads, "threads", 1)
     recordings = named(data)
@@ -223,10 +229,19 @@ def calibrate_recording(
 
     def work(axis: str, of: dict[str, Part]) -> AxisCalibration | GmwmError:
         try:
-            return _Axis(
-                name=axis, parts=of, options=options.of_axis(axis), together=len(parts), steps=steps,
-                verdicts=verdicts[axis],
-            ).calibrated()  # fmt: skip
+            own = options.of_axis(axis)
+            measured = measured_together(axis, of, own, comparisons=len(parts))
+            verdicts[axis].update(measured.verdicts)
+            _require_scales(measured.wv)
+            one = _Axis(measured=measured, options=own, regression=regression_of(axis, of))
+            advance = partial(steps.step, axis)
+            advance(STAGES[0])
+            if helpers is None:
+                return one.calibrated(advance, steps.check)
+            found = helpers.run(one.calibrated)
+            for stage in STAGES[1:]:
+                advance(stage)
+            return found
         except OptionError:
             raise
         except GmwmError as error:
@@ -319,43 +334,40 @@ class _Progress:
 
 @dataclass(frozen=True, kw_only=True)
 class _Axis:
-    """The work of calibrating one axis.
+    """The work of calibrating one axis whose curve is measured.
 
     Attributes
     ----------
-    name : str
-        The axis.
-    parts : mapping of recording to Part
-        The measurements of the axis in each recording.
+    measured : Together
+        The curve, the spectrum and the outlier tests of the axis.
     options : CalibrationOptions
         Options of this axis.
-    together : int
-        Number of axes that are tested for outliers together.
-    steps : _Progress
-    verdicts : dict of recording to Verdict
-        The outlier tests of the axis, to which `calibrated` adds its own.
+    regression : Regression or None
+        The effect of the conditions that was removed.
     """
 
-    name: str
-    parts: Mapping[str, Part]
+    measured: Together
     options: CalibrationOptions
-    together: int
-    steps: _Progress
-    verdicts: dict[str, Verdict]
+    regression: Regression | None
 
-    def calibrated(self) -> AxisCalibration:
-        """Calibrate the axis, and report each finished step."""
-        options, stages = self.options, iter(STAGES)
-        measured = measured_together(self.name, self.parts, options, comparisons=self.together)
-        wv, spectrum = measured.wv, measured.spectrum
-        self.verdicts.update(measured.verdicts)
-        _require_scales(wv)
-        self.steps.step(self.name, next(stages))
-        found = chosen_model(wv, spectrum, options, check=self.steps.check)
+    def calibrated(
+        self, advance: Callable[[str], None] = lambda _: None, check: Callable[[], None] = lambda: None
+    ) -> AxisCalibration:
+        """Choose the model, fit it, and judge the fit.
+
+        Parameters
+        ----------
+        advance : function
+            Called with the name of each finished stage.
+        check : function
+            Called often. It may raise to end the work.
+        """
+        measured, options = self.measured, self.options
+        found = chosen_model(measured.wv, measured.spectrum, options, check=check)
         ranking, wv = found.ranking, found.with_error
-        self.steps.step(self.name, next(stages))
+        advance(STAGES[1])
         fit = final_fit(ranking.recommended.model, wv, options.weighting)
-        self.steps.step(self.name, next(stages))
+        advance(STAGES[2])
         level = options.confidence
         sheet = with_band(averaged_datasheet(datasheet(fit, level), ranking, level), found.band, level)
         axis = AxisCalibration(
@@ -366,15 +378,15 @@ class _Axis:
             ranking=ranking,
             verdict=worst(measured.verdicts.values()),
             needed=needed(replace(fit, wavelet_variance=replace(wv, recordings={})), options.weighting),
-            spectrum=spectrum,
+            spectrum=measured.spectrum,
             misfit=relative_misfit(fit),
             model_error=found.error,
             tried=found.tried,
-            regression=regression_of(self.name, self.parts),
+            regression=self.regression,
             left_in=None if measured.raw is None else self._left_in(fit, measured.raw),
         )
         _ = fit.replicates  # This cached property is computed here, where axes are processed in parallel.
-        self.steps.step(self.name, next(stages))
+        advance(STAGES[3])
         return axis
 
     def _left_in(self, fit: Fit, raw: WaveletVariance) -> float | None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm._files import write_bytes
+from gmwm._helpers import Helpers
+from gmwm._helpers import helpers as helpers_of
 from gmwm.axis_names import sensor_of
 from gmwm.calibration.data import require_axes
+from gmwm.calibration.document import as_text
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
@@ -164,12 +169,11 @@ def calibrate(
     if spread:
         only_file(files, "--workers" if scheduler is None else "--scheduler")
     given = parse_models(model or [])
+    beside = calibration_helpers(plots=output is not None)
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
-        groups = [
-            [opened(file, topic, chunked, spread=spread, whole=memory_for(against)) for file in files]
-            for topic in readings
-        ]
+        load = partial(opened, chunked=chunked, spread=spread, whole=memory_for(against))
+        groups = [[load(file, topic) for file in files] for topic in readings]
         if output is not None:
             made_directory(output)
         known = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
@@ -178,8 +182,8 @@ def calibrate(
         with named_as_options({"models": "--model"}):
             require_axes(models, axes)
             wanted = replace(asked, axes=axes, models=models)
-            found = _united(groups, files, wanted, scheduler=scheduler, workers=workers)
-        return _outcome(found, files, output, view=view, datasheet=datasheet)
+            found = _united(groups, files, wanted, scheduler=scheduler, workers=workers, helpers=beside)
+        return _outcome(found, files, output, view=view, datasheet=datasheet, helpers=beside)
 
     apart = separate_topics(files, reading)
     if apart:
@@ -196,6 +200,7 @@ def _united(
     *,
     scheduler: str | None,
     workers: int | None,
+    helpers: Helpers,
 ) -> Calibration:
     """Calibrate a unit, and combine the results if its gyroscopes and accelerometers are in separate recordings.
 
@@ -208,7 +213,7 @@ def _united(
         if own:
             models = {name: one for name, one in options.models.items() if name in own or name in map(sensor_of, own)}
             wanted = replace(options, axes=own, models=models)
-            found.append(calibrated(data, wanted, scheduler=scheduler, workers=workers).of_file(*files))
+            found.append(calibrated(data, wanted, helpers, scheduler=scheduler, workers=workers).of_file(*files))
     return found[0].combined(*found[1:])
 
 
@@ -219,16 +224,21 @@ def _outcome(
     *,
     view: Literal["wavelet", "allan"],
     datasheet: bool,
+    helpers: Helpers,
 ) -> Outcome:
     """Return the outcome of the command, with the files to write."""
-    made = () if output is None else calibration_files(found, output, view, datasheet)
+    plots = None if output is None else helpers.begin(pictures, found, view, datasheet)
+    document, text = found.to_dict(), summary(found, Dialect.SHELL, every=True)
+    made: tuple[NewFile, ...] = ()
+    if output is not None and plots is not None:
+        made = calibration_files(found, output, document=document, text=text, plots=plots)
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
     written = file_names((*made, *kalibr.files))
     return Outcome(
         command="calibrate",
-        document={**found.to_dict(), **document_of(files), "written": written},
+        document={**document, **document_of(files), "written": written},
         text=summary(found, Dialect.SHELL),
-        all_text=summary(found, Dialect.SHELL, every=True),
+        all_text=text,
         files=(*made, *kalibr.files),
         together=True,
         obsolete=kalibr.obsolete,
@@ -239,6 +249,7 @@ def _outcome(
 def calibrated(
     recording: Imu | Stream | Mapping[str, Imu | Stream],
     options: CalibrationOptions,
+    helpers: Helpers,
     *,
     scheduler: str | None = None,
     workers: int | None = None,
@@ -255,22 +266,37 @@ def calibrated(
             advance(text, done - before)
             before = done
 
-        return calibrate_recording(recording, options, scheduler=scheduler, workers=workers, progress=show)
+        return calibrate_recording(
+            recording, options, scheduler=scheduler, workers=workers, progress=show, helpers=helpers
+        )
+
+
+def calibration_helpers(*, plots: bool) -> Helpers:
+    """Fork helpers with the modules that calibrate; they import the modules that draw plots, if these are needed."""
+    import gmwm.calibration.api  # noqa: F401
+
+    return helpers_of(*(("gmwm.plots.imu", "gmwm.plots.matplotlib") if plots else ()))
+
+
+def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: bool) -> dict[str, bytes]:
+    """Draw the plots of a calibration: the content of each file."""
+    from gmwm.plots.matplotlib import rendered
+
+    system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
+    return {
+        name: rendered(found.plot(split=split, view=view, units=system), ".png")
+        for name, split in (("calibration.png", True), ("by_sensor.png", False))
+    }
 
 
 def calibration_files(
-    found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
+    found: Calibration, folder: Path, *, document: Mapping[str, Any], text: str, plots: Callable[[], dict[str, bytes]]
 ) -> tuple[NewFile, ...]:
     """Return the files to write for a calibration: calibration.json, report, summary and two plots."""
-    system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return (
-        NewFile(folder / "calibration.json", found.save),
+        text_file(folder / "calibration.json", as_text(document)),
         NewFile(folder / "report.html", found.report, "writing the report"),
-        text_file(folder / "summary.txt", summary(found, Dialect.SHELL, every=True) + "\n"),
-        NewFile(folder / "calibration.png", lambda path: found.plot(view=view, units=system, path=path), "plotting"),
-        NewFile(
-            folder / "by_sensor.png",
-            lambda path: found.plot(split=False, view=view, units=system, path=path),
-            "drawing",
-        ),
+        text_file(folder / "summary.txt", text + "\n"),
+        NewFile(folder / "calibration.png", lambda path: write_bytes(path, plots()["calibration.png"]), "plotting"),
+        NewFile(folder / "by_sensor.png", lambda path: write_bytes(path, plots()["by_sensor.png"]), "drawing"),
     )

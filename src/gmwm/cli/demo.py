@@ -14,7 +14,7 @@ import typer
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrapped
-from gmwm.cli.calibrate import calibrated, calibration_files
+from gmwm.cli.calibrate import calibrated, calibration_files, calibration_helpers, pictures
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
 from gmwm.cli.options import Json
@@ -54,6 +54,7 @@ def demo(
     from gmwm.readers import read
     from gmwm.simulation import reference_imu
 
+    helpers = calibration_helpers(plots=True)
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
     file = made_directory(output) / "imu.csv"
     imu = _simulated(truth, seed, file)
@@ -65,14 +66,20 @@ def demo(
     with progress("inspecting"):
         inspection = inspect(imu)
     say(inspection_text(inspection, Dialect.SHELL) + "\n")
-    found = calibrated(imu, CalibrationOptions()).of_file(file)
+    found = calibrated(imu, CalibrationOptions(), helpers).of_file(file)
+    plots = helpers.begin(pictures, found, "wavelet", False)
     say(summary(found, Dialect.SHELL))
+    document, text = found.to_dict(), summary(found, Dialect.SHELL, every=True)
     rows, kalibr = _comparison(truth, found), kalibr_file(found, output)
-    files = (*calibration_files(found, output), *kalibr.files, _allan(found, output))
+    files = (
+        *calibration_files(found, output, document=document, text=text, plots=plots),
+        *kalibr.files,
+        _allan(found, output),
+    )
     return Outcome(
         command="demo",
         document={
-            "file": str(file), "seed": seed, "comparison": rows, "calibration": found.to_dict(),
+            "file": str(file), "seed": seed, "comparison": rows, "calibration": document,
             "inspection": inspection.to_dict(), "written": [str(file), *file_names(files)],
         },
         text=_comparison_text(rows, truth, found),

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from gmwm._helpers import end_helpers
 from gmwm._template import Dialect
 from gmwm.cli.output import one_line
 from gmwm.errors import GmwmError
@@ -78,6 +79,7 @@ class OneLineErrors(TyperGroup):
             code = INTERRUPTED
         if code in (INTERRUPTED, TERMINATED):
             print("interrupted" if code == INTERRUPTED else "terminated", file=sys.stderr)
+            end_helpers()
             _leave_threads_behind(code)
         sys.exit(code if isinstance(code, int) else OK)
 

@@ -21,7 +21,7 @@ from matplotlib.patches import Patch
 from matplotlib.scale import LinearScale, LogScale, ScaleBase, SymmetricalLogScale
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
-from gmwm._files import written_whole
+from gmwm._files import write_bytes
 from gmwm.errors import OptionError
 from gmwm.plots.figure import Axis, Band, Figure, Foot, Mark, Panel, Stroke, Symbol, Tick
 from gmwm.plots.legend import EDGE, MILLIMETRE, folded, legend_below, legend_inside
@@ -96,12 +96,18 @@ def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str]
 
 def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
     """Write a picture in the format that the suffix of `path` names. The same picture always gives the same bytes."""
-    suffix = Path(path).suffix.lower()
+    write_bytes(path, rendered(picture, Path(path).suffix.lower()))
+
+
+def rendered(picture: MatplotlibFigure, suffix: str) -> bytes:
+    """Return the content of a file with the suffix ".png", ".pdf" or ".svg"."""
     # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
     # reproducible.
     settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}
-    with written_whole(path) as temporary, matplotlib.rc_context(settings):
-        picture.savefig(temporary, format=suffix[1:], dpi=PRINT_DPI, metadata=_METADATA[suffix])
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(settings):
+        picture.savefig(buffer, format=suffix[1:], dpi=PRINT_DPI, metadata=_METADATA[suffix])
+    return buffer.getvalue()
 
 
 def _new_picture(figure: Figure) -> MatplotlibFigure:
