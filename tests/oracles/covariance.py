@@ -1,6 +1,7 @@
 """The covariance of the wavelet variance by its definition: every lag, nine terms, 40 digits; and as arrays."""
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import mpmath as mp
 import numpy as np
@@ -94,13 +95,15 @@ def wavelet_covariance(
     parts: Sequence[Covariance], levels: int, samples: int, slope: float = 0.0, cumulant: float = 0.0
 ) -> np.ndarray:
     """V of a sum with a drift of `slope` per sample, Gaussian but for the errors of one that are `cumulant` from it."""
-    known: dict[int, mp.mpf] = {}
 
+    @cache
     def running(m: int) -> mp.mpf:
-        m = abs(m)
-        if m not in known:
-            known[m] = mp.fsum(part(m) for part in parts)
-        return known[m]
+        return mp.fsum(part(m) for part in parts)
+
+    @cache
+    def coarser(m: int, coarse: int) -> mp.mpf:
+        """Σ_s b_s K(m − s coarse), with b = (1, −2, 1)."""
+        return running(abs(m)) - 2 * running(abs(m - coarse)) + running(abs(m - 2 * coarse))
 
     result = np.zeros((levels, levels))
     with mp.workdps(40):
@@ -112,11 +115,8 @@ def wavelet_covariance(
                     pairs = min(samples - 1, samples - 1 - u) - max(2 * fine - 1, 2 * coarse - 1 - u) + 1
                     if pairs <= 0:
                         continue
-                    covariance = mp.fsum(
-                        a * b * running(u - s * coarse + r * fine)
-                        for r, a in enumerate((1, -2, 1))
-                        for s, b in enumerate((1, -2, 1))
-                    ) / mp.mpf(4 * fine * coarse)
+                    first, middle, last = (coarser(u + r * fine, coarse) for r in range(3))
+                    covariance = (first - 2 * middle + last) / (4 * fine * coarse)
                     mean = mp.mpf(slope) ** 2 * fine * coarse / 4
                     total += pairs * (2 * covariance**2 + 4 * mean * covariance)
                 count = (samples - 2 * fine + 1) * (samples - 2 * coarse + 1)

@@ -11,7 +11,8 @@ QUARTILE = 0.6744897501960817
 def mean_rho(w: NDArray[np.float64], sigma2: float, c: float) -> float:
     """Mean of r² (1 − r²/c²)⁴ over |r| ≤ c, r = w / σ, zeros beyond."""
     square = np.asarray(w, dtype=np.float64) ** 2 / sigma2
-    return float(np.mean(np.where(square <= c**2, square * (1 - square / c**2) ** 4, 0.0)))
+    down = (1 - np.minimum(square / c**2, 1.0)) ** 2
+    return float(np.mean(square * down * down))
 
 
 def falling_roots(w: NDArray[np.float64], start: float, c: float, a: float) -> list[float]:

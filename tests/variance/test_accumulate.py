@@ -348,16 +348,17 @@ def brute_force(model, found, samples):
     lags = np.arange(samples)
     distance = np.abs(np.subtract.outer(lags, lags))
     gamma = sum(p.generalised_covariance(lags, RATE)[distance] for p in model.processes)
-    rows = []
-    for level, stride in zip(found.levels, found.strides, strict=True):
-        half, ends = 1 << (level - 1), np.arange(samples)
-        ends = ends[(ends + 1 >= 2 * half) & ((ends + 1) % stride == 0)]
-        row = np.zeros((ends.size, samples))
-        for k, end in enumerate(ends):
-            row[k, end - half + 1 : end + 1], row[k, end - 2 * half + 1 : end - half + 1] = 1.0, -1.0
-        rows.append(row / (2 * half))
-    applied = [row @ gamma for row in rows]
-    return np.array([[2 * np.mean((a @ b.T) ** 2) for b in rows] for a in applied])
+
+    def coefficients(x, level, stride):
+        """The coefficients of the columns of x that end at each place that is taken."""
+        half, past = 1 << (level - 1), np.arange(1, samples + 1)
+        past = past[(past >= 2 * half) & (past % stride == 0)]
+        path = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)])
+        return (path[past] - 2 * path[past - half] + path[past - 2 * half]) / (2 * half)
+
+    taken = list(zip(found.levels, found.strides, strict=True))
+    applied = [coefficients(gamma, *one).T for one in taken]
+    return np.array([[2 * np.mean(coefficients(a, *one) ** 2) for one in taken] for a in applied])
 
 
 @pytest.mark.slow
