@@ -35,7 +35,7 @@ def run(*arguments, closed=(), **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)])
+@pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
 def test_closed_streams(recording, closed):
     code, out, err = run("info", str(recording), closed=closed)
     assert (code, "Traceback" in err) == (0, False)
@@ -68,14 +68,14 @@ def test_a_wrong_backend_of_matplotlib_does_not_matter(recording, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_leaves_no_files(tmp_path, number):
+@pytest.mark.parametrize(("number", "delays"), [(signal.SIGTERM, (0.0, 1.0, 3.0)), (signal.SIGINT, (0.5,))])
+def test_a_signal_leaves_no_files(tmp_path, number, delays):
     """Whenever it comes, from the simulation to the writing of the files."""
 
     def let_signals_in():
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
-    for delay in (0.0, 1.0, 3.0):
+    for delay in delays:
         process = subprocess.Popen(
             [*COMMAND, "demo", "--output", str(tmp_path / "out")], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             preexec_fn=let_signals_in, env=os.environ | {"PYTHONUNBUFFERED": "1"},

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from gmwm.filling import drawn
 
@@ -13,10 +14,8 @@ def white(n, rng):
 
 
 def gauss_markov(n, rng):
-    slow = np.empty(n)
-    slow[0] = rng.normal()
-    for k, e in enumerate(rng.normal(size=n - 1) * np.sqrt(1 - 0.999**2)):
-        slow[k + 1] = 0.999 * slow[k] + e
+    steps = np.concatenate([rng.normal(size=1), rng.normal(size=n - 1) * np.sqrt(1 - 0.999**2)])
+    slow = lfilter([1.0], [1.0, -0.999], steps)
     return rng.normal(size=n) + 0.3 * slow
 
 
@@ -55,7 +54,7 @@ def curve(x, levels):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "burst"), [(0.005, 1), (0.03, 1), (0.1, 1), (0.03, 8), (0.03, 100)])
+@pytest.mark.parametrize(("share", "burst"), [(0.005, 1), (0.1, 1), (0.03, 8), (0.03, 100)])
 @pytest.mark.parametrize("name", SIGNALS)
 def test_the_wavelet_variance_is_unbiased_at_all_scales(name, share, burst):
     levels, ratios = 10, []

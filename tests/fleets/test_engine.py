@@ -27,10 +27,10 @@ pytestmark = pytest.mark.slow
 WITHIN = "WN + RW"
 ONE = {"gyro_x": "WN(sigma2=4e-7)"}
 TWO = ONE | {"gyro_y": "WN(sigma2=4e-7) + RW(gamma2=1e-9)"}
-UNITS = 200
+UNITS = 60
 TWOFOLD = 7
 """The unit with two axes."""
-BAD = ("lot 0/unit 013.parquet", "lot 1/unit 120.csv")
+BAD = ("lot 0/unit 013.parquet", "lot 1/unit 040.csv")
 
 
 def made(path, seed, samples=2000, models=ONE):
@@ -46,12 +46,12 @@ def spoilt(path):
 
 
 def name_of(k):
-    return f"lot {k // 100}/unit {k:03d}{'.csv' if k % 4 == 0 else '.parquet'}"
+    return f"lot {k // 30}/unit {k:03d}{'.csv' if k % 4 == 0 else '.parquet'}"
 
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """200 small recordings, two of them corrupt, and files that are none."""
+    """60 small recordings, two of them corrupt, and files that are none."""
     folder = tmp_path_factory.mktemp("recordings")
     for k in range(UNITS):
         made(folder / name_of(k), seed=k, models=TWO if k == TWOFOLD else ONE)
@@ -59,7 +59,7 @@ def recordings(tmp_path_factory):
         spoilt(folder / unit)
     (folder / ".hidden.csv").write_text("not for us")
     (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0" + bytes(range(64)))
-    (folder / "notes.md").write_text("# Units 0 to 199\n")
+    (folder / "notes.md").write_text("# Units 0 to 59\n")
     return folder
 
 
@@ -85,7 +85,7 @@ def client():
 
 @pytest.fixture(scope="module")
 def run(recordings, client, tmp_path_factory):
-    """The fleet of 200, a worker killed half-way."""
+    """The fleet of 60, a worker killed half-way."""
     output, told = tmp_path_factory.mktemp("output") / "results", []
     workers = list(client.run(os.getpid).values())
 

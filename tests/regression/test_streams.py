@@ -16,7 +16,7 @@ from gmwm.regression.against import Asked
 from gmwm.regression.conditions import Conditions
 from tests.helpers import raises
 
-ROWS = 60_000
+ROWS = 30_000
 
 
 @pytest.fixture(autouse=True)
@@ -28,17 +28,17 @@ def small_blocks(monkeypatch):
         monkeypatch.setattr(module, "BATCH", 1 << 13)
 
 
-@pytest.fixture(params=["even", "gaps", "lost", "unstamped"])
+@pytest.fixture
 def path(request, tmp_path):
     rng, t = np.random.default_rng(3), np.arange(ROWS) / 100
-    temperature = 25 + 5 * (1 - np.exp(-t / 200)) + np.sin(t / 70)
+    temperature = 25 + 5 * (1 - np.exp(-t / 100)) + np.sin(t / 35)
     columns = {
-        "time [s]": t + 100.0 * (t > 250) + 0.02 * (t > 400),
+        "time [s]": t + 100.0 * (t > 125) + 0.02 * (t > 200),
         "gyro_x [rad/s]": rng.normal(scale=1e-3, size=ROWS) + 2e-4 * temperature,
         "gyro_y [rad/s]": rng.normal(scale=1e-3, size=ROWS),
         "temperature": np.where(np.arange(ROWS) % 25 == 0, np.round(temperature, 3), np.nan),
     }
-    columns["gyro_x [rad/s]"][[777, 30_001]] = 0.5  # wrong samples are clipped
+    columns["gyro_x [rad/s]"][[777, 15_001]] = 0.5  # wrong samples are clipped
     if request.param == "even":
         columns["time [s]"] = t
     if request.param == "lost":
@@ -56,8 +56,16 @@ def opened(path):
         return gmwm.read(path, rate), gmwm.stream(path, rate)
 
 
+AGAINST = ["auto", "temperature:2,lag", "time:2", "temperature + warmup"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("against", ["auto", "temperature:2,lag", "time:2", "temperature + warmup"])
+@pytest.mark.parametrize(
+    ("path", "against"),
+    [("unstamped", "auto"), *[(kind, against) for kind in ("gaps", "lost") for against in AGAINST[:2]]]
+    + [("even", against) for against in AGAINST],
+    indirect=["path"],
+)
 def test_regressions_are_those_in_memory(path, against):
     imu, stream = opened(path)
     with warnings.catch_warnings():
@@ -74,6 +82,7 @@ def test_regressions_are_those_in_memory(path, against):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("path", ["gaps", "lost", "unstamped"], indirect=True)
 def test_a_calibration_and_an_inspection_are_those_in_memory(path):
     imu, stream = opened(path)
     with warnings.catch_warnings():
@@ -86,6 +95,7 @@ def test_a_calibration_and_an_inspection_are_those_in_memory(path):
     assert found == expected
 
 
+@pytest.mark.parametrize("path", ["even"], indirect=True)
 def test_exact_covariates_need_the_recording_in_memory(path):
     _, stream = opened(path)
     with raises(OptionError, argument="against"):
