@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 # Not Polars: it starts threads when it is imported, and threads do not survive a fork.
-PRELOADED = ("gmwm.cli.main", "gmwm.plots.matplotlib", "matplotlib.pyplot", "scipy.signal", "scipy.stats")
+PRELOADED = ("gmwm.cli.main", "matplotlib.pyplot", "scipy.signal", "scipy.stats", "tests.pictures")
 ROOT = Path(__file__).parents[1]
 
 
