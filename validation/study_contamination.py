@@ -68,7 +68,7 @@ ESTIMATORS: dict[str, dict[str, Any]] = {
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """For each estimator and kind of outliers: median of estimate / truth, and the share of estimates recovered."""
-    clean, spoilt = (100, 25) if reduced else (200, 100)
+    clean, spoilt = (60, 15) if reduced else (200, 100)
     seeds = np.random.SeedSequence(SEED).spawn(1 + len(SPOILS))
     rows = []
     for estimator, options in ESTIMATORS.items():

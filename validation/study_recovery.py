@@ -27,7 +27,7 @@ TRUTHS = (
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """Mean, standard deviation and bias in standard errors of estimate / truth, parameter by parameter."""
-    recordings = 60 if reduced else 500
+    recordings = 30 if reduced else 500
     samples = 100_000
     rows = []
     for text, sequence in zip(TRUTHS, np.random.SeedSequence(SEED).spawn(len(TRUTHS)), strict=True):

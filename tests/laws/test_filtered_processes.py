@@ -63,6 +63,8 @@ def test_shape_agrees_with_hundred_digits_down_to_level_thirty(name, filter_name
     f, process = find_filter(filter_name), CLASSES[name]
     taps = oracle.orthonormal(list(f.scaling), f.vanishing_moments)
     table = rows(process, DECAYS)[:: oracle.STRIDES.get(name, 1)]
+    if filter_name not in ("haar", "la8"):
+        table = table[::2]
     shapes = process.shape(table, 30, RATE, f)
     exact = np.array([[float(v) for v in oracle.SHAPES[name](taps, list(row), RATE, 30)] for row in table])
     if process is DR and f.vanishing_moments > 1:
@@ -203,7 +205,7 @@ def test_estimates_of_simulated_paths_have_the_theory_for_their_mean(process):
     few = 1 if hasattr(process, "orders") else None
     for k, one in enumerate(islice(examples(process), few)):
         paths = one.simulate(SAMPLES, RATE, np.random.default_rng(40 + k), paths=PATHS)
-        for name in FILTERS:
+        for name in ("haar", "d4", "la8", "fk8", "mb8", "bl14"):
             f = find_filter(name)
             levels = min(4, f.deepest_level(SAMPLES // 2))
             exact = one.wavelet_variance(levels, RATE, f)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import toeplitz
 
 from gmwm.errors import MissingTheoryError, OptionError
 from gmwm.processes import Process, every_class, ordered_classes, registry
@@ -119,6 +120,7 @@ def deepest(process, level):
     return level if any(process._gives(name) and process._derives(name) for name in theory) else min(level, 12)
 
 
+@pytest.mark.slow
 @every_process
 def test_shape_takes_many_rows_at_once_and_raises_no_warning_at_the_extremes(process):
     rows = np.repeat(nonlinear_grid(process), 2, axis=0)
@@ -187,7 +189,7 @@ def test_steps_of_the_continuous_form_are_the_state_space(process):
 def test_wavelet_variance_follows_from_the_autocovariance(process):
     for one in examples(process):
         n = 2 ** int(LEVELS[-1])
-        matrix = one.autocovariance(np.subtract.outer(np.arange(n), np.arange(n)).ravel(), RATE).reshape(n, n)
+        matrix = toeplitz(one.autocovariance(np.arange(n), RATE))
         for level in LEVELS[::3]:
             filter_ = np.repeat([1.0, -1.0], 2 ** (level - 1)) / 2**level
             part = matrix[: filter_.size, : filter_.size]

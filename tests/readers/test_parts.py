@@ -17,7 +17,7 @@ from gmwm.readers.reading_warnings import of_file
 from gmwm.readers.streams import Stream
 from tests.helpers import only, raises
 from tests.readers.test_imr import imr
-from tests.readers.test_stream import ROWS, columns, stamps, written
+from tests.readers.test_stream import FORMATS_AND_STAMPS, ROWS, columns, stamps, written
 
 UNITS = {"gyro": "deg/s", "accel": "g"}
 
@@ -72,8 +72,7 @@ def same(source, count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
-@pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "set back", "nanoseconds", "jitter", "late", "bursts"])
+@pytest.mark.parametrize(("suffix", "kind"), FORMATS_AND_STAMPS)
 def test_parts_are_what_is_read(tmp_path, suffix, kind):
     time = stamps(kind, np.random.default_rng(3))
     name = "timestamp_ns" if kind == "nanoseconds" else "time_s"
@@ -85,6 +84,7 @@ def test_parts_are_what_is_read(tmp_path, suffix, kind):
         assert len(same(source, count)) == count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", range(-3, 4))
 def test_a_gap_at_a_seam_or_beside_it(tmp_path, apart):
     k = np.arange(ROWS)

@@ -391,8 +391,11 @@ AS_TEXT = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", AS_TEXT)
-@pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "jitter", "late", "bursts"])
+@pytest.mark.parametrize(
+    ("form", "kind"),
+    [("dates", kind) for kind in ("even", "gaps", "one lost", "jitter", "late", "bursts")]
+    + [(form, kind) for form in ("zeros left out", "times of day") for kind in ("gaps", "bursts")],
+)
 def test_in_chunks_and_parts(tmp_path, monkeypatch, form, kind):
     monkeypatch.setattr(interpretation, "HEAD", 3000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
