@@ -113,6 +113,7 @@ def test_level_filter_gain_and_autocorrelation_are_one_another(name, level):
     np.testing.assert_allclose(f.squared_gain(frequencies, level), gain, atol=1e-14)
 
 
+@pytest.mark.slow
 @every_filter
 def test_the_first_moment_has_all_its_digits(name):
     f = find_filter(name)

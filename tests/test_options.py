@@ -55,6 +55,7 @@ def test_read_options_have_one_form():
         ReadOptions(100.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("confidence", [0.3, 0.0, 1.0, 95, float("nan"), "high", True, None])
 def test_one_rule_for_confidence_before_anything_is_measured(confidence):
     for refused in (

@@ -26,6 +26,7 @@ def recorded(ratio, offset, step, seed, wander=0.0):
     return step * np.round(rng.normal(size=SAMPLES) / ratio + walk + offset)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("step", "offset", "wander"), [(1.0, 0.0, 0.0), (np.radians(0.05), 0.5, 2.0), (1 / 131, 0.3, 0.0)]
 )

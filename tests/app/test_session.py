@@ -87,6 +87,7 @@ def test_the_shell_reads_its_command_as_the_session(monkeypatch):
     assert asked["reading"] == FULL.options
 
 
+@pytest.mark.slow
 def test_the_python_lines_run(tmp_path, monkeypatch):
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)", "accel_x": "WN(sigma2=1e-4)"}, rate=10.0, samples=4096, rng=1)
     monkeypatch.chdir(tmp_path)

@@ -35,6 +35,7 @@ def file_of(folder, format, size):
     return folder / f"{format}.txt", content
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", ["kalibr", "vins", "fastlio", "orbslam3", "px4"])
 @pytest.mark.parametrize("size", [1.0, 5.0, 0.2])
 def test_the_factor_is_that_of_the_file_in_any_convention(calibration, format, size, tmp_path):

@@ -66,6 +66,7 @@ def test_references_are_read(text):
     assert parse_reference(text) == ("gyro.N", (2.0, "deg/√h"))
 
 
+@pytest.mark.slow
 def test_a_folder_stands_for_the_calibration_in_it(gmwm, files):
     folders = [file.parent for file in files]
     assert gmwm("agree", *folders).out == gmwm("agree", *files).out
@@ -115,6 +116,7 @@ def test_plan_takes_a_calibration(gmwm, files):
     assert outcome.err.endswith("; got 'gyro_z'\n")
 
 
+@pytest.mark.slow
 def test_one_calibration_against_a_file(gmwm, tmp_path):
     imu = library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=20_000, rng=1)
     library.calibrate(imu, within="WN + RW").save(tmp_path / "calibration.json")

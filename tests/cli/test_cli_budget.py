@@ -21,6 +21,7 @@ def results(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_text_and_picture(gmwm, results, tmp_path):
     outcome = gmwm("budget", results / "one", "--duration", "60s", "--plot", tmp_path / "b.png")
     assert outcome.code == 0

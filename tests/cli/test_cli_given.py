@@ -18,6 +18,7 @@ def file(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_export_of_a_datasheet_and_of_its_file(gmwm, file, tmp_path):
     text = gmwm("export", "--from", DATASHEET, "--rate", "200", "--format", "kalibr").out
     assert text == file.read_text(encoding="utf-8")
@@ -30,6 +31,7 @@ def test_export_of_a_datasheet_and_of_its_file(gmwm, file, tmp_path):
     assert (tmp_path / "all" / "px4.params").is_file()
 
 
+@pytest.mark.slow
 def test_plan_takes_the_axis_or_the_only_model(gmwm, file):
     found = gmwm(
         "plan", "--from", "gyro: N=0.15deg/√h, K=2deg/h/√h", "--rate", "100", "--duration", "2h", "--json"

@@ -91,6 +91,7 @@ def test_fuse_says_what_it_needs(gmwm, recordings, tmp_path):
     assert "[monday]" in both.out
 
 
+@pytest.mark.slow
 def test_joint(gmwm, recordings, tmp_path):
     path, picture = recordings / "monday.csv", tmp_path / "joint.png"
     outcome = gmwm("joint", path, "--model", "shared(WN)", "--levels", "1-8", "--plot", picture, "--json")

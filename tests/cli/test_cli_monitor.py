@@ -158,6 +158,7 @@ def test_pictures_and_a_page_are_written(folder, tmp_path):
     assert "<td>gyro_x</td><td>WN + RW</td>" in html
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "part"),
     [

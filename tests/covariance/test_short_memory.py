@@ -90,6 +90,7 @@ def test_against_the_definition(phi, theta):
     np.testing.assert_allclose(wavelet_covariance(kind(**given, sigma2=1.0), 90, RATE), expected, rtol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["resonance", "slow real root", "moving average", "season"])
 def test_against_the_sum_over_all_lags_of_a_long_recording(name):
     model = as_model(PROCESSES[name] + GM(0.02, 3.0) + RW(1e-6))

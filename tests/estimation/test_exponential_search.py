@@ -88,6 +88,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "weighting", "name"), CASES)
 def test_both_paths_reach_the_same_optimum(model, weighting, name):
     wv, terms = CURVES[name], MODELS[model]

@@ -37,6 +37,7 @@ def with_biases(calibration, tilt_known=True):
     return replace(calibration, axes=axes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", BIASES)
 def test_the_program_reads_the_biases_back(units, format):
     unit = with_biases(units["quantized"])

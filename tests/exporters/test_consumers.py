@@ -146,6 +146,7 @@ def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
     assert walk == pytest.approx(math.sqrt(1e-9 * RATE), rel=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", MARKOV)
 def test_a_single_gauss_markov_term_is_the_bias_itself(format):
     truth = "GM(beta=0.1, sigma2={}) + WN(sigma2={})"
@@ -158,6 +159,7 @@ def test_a_single_gauss_markov_term_is_the_bias_itself(format):
     assert "it changes the Allan deviation by at most 0.01 %" in words(text)
 
 
+@pytest.mark.slow
 def test_the_bias_of_kf_gins_is_as_large_as_the_bias():
     """The σ is that of the slow terms within the duration, and T is not longer than that."""
     truths = {axis: f"WN(sigma2={k}e-7) + RW(gamma2=1e-12)" for k, axis in enumerate(TRUTHS["no-walk"], 2)}

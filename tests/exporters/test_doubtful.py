@@ -28,6 +28,7 @@ def bad():
     return calibrated({**TRUTHS["no-walk"], "gyro_z": HUMP, "accel_x": HUMP}, "WN + RW")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", sorted(set(export_formats()) - {"dlio"}))
 def test_axes_that_do_not_fit_their_models_are_in_every_file(bad, format):
     found = [remark for remark in remarks_in(bad, format) if remark.severity is Severity.UNUSABLE]

@@ -113,6 +113,7 @@ def test_the_head_states_the_states_and_their_error(unit):
     assert "two_states of gyro_z" not in head
 
 
+@pytest.mark.slow
 def test_the_sweep_names_the_error_of_n_and_k():
     truths = TRUTHS | {f"accel_{letter}": "WN(sigma2=2e-5) + RW(gamma2=1e-12)" for letter in "xyz"}
     models = {"gyro_x": "3*GM + WN", "gyro_y": "WN + FN", "gyro_z": "GM + WN", "accel": "WN + RW"}

@@ -146,6 +146,7 @@ def test_each_axis_is_cut_at_its_own_restarts_unless_the_axes_must_stay_synchron
     assert gmwm.cross(Imu(signals)).axes == ("gyro_x", "gyro_y")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [16_384, 29_865, N])
 def test_batches_of_any_size_have_the_cuts_of_each_axis(monkeypatch, block):
     """Also where the restart is the first sample of a block."""

@@ -38,6 +38,7 @@ def standard_errors(rows, expected):
 # --- which numbers -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [100, 5000, BATCH + 3])
 def test_neither_threads_nor_draws_matter(samples):
     model, where = Model.parse(SUM), design(samples)

@@ -35,6 +35,7 @@ def test_the_table_bounds_the_error_of_its_cubics(problem):
     assert np.max(curve.margin / exact) < 1e-5
 
 
+@pytest.mark.slow
 def test_the_bound_of_an_interval_is_below_every_fit_in_it(problem):
     prover = Prover(problem)
     (curve,) = prover.curves

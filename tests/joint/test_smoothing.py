@@ -94,6 +94,7 @@ def test_dense_matrices(fitted, lost):
         np.testing.assert_allclose(total[there], values[there, k], rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["RW + WN", "GM(beta=fixed(2.0)) + WN", "GM(beta=fixed(2.0)) + QN + RW + WN"])
 def test_signals_that_share_nothing_are_smoothed_one_by_one(model):
     x = recorded(3, 3000)

@@ -63,6 +63,7 @@ def faulty(kind: str, seed: int) -> Array:
     return x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["noise-up", "noise-down", "jump", "hum", "spike", "frozen", "saturated", "ramp"])
 def test_each_fault_is_reported_once_with_its_kind(kind: str) -> None:
     for seed in (1, 2, 3):

@@ -9,6 +9,7 @@ exponents = st.floats(-24, 24)
 profile = settings(derandomize=True, max_examples=150, deadline=None)
 
 
+@pytest.mark.slow
 @profile
 @given(low=exponents, decades=st.floats(0, 24))
 def test_ticks_lie_inside_the_limits_in_order_and_there_are_at_least_two(low, decades):

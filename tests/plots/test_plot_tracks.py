@@ -158,6 +158,7 @@ def test_a_lone_sample_is_a_dot():
 # --- scales and units ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["kalman_filter", "smooth"])
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 def test_a_panel_shows_the_band_and_is_not_scaled_by_the_record(made, method, scale):

@@ -53,6 +53,7 @@ def test_formats_with_a_header_of_their_own(tmp_path):
     assert (imu.rate, imu["gyro_x"].unit) == (200, "rad/s")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", PACK)
 def test_cut_anywhere_or_damaged(tmp_path, suffix):
     whole = PACK[suffix](PLAIN)

@@ -46,6 +46,7 @@ def soon():
 # --- wrong answers -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "jitter"), [(0.1, 1e-3), (0.2, 1e-3), (0.3, 1e-3), (0.05, 2e-3)])
 def test_random_losses_are_found_under_jitter(tmp_path, share, jitter):
     rng = np.random.default_rng(5)

@@ -80,6 +80,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BAD)
 def test_a_bad_line_is_an_error_or_a_gap(tmp_path, kind):
     path = tmp_path / "static.csv"

@@ -91,6 +91,7 @@ def test_integers_and_singles(tmp_path):
     assert imu["accel_x"].values.tolist() == VALUES[:, 3].astype(np.float32).astype(float).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["5", "7", "7.3"])
 def test_cut_anywhere(tmp_path, kind):
     path = saved(tmp_path, kind, gyro=VALUES[:, :3], accel=VALUES[:, 3:])

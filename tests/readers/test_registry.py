@@ -102,6 +102,7 @@ def test_only_one_reader_knows_a_file(tmp_path, suffix):
     assert knowing == [find_reader(path).name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", writers.SUFFIXES)
 def test_a_file_cut_anywhere_is_an_error_or_a_shorter_recording(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"

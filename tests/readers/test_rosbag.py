@@ -49,6 +49,7 @@ def test_every_container_gives_the_numbers_bit_for_bit(tmp_path, container):
     assert only(found.remarks, "unit-named", "gyro").facts == {"unit": "rad/s", "source": "ros"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("container", ["db3", "mcap", "mcap-zstd", "db3-file", "db3-message", "mcap-message"])
 def test_a_file_of_a_directory_stands_for_itself(tmp_path, container):
     data = numbers()
@@ -71,6 +72,7 @@ def test_small_batches_give_the_same(tmp_path, monkeypatch):
         assert read(path)["gyro_y"].values.tolist() == data[:, 1].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("container", ["db3", "ros1"])
 @pytest.mark.parametrize("names", [["imu", "imu_link"], ["f" * k for k in range(40)]])
 def test_frames_of_changing_length(tmp_path, container, names):
@@ -189,6 +191,7 @@ def test_a_flat_type_of_ones_own(tmp_path, container):
     assert mapped["accel_z"].values.tolist() == data[:, 0].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("container", ["ros1", "db3", "mcap"])
 def test_fields_of_nested_messages_by_their_paths(tmp_path, container):
     store, data = store_of(container), numbers()
@@ -215,6 +218,7 @@ def test_an_empty_topic_is_told(tmp_path):
             read(path)
 
 
+@pytest.mark.slow
 def test_a_recording_in_several_files_is_one(tmp_path):
     data = numbers(100)
     store = store_of("db3")

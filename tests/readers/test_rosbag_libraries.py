@@ -43,6 +43,7 @@ def test_bags_of_robots(name, rate):
     assert sum(map(len, stream(path))) == len(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("container", ["ros1-lz4", "db3", "mcap-zstd"])
 def test_made_recordings(tmp_path, container):
     store, data = store_of(container), numbers(300)

@@ -221,6 +221,7 @@ def test_blocks_of_any_size_give_the_same_numbers(file, monkeypatch):
         np.testing.assert_array_equal(heat, expected.temperature)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_log(file, monkeypatch):
     """The temperatures of a sensor at full rate are thinned; both passes hold one block."""
     monkeypatch.setattr(ulog_messages, "_BLOCK", 1 << 16)

@@ -18,6 +18,7 @@ PAGES = re.compile(rb"/Type\s*/Page\b(?!s)")
 needs_browser = pytest.mark.skipif(printing.browser() is None, reason="needs Chromium")
 
 
+@pytest.mark.slow
 def test_it_has_the_verdict_four_numbers_a_plot_and_the_data(calibration):
     data = one_page_data(calibration)
     assert data["headline"] == report_data(calibration)["verdict"]["headline"]
@@ -52,12 +53,14 @@ def test_an_interval_keeps_its_unit_on_its_line(calibration):
     assert f'<span class="whole">{number}</span> <span class="whole">({interval}</span>' in one_page(calibration)
 
 
+@pytest.mark.slow
 def test_names_from_files_are_escaped(hostile):
     html = one_page(hostile)
     assert "<script" not in html
     assert "onerror=" not in html.replace("onerror=&", "")
 
 
+@pytest.mark.slow
 def test_matplotlib_draws_the_page_without_a_browser(calibration, tmp_path, monkeypatch):
     monkeypatch.setattr("gmwm.reports.write.browser", lambda: None)
     monkeypatch.setattr("gmwm.reports.printing.browser", lambda: None)

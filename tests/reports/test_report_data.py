@@ -331,6 +331,7 @@ def test_outliers_that_were_not_tested_on_all_axes_get_no_tick():
         assert ("gyro_y" in point["text"], "gyro_x" in point["text"]) == (True, False), name
 
 
+@pytest.mark.slow
 def test_the_error_budget_is_that_of_the_calibration():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)", "accel_y": "WN(sigma2=4e-5)"}, rate=100.0, samples=20_000, rng=1)
     calibration = gmwm.calibrate(imu, within="WN + RW")

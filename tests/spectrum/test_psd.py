@@ -57,6 +57,7 @@ def test_length_follows_the_recording():
     assert lengths[130_000].blocks == 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_cut_anywhere(seed):
     rng = np.random.default_rng(seed)

@@ -56,6 +56,7 @@ def test_cut_offs_are_the_published_ones(efficiency, c):
     assert biweight(efficiency).c == pytest.approx(c, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.3, 0.37, 0.6, 0.9, 0.99])
 def test_constants_in_forty_digits(efficiency):
     from mpmath import mp, mpf
