@@ -188,3 +188,28 @@ def test_data_and_options_are_checked():
     assert fit_joint("WN", x, RATE, axes="gyro", levels=5).levels.tolist() == [1, 2, 3, 4, 5]
     with pytest.raises(ModelError):
         fit_joint("common(WN)", x, RATE)
+
+
+def test_weights_that_do_not_converge_are_taken_from_the_data():
+    rng = np.random.default_rng(3)
+    root = np.linalg.cholesky(0.5 * np.eye(3) + 0.5)
+    phi = np.exp(-0.02)
+    slow = lfilter([np.sqrt(1 - phi**2)], [1, -phi], root @ rng.standard_normal((3, 30_000)), axis=1)
+    own = rng.standard_normal((3, 30_000)) + np.diff(rng.uniform(-1, 1, (3, 30_001)), axis=1)
+    x = own + 0.7 * slow + 0.3 * root @ np.cumsum(0.03 * rng.standard_normal((3, 30_000)), axis=1)
+    found = fit_joint("common(RW) + GM + WN + QN", dict(zip(AXES, x, strict=True)), RATE)
+    assert not found.converged
+    assert "did not converge" in found.summary()
+    assert found.goodness_of_fit().pvalue < 1e-6
+    walk = np.diag(found.covariances["RW"])
+    assert np.all((walk > 2e-5) & (walk < 4e-4))  # 8.1e-5
+
+
+def test_the_residual_of_independent_wishart_matrices_has_the_stated_variance():
+    """The formula in `misfit`, with η = 12 coefficients of three signals."""
+    rng = np.random.default_rng(1)
+    x = rng.standard_normal((40_000, 12, 3))
+    apart = np.einsum("nta,ntb->nab", x, x) / 12 - np.eye(3)
+    residual = 6 * np.einsum("nab,nba->n", apart, apart)
+    assert np.mean(residual) == pytest.approx(6, abs=0.1)
+    assert np.var(residual) == pytest.approx(12 + 3 * (18 + 15 + 5) / 12, rel=0.06)

@@ -28,6 +28,9 @@ SHRINK = 0.02
 """Factor by which μ decreases from one round to the next."""
 WARM = 1e-7
 """Barrier parameter μ of the solution that is kept as the start of a similar problem."""
+INSIDE = 1e-4
+"""Smallest ratio of the eigenvalues of a matrix with which the solution without constraints is accepted. Closer to the
+boundary, it would be a poor start for a similar problem."""
 NEAR = (1.0, 0.1)
 """Squared Newton decrement, in units of μ, at which the Newton steps of a round end. The first value is for all rounds
 except the last one, and the second value for the last one."""
@@ -118,6 +121,16 @@ def least_squares(
     warm : (P, d, d) array, optional
         `Conic.warm` of a similar problem.
     """
+    if warm is not None:
+        try:
+            return _least_squares(design, target, cone, gap=gap, warm=warm)
+        except np.linalg.LinAlgError:
+            pass  # The start is so near to the boundary that rounding takes a step across it.
+    return _least_squares(design, target, cone, gap=gap, warm=None)
+
+
+def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, warm: Matrix | None) -> Conic:
+    """Solve the problem from given matrices, or from multiples of the identity."""
     k = design.shape[1]
     triangle = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"), dtype=np.float64)
     r, reduced = triangle[:k, :k], triangle[:k, k]
@@ -127,12 +140,17 @@ def least_squares(
     np.add.at(lengths, cone.terms, np.linalg.norm(r, axis=0) ** 2)
     unit = (size / np.sqrt(np.where(lengths > 0, lengths, 1.0)))[cone.terms]
     rows, y = r * unit / size, reduced / size
+    quadratic, linear = 2 * rows.T @ rows, -2 * rows.T @ y
     barrier = _Barrier(cone)
+    if (s := barrier.inside(rows, y)) is not None:
+        value = float(np.sum((rows @ s - y) ** 2)) + beyond
+        sigmas = cone.matrices(s * unit)
+        hessian = quadratic / np.outer(unit, unit) * size**2
+        return Conic(sigmas, value * size**2, gap=1e-12 * value * size**2, hessian=hessian, steps=0, warm=sigmas)
     if warm is None:
         s = cone.unknowns(np.tile(np.eye(cone.d), (cone.full.size, 1, 1))) * (0.3 / cone.full.size)
     else:
         s = cone.unknowns(warm) / unit
-    quadratic, linear = 2 * rows.T @ rows, -2 * rows.T @ y
     rank = cone.full.size * cone.d
     mu, steps, inside = 0.1 if warm is None else WARM, 0, s
     for near in NEAR:
@@ -142,7 +160,7 @@ def least_squares(
                 gradient += quadratic @ s + linear
                 hessian += quadratic
                 scale = 1 / np.sqrt(np.diag(hessian))
-                step = -scale * np.linalg.solve(hessian * np.outer(scale, scale), scale * gradient)
+                step = -scale * _solved(hessian * np.outer(scale, scale), scale * gradient)
                 s = s + barrier.reach(step) * step
                 steps += 1
                 if -float(gradient @ step) < near * mu:
@@ -163,6 +181,14 @@ def least_squares(
         steps=steps,
         warm=cone.matrices(inside * unit),
     )
+
+
+def _solved(matrix: Matrix, vector: Vector) -> Vector:
+    """Solve matrix · x = vector for a positive definite matrix, by elimination if rounding makes it indefinite."""
+    from scipy.linalg.lapack import dposv
+
+    _, x, failed = dposv(matrix, vector)
+    return np.asarray(np.linalg.solve(matrix, vector) if failed else x)
 
 
 class _Barrier:
@@ -197,6 +223,22 @@ class _Barrier:
             second += inverse[:, a[:, None], b] * inverse[:, b[:, None], a]
             hessian[self.blocks[:, :, None], self.blocks[:, None, :]] = mu * weight * second
         return gradient, hessian
+
+    def inside(self, rows: Matrix, y: Vector) -> Vector | None:
+        """Return the solution without constraints if all its matrices are positive definite; it is then the optimum."""
+        from scipy.linalg.lapack import dtrtrs
+
+        pivots = np.abs(np.diag(rows))
+        if rows.shape[0] < rows.shape[1] or pivots.min() <= 1e-9 * pivots.max():
+            return None
+        s, _ = dtrtrs(rows, y)
+        if np.any(s[self.diagonal] <= 0):
+            return None
+        if self.count:
+            values = np.linalg.eigvalsh(symmetric(s[self.blocks], self.cone.d))
+            if np.any(values[:, 0] <= INSIDE * values[:, -1]):
+                return None
+        return np.asarray(s)
 
     def reach(self, step: Vector) -> float:
         """Return the largest factor, at most 1, with which a step keeps all matrices positive definite with a

@@ -35,8 +35,12 @@ DEGENERATE = 1e-5
 """V counts as singular if, for some moment, the standard deviation given the moments before it is less than this share
 of its standard deviation. If a model has no noise in some combination of the signals, the share is 3e-7, the square
 root of the value 1e-13 that is added to the diagonal."""
-SETTLED = 1e-5
+SETTLED = 1e-4
 """The rounds end when the fitted wavelet variances change by less than this relative amount."""
+CONVERGED = 0.01
+"""If they change by more than this in the last round, the weights have not converged. Correct models end below 0.001.
+Fits of wrong models can alternate between values that differ by a factor of ten
+(tests/joint/test_joint_fit.py)."""
 MEMORY = (-3.0, 0.9)
 """Limits of the coefficient with which the extrapolation subtracts the change between the last two rounds (see
 `_Mixed`). Without extrapolation, some fits of six signals still change by 0.4 % in round 12; with it, by 0.004 % to
@@ -59,6 +63,9 @@ class Settled:
         G at the estimate; see `gmwm.joint.moments`.
     measured : WaveletMatrices
         Estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals.
+    converged : bool
+        Whether the weights are the inverse of the covariance V under the estimate. If weights and estimate do not agree
+        after `ROUNDS` rounds, the weights are inverse variances of the moments, estimated from the data.
     """
 
     problem: JointProblem
@@ -66,6 +73,7 @@ class Settled:
     unit: Vector
     products: Matrix
     measured: WaveletMatrices
+    converged: bool
 
     @property
     def sigmas(self) -> Matrix:
@@ -86,9 +94,8 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
         raise DataError("a signal has no noise at some scales", argument="x")
     unit = np.exp(-0.5 * np.mean(np.log(variances), axis=0))
     moments = stacked(gamma * np.outer(unit, unit))
-    problem = JointProblem(
-        terms, moments, root=_first_root(gamma * np.outer(unit, unit), design), design=design, d=unit.size
-    )
+    from_data = _first_root(gamma * np.outer(unit, unit), design)
+    problem = JointProblem(terms, moments, root=from_data, design=design, d=unit.size)
     found = first(problem)
     weights = _Mixed.of(problem, found.u, found.sigmas)
     accuracy = ROUGH
@@ -102,11 +109,14 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
         weights = weights.after(problem, found, restart=k <= 1)
         if k > 1 and weights.change < SETTLED:
             break
-    if accuracy > EXACT:
+    converged = weights.change <= CONVERGED
+    if not converged:
+        problem = replace(problem, root=from_data)
+        found = search(problem)
+    elif accuracy > EXACT:
         found = resume(problem, found)
-    return Settled(
-        problem, found, unit=unit, products=lag_products(problem.processes(found.u), design), measured=measured
-    )
+    products = lag_products(problem.processes(found.u), design)
+    return Settled(problem, found, unit=unit, products=products, measured=measured, converged=converged)
 
 
 def _accuracy(change: float) -> float:

@@ -40,6 +40,10 @@ if TYPE_CHECKING:
 
     from gmwm.likelihood.tracks import Tracks
 
+NOT_CONVERGED = (
+    "The weights depend on the estimates, and this iteration did not converge. gmwm used weights from the data."
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SharedTerm:
@@ -169,6 +173,12 @@ class JointFit(Summarised):
         )
 
     @property
+    def converged(self) -> bool:
+        """Whether the weights are the inverse of the covariance under the fitted model. If estimate and weights do not
+        agree after twelve iterations, the weights are inverse variances that are estimated from the data."""
+        return self.settled.converged
+
+    @property
     def proved(self) -> bool:
         """Whether the bound proves that no other parameter values of the model lower the objective by more than 0.2 %.
 
@@ -271,14 +281,15 @@ class JointFit(Summarised):
 
         The statistic is the weighted sum of squared residuals of a fit that does not require positive semidefinite
         matrices.
-        """
-        from scipy.special import gammaincc
 
-        statistic, df = misfit(self.settled)
+        The p-value is slightly larger than that of a chi-square variable, because the moments of coarse levels are
+        skewed.
+        """
+        found = misfit(self.settled)
         whole = self.settled.measured.design
         return GoodnessOfFit(
-            statistic=statistic, df=df, pvalue=float(gammaincc(df / 2, statistic / 2)), levels=whole.levels.copy(),
-            left_out=(), method="asymptotic",
+            statistic=found.statistic, df=found.df, pvalue=found.pvalue, levels=whole.levels.copy(), left_out=(),
+            method="asymptotic",
         )  # fmt: skip
 
     def shared(self, term: str) -> SharedTerm:
@@ -407,6 +418,7 @@ class JointFit(Summarised):
             "lower_bound": self.lower_bound,
             "proved": self.proved,
             "relaxed_bound": self.relaxed_bound,
+            "converged": self.converged,
             "parameters": dict(self.parameters),
             "parameter_errors": {name: _number(value) for name, value in self.parameter_errors.items()},
             "terms": {
@@ -447,6 +459,8 @@ class JointFit(Summarised):
                     limits = f"{low[a, b]:+.2f} … {high[a, b]:+.2f}"
                     pairs.append([f"{self.axes[a]}, {self.axes[b]}", f"{self.correlation[term][a, b]:+.2f}", limits])
             lines += ["", *headed(pairs)]
+        if not self.converged:
+            lines += ["", NOT_CONVERGED]
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
         tests += [self.shared(term).summary() for term in self._testable]
         if self.lower_bound is not None:

@@ -53,11 +53,11 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
         if measured.design.levels.size <= len(terms) + count:
             break
         found = settle(terms, measured)
-        if pvalue_of(found) >= FITS:
+        tested = misfit(found)
+        if tested.pvalue >= FITS:
             return found
-        statistic, df = misfit(found)
         # Like Akaike's criterion, the score adds 2 for each parameter (the degrees of freedom decrease by 1).
-        score = statistic - 2 * df
+        score = tested.statistic - 2 * tested.df
         if best is None or score < best[0]:
             best = score, found
     assert best is not None
@@ -66,10 +66,7 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
 
 def pvalue_of(settled: Settled) -> float:
     """Return the p-value of the goodness-of-fit test of a joint fit."""
-    from scipy.special import gammaincc
-
-    statistic, df = misfit(settled)
-    return float(gammaincc(df / 2, statistic / 2))
+    return misfit(settled).pvalue
 
 
 def model_text(settled: Settled) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations, islice, product
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def first(problem: JointProblem) -> Found:
 
 def resume(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
     """Return the local optimum near an estimate."""
-    return polish(problem, descend(problem, found.u, warm=found.warm, accuracy=accuracy))
+    return polish(problem, descend(problem, found.u, warm=found.warm, accuracy=accuracy), accuracy)
 
 
 def places(problem: JointProblem, place: int, count: int) -> Vector:
@@ -98,32 +98,52 @@ def _starts(problem: JointProblem) -> list[Vector]:
     searched = problem.searched
     if not searched:
         return [np.empty(0)]
-    grids = {place: places(problem, place, PLACES) for place in searched}
-    kept = {place: _supported(problem, place, grids[place]) for place in searched}
-    groups: dict[tuple[str, str], list[int]] = {}
-    for place in searched:
-        groups.setdefault((problem.terms[place].process.name, problem.terms[place].kind), []).append(place)
-    choices = [
-        list(combinations(kept[group[0]] if len(kept[group[0]]) >= len(group) else grids[group[0]], len(group)))
-        for group in groups.values()
-    ]
-    order = [place for group in groups.values() for place in group]
-    scored = []
-    for choice in list(product(*choices))[:MOST_STARTS]:
-        flat = dict(zip(order, (value for part in choice for value in part), strict=True))
-        u = np.array([flat[place] for place in searched])
-        scored.append((problem.solve(u, gap=1e-2).objective, u))
+    grids = [places(problem, place, PLACES) for place in searched]
+    # Neighbouring starting values lead to the same optimum.
+    apart = 1.5 * np.array([np.max(np.diff(grid)) for grid in grids])
+    if len(searched) == 1:
+        scored = _scored(problem, [np.array([value]) for value in grids[0]])
+        height = np.array([np.inf, *(objective for objective, _ in scored), np.inf])
+        scored = [pair for k, pair in enumerate(scored) if height[k + 1] <= min(height[k], height[k + 2])]
+    else:
+        scored = _scored(problem, _combined(problem, grids))
     given = coordinates(problem)
     if given is not None:
-        scored.append((problem.solve(given, gap=1e-2).objective, given))
+        scored += _scored(problem, [given])
     scored.sort(key=lambda pair: pair[0])
     chosen: list[Vector] = []
-    # Neighbouring starting values lead to the same optimum.
-    apart = 1.5 * np.array([np.max(np.diff(grids[place])) for place in searched])
     for _, u in scored:
         if all(np.any(np.abs(u - other) > apart) for other in chosen):
             chosen.append(u)
     return chosen[:STARTS]
+
+
+def _scored(problem: JointProblem, choices: list[Vector]) -> list[tuple[float, Vector]]:
+    """Return the rough objective at each of several search coordinates, with the coordinates."""
+    found, warm = [], None
+    for u in choices:
+        solved = problem.solve(u, gap=1e-2, warm=warm)
+        found.append((solved.objective, u))
+        warm = solved.warm
+    return found
+
+
+def _combined(problem: JointProblem, grids: list[Vector]) -> list[Vector]:
+    """Return combinations of candidate shapes of two or more terms, from the mixtures of all candidates of each."""
+    searched = problem.searched
+    kept = [_supported(problem, place, grid) for place, grid in zip(searched, grids, strict=True)]
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k, place in enumerate(searched):
+        groups.setdefault((problem.terms[place].process.name, problem.terms[place].kind), []).append(k)
+    choices = [
+        list(combinations(kept[group[0]] if len(kept[group[0]]) >= len(group) else grids[group[0]], len(group)))
+        for group in groups.values()
+    ]
+    order = np.argsort([k for group in groups.values() for k in group])
+    return [
+        np.array([value for part in choice for value in part])[order]
+        for choice in islice(product(*choices), MOST_STARTS)
+    ]
 
 
 def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
@@ -205,7 +225,7 @@ def _newton(curvature: Matrix, gradient: Vector) -> Vector:
     return np.asarray(vectors @ ((vectors.T @ gradient) / values))
 
 
-def polish(problem: JointProblem, found: Found) -> Found:
+def polish(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
     """Return the optimum in which the matrices of common terms have rank one, starting from a fit with any rank.
 
     The unknowns are the search coordinates and factors F of the matrices, Σ = FFᵀ.
@@ -215,9 +235,10 @@ def polish(problem: JointProblem, found: Found) -> Found:
     if not any(term.kind == "common" for term in problem.terms):
         return found
     factors = _Factors(problem)
+    start = factors.start(found)
     solved = levenberg_marquardt(
-        factors.residual, factors.start(found), jac=factors.jacobian, method="trf", x_scale="jac", ftol=1e-12,
-        xtol=1e-12, gtol=1e-12, max_nfev=300,
+        factors.residual, start, jac=factors.jacobian, method="lm" if start.size <= problem.target.size else "trf",
+        x_scale="jac", ftol=1e-3 * accuracy, xtol=1e-3 * accuracy, gtol=1e-12, max_nfev=300,
     )  # fmt: skip
     u, sigmas = factors.of(solved.x)
     return Found(u, sigmas, 2 * float(solved.cost), warm=found.warm)
