@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
 import gmwm
 from gmwm.calibration import Calibration
+from gmwm.calibration.recording_findings import shared_remarks
 from gmwm.exporters import export_formats
 from gmwm.exporters.text import plain
 from gmwm.joint import block_means as module
 from gmwm.joint.block_means import block_means, shared_noise
+from gmwm.joint.result import SharedNoise
+from gmwm.remarks import texts
 from gmwm.signals import Imu, Signal
 from tests.helpers import only
 
@@ -139,3 +144,20 @@ def test_false_alarms_of_independent_axes(monkeypatch, most):
         own = {a: x + 1e-2 * rng.normal() * np.linspace(0, 1, SAMPLES) for a, x in arrays(rng).items()}
         alarms += bool(shared_noise(signals(own)))
     assert alarms < 8
+
+
+def test_many_pairs_are_counted_and_the_strongest_named():
+    def one(first, second, r):
+        return SharedNoise(
+            axes=(first, second), level=3, tau=0.08, correlation=r, lower=0.0, upper=1.0, pvalue=1e-9
+        )  # fmt: skip
+
+    names = list(combinations(AXES, 2))
+    shared = [one(*pair, 0.02 * (k + 1) * (-1) ** k) for k, pair in enumerate(names)]
+    remark = only(list(shared_remarks(shared, AXES, 0.05)), "noise-shared")
+    assert remark.facts["count"] == len(names) == len(remark.facts["pairs"])
+    text = " ".join(texts([remark]))
+    assert "15 pairs of axes share noise" in text
+    assert text.count("/") <= 4
+    assert "accel_y/accel_z" in text
+    assert "0.30" in text

@@ -213,3 +213,22 @@ def test_the_residual_of_independent_wishart_matrices_has_the_stated_variance():
     residual = 6 * np.einsum("nab,nba->n", apart, apart)
     assert np.mean(residual) == pytest.approx(6, abs=0.1)
     assert np.var(residual) == pytest.approx(12 + 3 * (18 + 15 + 5) / 12, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("GM + shared(RW", '"(" at character 12 without ")"'),
+        ("shared(RW)) + WN", '")" at character 11 without "("'),
+        ("GM + shared RW", "shared needs parentheses"),
+        ("shared(common(RW))", "common(…) cannot be inside another term"),
+        ("GM + foo", 'the model "GM + foo" is wrong'),
+        ("GM + ", "is empty"),
+        ("2*shared(RW)", "shared(RW) twice"),
+    ],
+)
+def test_a_wrong_model_is_named_with_its_place(model, words):
+    with pytest.raises(ModelError) as caught:
+        joint_terms(model)
+    assert words in str(caught.value)
+    assert caught.value.advice

@@ -114,3 +114,33 @@ def test_options_are_checked(options):
     with pytest.raises(OptionError) as error:
         same(noise(100, 1), noise(100, 2), rate=RATE, **options)
     assert error.value.argument == next(iter(options))
+
+
+def test_the_parameters_of_a_model_are_compared():
+    """The ratios of simulated variances are within their intervals, and the test is the one of the pooled fit."""
+    x, y, z = noise(20_000, 1, walk=0.02), noise(30_000, 2, walk=0.02), noise(20_000, 3, scale=1.1, walk=0.05)
+    alike = same(x, y, rate=RATE, model="WN + RW")
+    assert not alike.differs
+    assert [remark.code for remark in alike.remarks] == ["parameters-same"]
+    found = same(z, x, rate=RATE, model="WN + RW", labels=["loud", "quiet"])
+    assert found.differs
+    assert found.pvalue < 1e-6
+    ratios = {one.name: one for one in found.parameters[0].ratios}
+    assert ratios["WN.sigma2"].lower < 1.21 < ratios["WN.sigma2"].upper
+    assert ratios["RW.gamma2"].lower < 6.25 < ratios["RW.gamma2"].upper
+    assert "WN.sigma2" in found.summary()
+    assert json.loads(json.dumps(found.to_dict()))["parameters"][0]["axis"] == "signal"
+    pooled = gmwm.fit("WN + RW", [gmwm.wavelet_variance(v, RATE) for v in (z, x)]).replicates
+    # Only the covariance from tails, which plain curves do not have, makes a difference.
+    assert np.log(found.pvalue) == pytest.approx(np.log(pooled.parameter_pvalue), rel=0.1)
+    three = same(x, y, z, rate=RATE, model="WN + RW")
+    assert three.parameters[0].largest.recording == "3"
+
+
+def test_a_wrong_model_is_rejected_and_a_tolerance_needs_no_model():
+    x, y = noise(20_000, 1, walk=0.05), noise(20_000, 2, walk=0.05)
+    found = same(x, y, rate=RATE, model="WN")
+    assert "compared-model-rejected" in [remark.code for remark in found.remarks]
+    assert "p = 0)" not in found.summary()
+    with pytest.raises(OptionError):
+        same(x, y, rate=RATE, model="WN + RW", tolerance=0.1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gmwm._text import rounded
 from gmwm.calibration.averaging import WALK
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _LINE = "linear-trend"
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
+NAMED = 3
+"""Pairs of axes that a sentence names. A choice: six axes have 15 pairs."""
 
 
 def recording_remarks(
@@ -74,12 +76,20 @@ def shared_remarks(shared: Sequence[SharedNoise], axes: Collection[str], size: f
     """
     found = [one for one in shared if one.pvalue <= size and set(one.axes) <= set(axes)]
     if found:
-        most = max(found, key=lambda one: abs(one.correlation))
+        found.sort(key=lambda one: -abs(one.correlation))
+        most = found[0]
         first, second = most.axes
         yield Remark.of(
-            "noise-shared", pairs=tuple(dict.fromkeys("/".join(one.axes) for one in found)), first=first,
+            "noise-shared", **pairs_facts(tuple(dict.fromkeys("/".join(one.axes) for one in found))), first=first,
             second=second, correlation=most.correlation, tau=Quantity(most.tau, "s"), size=SIZE,
         )  # fmt: skip
+
+
+def pairs_facts(pairs: tuple[str, ...]) -> dict[str, Any]:
+    """Return the facts of pairs of axes in the order of their correlations; a sentence names at most `NAMED`."""
+    return {
+        "pairs": pairs, "count": len(pairs), "strongest": pairs[:NAMED], "many": "yes" if len(pairs) > NAMED else "no",
+    }  # fmt: skip
 
 
 def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:

@@ -14,6 +14,7 @@ from gmwm.cli.options import RESULT, Efficiency
 from gmwm.cli.output import NewFile, Outcome, progress, tell_inspection, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.options import ReadOptions
+from gmwm.remarks import Dialect
 
 if TYPE_CHECKING:
     from gmwm.joint import CrossCovariance
@@ -72,7 +73,10 @@ def cross(
     if plot is not None:
         files.append(NewFile(plot, partial(_draw, found), "plotting"))
     return Outcome(
-        command="cross", document={"file": str(file), **found.to_dict()}, text=found.summary(), files=tuple(files)
+        command="cross",
+        document={"file": str(file), **found.to_dict()},
+        text=found.summary(Dialect.SHELL),
+        files=tuple(files),
     )
 
 

@@ -15,6 +15,7 @@ from gmwm.cli.read_options import Axes, chosen_names
 from gmwm.durations import parse_length
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
+from gmwm.remarks import Dialect
 
 if TYPE_CHECKING:
     from gmwm.joint import VirtualSensor
@@ -111,7 +112,7 @@ def fuse(
     return Outcome(
         command="fuse",
         document={"files": list(map(str, files)), **virtual.to_dict()},
-        text=virtual.summary(),
+        text=virtual.summary(Dialect.SHELL),
         files=tuple(new),
     )
 

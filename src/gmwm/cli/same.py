@@ -12,10 +12,12 @@ from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, chosen_axes, load, names_of
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
+from gmwm.remarks import Dialect
 
 EXAMPLES = (
     "gmwm same monday.csv tuesday.csv",
     "gmwm same monday.csv tuesday.csv --axis gyro --tolerance 0.1",
+    "gmwm same monday.csv tuesday.csv --axis gyro_x --model 'WN + RW'",
 )
 
 
@@ -29,6 +31,14 @@ def same(
     ],
     reading: ReadOptions,
     axis: Axes = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="Compare the parameters of this model, such as 'WN + RW', instead of the noise at each scale.",
+            metavar="MODEL",
+            show_default=False,
+        ),
+    ] = None,
     tolerance: Annotated[
         float, typer.Option(help="Largest |ln| of the ratio of two deviations that counts as equal: 0.1 allows 10 %.")
     ] = 0.0,
@@ -36,7 +46,7 @@ def same(
         float, typer.Option(help="Significance level: probability of any false difference in all tests.")
     ] = 0.05,
 ) -> Outcome:
-    """Test whether recordings have the same noise at each scale, without a model.
+    """Test whether recordings have the same noise at each scale, or the same parameters of a model.
 
     The command compares the wavelet variances of two recordings. If there are more than two, it compares each recording
     with the mean of the others.
@@ -50,7 +60,7 @@ def same(
     if len(files) < 2:
         raise OptionError(argument="files", expected="at least two recordings", got=[str(file) for file in files])
     recordings = [Imu(chosen_axes(load(file, reading), axis)) for file in files]
-    found = same(*recordings, labels=names_of(files), tolerance=tolerance, size=size)
+    found = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
     return Outcome(
-        command="same", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary()
+        command="same", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary(Dialect.SHELL)
     )  # fmt: skip

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm._text import listed
+from gmwm.calibration.recording_findings import pairs_facts
 from gmwm.estimation.result import GIVEN
 from gmwm.exporters.reduction import Number
 from gmwm.inspection.findings import covariates_text, effect_text
@@ -67,8 +68,8 @@ def cautions(calibration: Calibration) -> list[Remark]:
         remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
     ]
     pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
-    shared = tuple(dict.fromkeys(pair for some in pairs if isinstance(some, tuple) for pair in some))
-    return [*found, Remark.of("independent-in-file", pairs=shared)] if shared else found
+    shared = tuple(dict.fromkeys(str(pair) for some in pairs if isinstance(some, tuple) for pair in some))
+    return [*found, Remark.of("independent-in-file", **pairs_facts(shared))] if shared else found
 
 
 def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:

@@ -7,10 +7,12 @@ from gmwm.joint.joint_fit import fit_joint
 from gmwm.joint.joint_result import JointFit, SharedTerm
 from gmwm.joint.result import CrossCovariance, SharedNoise
 from gmwm.joint.same import same
+from gmwm.joint.same_model import ParameterRatio, SameParameters
 from gmwm.joint.same_result import LevelRatio, SameNoise
 from gmwm.joint.state_space import JointContinuousStateSpace, JointStateSpace
 
 __all__ = [
-    "CrossCovariance", "JointContinuousStateSpace", "JointFit", "JointStateSpace", "LevelRatio", "SameNoise",
-    "SharedNoise", "SharedTerm", "VirtualAxis", "VirtualSensor", "cross", "fit_joint", "fuse", "same",
+    "CrossCovariance", "JointContinuousStateSpace", "JointFit", "JointStateSpace", "LevelRatio", "ParameterRatio",
+    "SameNoise", "SameParameters", "SharedNoise", "SharedTerm", "VirtualAxis", "VirtualSensor", "cross", "fit_joint",
+    "fuse", "same",
 ]  # fmt: skip

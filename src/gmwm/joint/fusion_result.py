@@ -16,7 +16,7 @@ from gmwm._text import Summarised, duration_text
 from gmwm.errors import DataError
 from gmwm.joint.difference_filter import DifferenceFilter
 from gmwm.joint.sensor_array import like_axes
-from gmwm.remarks import Quantity, Remark, texts
+from gmwm.remarks import Dialect, Quantity, Remark, texts
 from gmwm.signals import Imu, Signal
 
 if TYPE_CHECKING:
@@ -270,7 +270,7 @@ class VirtualSensor(Summarised):
             for axis, one in self.axes.items()
         )
 
-    def summary(self) -> str:
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """Format the weights, the gain at a few scales, and the remarks."""
         lines = []
         for axis, one in self.axes.items():
@@ -283,7 +283,7 @@ class VirtualSensor(Summarised):
             lines += [f"{axis}: virtual sensor of {len(one.members)}, {self._method}"]
             lines += [f"Model {one.model}, p = {one.pvalue:.2g}"] if one.pvalue is not None else []
             lines += ["", *headed(weights), "", *headed(gains), ""]
-        return "\n".join([*lines, *texts(self.remarks)]).rstrip()
+        return "\n".join([*lines, *texts(self.remarks, dialect)]).rstrip()
 
     def _shown(self, one: VirtualAxis) -> list[int]:
         """Return the levels that the table shows: about six, and the one nearest to the horizon."""

@@ -15,7 +15,7 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._tables import headed
 from gmwm._text import Summarised, counted, duration_text
 from gmwm.joint.pairs import Pairs
-from gmwm.remarks import Quantity, Remark, texts
+from gmwm.remarks import Dialect, Quantity, Remark, texts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -233,7 +233,7 @@ class CrossCovariance(Summarised):
             for a, b in self.pairs
         )
 
-    def summary(self) -> str:
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """Format a table with the largest correlation of each pair that shares noise, and the remarks."""
         robust = "" if self.efficiency is None else f", robust with efficiency {self.efficiency:g}"
         lines = [
@@ -255,7 +255,7 @@ class CrossCovariance(Summarised):
         if rows:
             head = ["axes", "correlation", f"{100 * self.confidence:g} %", "at τ", "p", "shared at τ"]
             lines += ["", *headed([head, *rows])]
-        return "\n".join([*lines, "", *texts(self.remarks)])
+        return "\n".join([*lines, "", *texts(self.remarks, dialect)])
 
     def __repr__(self) -> str:
         return f"CrossCovariance({', '.join(self.axes)}: {len(self.shared)} of {self.tests} tests significant)"

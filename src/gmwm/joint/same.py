@@ -16,9 +16,11 @@ from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import mixture
 from gmwm.covariance.tails import excess_covariance, with_common_tails
 from gmwm.errors import DataError, OptionError
+from gmwm.joint.same_model import SameParameters, same_parameters
 from gmwm.joint.same_result import LevelRatio, SameNoise
 from gmwm.multiple_tests import holm
 from gmwm.options import as_confidence, as_size
+from gmwm.processes.model import ModelLike
 from gmwm.signals import Imu, Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.pooling import SLOWER
@@ -32,11 +34,12 @@ def same(
     *recordings: Imu | Signal | ArrayLike,
     rate: float | None = None,
     labels: Sequence[str] | None = None,
+    model: ModelLike | None = None,
     tolerance: float = 0.0,
     size: float = 0.05,
     confidence: float = 0.95,
 ) -> SameNoise:
-    """Test whether recordings have the same noise at each scale, without a model.
+    """Test whether recordings have the same noise at each scale, or the same parameters of a model.
 
     The wavelet variances ν² of two recordings are compared at each level j. With more than two recordings, each one is
     compared with the mean of the others. If the noise is the same, the ratio of the variances has approximately an F
@@ -44,6 +47,10 @@ def same(
     wavelet variances. It is computed for the mixture of processes with the highest likelihood given the mean of all
     wavelet variances. The additional covariance from heavy tails or from a variance that changes with time is added.
     The p-values of all levels, axes and recordings are adjusted by Holm's method.
+
+    With a model, its parameters are compared instead. The model is fitted to all recordings together, and the test
+    statistic is the decrease of the weighted residuals if each recording has parameters of its own. This test has more
+    power, and is valid if the model is correct.
 
     With millions of samples, the test finds differences of 0.1 %. Set `tolerance` to test only for larger differences.
 
@@ -56,6 +63,8 @@ def same(
         Sampling rate (Hz); only for plain arrays.
     labels : sequence of str, optional
         Names of the recordings; "1", "2", … by default.
+    model : Model, Process or str, optional
+        A model whose parameters are compared, such as "WN + RW"; see `SameNoise.parameters`.
     tolerance : float
         Largest |ln(ν_1/ν_2)| that is treated as equal, at least 0. With 0.1, the test finds only wavelet deviations
         that differ by more than about 10 %.
@@ -72,8 +81,10 @@ def same(
     ------
     DataError
         If there are fewer than two recordings, or if they differ in rate or unit or have no axis in common.
+    ModelError
+        If the model cannot be read, or cannot be fitted to the recordings.
     OptionError
-        If an option has a value that is not allowed.
+        If an option has a value that is not allowed, or both a model and a tolerance are given.
 
     References
     ----------
@@ -91,28 +102,39 @@ def same(
     False
     >>> same(monday, tuesday, later, rate=100.0, labels=["monday", "tuesday", "later"]).differences[0].recording
     'later'
+    >>> found = same(monday, later, rate=100.0, model="WN")
+    >>> round(found.parameters[0].ratios[0].ratio, 2)
+    0.82
     """
     size = as_size(size)
     as_confidence(confidence)
     known = isinstance(tolerance, int | float) and not isinstance(tolerance, bool)
     if not known or not 0 <= tolerance < math.inf:
         raise OptionError(argument="tolerance", expected="a number of at least 0, such as 0.1", got=tolerance)
+    if model is not None and tolerance:
+        raise OptionError("a tolerance is only for the test without a model", argument="tolerance", got=tolerance)
     names = [str(k) for k in range(1, len(recordings) + 1)] if labels is None else list(labels)
     if len(set(names)) != len(names) or len(names) != len(recordings):
         raise OptionError(argument="labels", expected="a different name for each recording", got=labels)
     axes = _axes(recordings, rate)
+    curves = {axis: _curves(dict(zip(names, signals, strict=True))) for axis, signals in axes.items()}
     rows = [
         row
-        for axis, signals in axes.items()
-        for row in _rows(axis, dict(zip(names, signals, strict=True)), confidence=confidence, tolerance=tolerance)
+        for axis, measured in curves.items()
+        for row in level_ratios(measured, axis, confidence=confidence, tolerance=tolerance)
     ]
     adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
     rows = [
         row if row.pvalue is None else replace(row, pvalue=p, differs=p <= size)
         for row, p in zip(rows, adjusted, strict=True)
     ]
+    tests: list[SameParameters] = []
+    if model is not None:
+        tests = [same_parameters(model, measured, axis, confidence) for axis, measured in curves.items()]
+        both = holm([test.pvalue for test in tests]).tolist()
+        tests = [replace(test, pvalue=p, differs=p <= size) for test, p in zip(tests, both, strict=True)]
     return SameNoise(
-        recordings=tuple(names), axes=tuple(axes), levels=tuple(rows),
+        recordings=tuple(names), axes=tuple(axes), levels=tuple(rows), parameters=tuple(tests),
         tolerance=float(tolerance), size=size, confidence=confidence,
     )  # fmt: skip
 
@@ -158,13 +180,13 @@ class _Curve(NamedTuple):
     freedom: Vector
 
 
-def _rows(axis: str, signals: Mapping[str, Signal], *, confidence: float, tolerance: float) -> list[LevelRatio]:
-    """Return the ratios of the signals of one axis at each level that all recordings have, with unadjusted p-values."""
+def _curves(signals: Mapping[str, Signal]) -> dict[str, WaveletVariance]:
+    """Return the wavelet variances of the recordings of one axis, with the covariance from heavy tails."""
     curves = {}
     for name, signal in signals.items():
         wv = signal_wavelet_variance(signal)
         curves[name] = replace(wv, excess=excess_covariance(signal, wv))
-    return level_ratios(with_common_tails(curves), axis, confidence=confidence, tolerance=tolerance)
+    return dict(with_common_tails(curves))
 
 
 def level_ratios(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from gmwm._tables import headed
 from gmwm._text import Summarised, duration_text
-from gmwm.remarks import Quantity, Remark, texts
+from gmwm.joint.same_model import SameParameters
+from gmwm.remarks import Dialect, Quantity, Remark, texts
 
 if TYPE_CHECKING:
     from polars import DataFrame
+
+SMALLEST = 1e-300
+"""Least p-value in a sentence, so that it never states p = 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +66,8 @@ class SameNoise(Summarised):
     levels : tuple of LevelRatio
         Ratios at all levels of all axes. With two recordings, the first one is divided by the second. With more, each
         is divided by the mean of the others.
+    parameters : tuple of SameParameters
+        For each axis, the test that the parameters of the model are equal; empty without a model.
     tolerance : float
         Largest |ln(ν_1/ν_2)| that is treated as equal.
     size, confidence : float
@@ -70,6 +77,7 @@ class SameNoise(Summarised):
     recordings: tuple[str, ...]
     axes: tuple[str, ...]
     levels: tuple[LevelRatio, ...]
+    parameters: tuple[SameParameters, ...] = ()
     tolerance: float
     size: float
     confidence: float
@@ -85,12 +93,15 @@ class SameNoise(Summarised):
 
     @property
     def differs(self) -> bool:
-        """Whether the test finds a difference at any scale of any axis."""
-        return bool(self.differences)
+        """Whether a test finds a difference: at any scale of any axis, or in parameters of the model."""
+        return any(test.differs for test in self.parameters) if self.parameters else bool(self.differences)
 
     @property
     def pvalue(self) -> float:
-        """The smallest adjusted p-value, which is the p-value of the test of all levels and axes together."""
+        """The smallest adjusted p-value, which is the p-value of the tests of all levels and axes together; with a
+        model, of the tests of its parameters."""
+        if self.parameters:
+            return min(test.pvalue for test in self.parameters)
         return min((row.pvalue for row in self.levels if row.pvalue is not None), default=1.0)
 
     @property
@@ -108,6 +119,8 @@ class SameNoise(Summarised):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the differences of each axis and recording, or one remark that no difference was found."""
+        if self.parameters:
+            return tuple(self._parameter_remarks())
         if not self.differs:
             tests = sum(row.pvalue is not None for row in self.levels)
             within = "yes" if self.tolerance else "no"
@@ -119,15 +132,36 @@ class SameNoise(Summarised):
                 rows = [row for row in self[axis] if row.differs and row.recording == recording]
                 if rows:
                     most = max(rows, key=lambda row: abs(row.ratio - 1))
-                    other = f"recording {self.recordings[1]}" if len(self.recordings) == 2 else "the others"
                     found.append(
                         Remark.of(
                             "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
                             more="higher" if most.ratio > 1 else "lower", levels=len(rows),
-                            p=min(row.pvalue or 0.0 for row in rows), recording=recording, other=other,
+                            p=min(row.pvalue or 0.0 for row in rows), recording=recording, other=self._other,
                         )
                     )  # fmt: skip
         return tuple(found)
+
+    def _parameter_remarks(self) -> Iterator[Remark]:
+        """Whether the parameters differ, by axis, and which models are rejected."""
+        equal = [test.axis for test in self.parameters if not test.differs]
+        for test in self.parameters:
+            if test.differs and test.ratios:
+                most = test.largest
+                yield Remark.of(
+                    "parameters-differ", test.axis, name=most.name, recording=most.recording, other=self._other,
+                    ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
+                    p=max(test.pvalue, SMALLEST),
+                )  # fmt: skip
+        for axis in equal:
+            yield Remark.of("parameters-same", axis, tests=len(self.parameters), size=self.size)
+        rejected = [test for test in self.parameters if test.fit_pvalue <= self.size]
+        for test in rejected:
+            least = max(min(other.fit_pvalue for other in rejected), SMALLEST)
+            yield Remark.of("compared-model-rejected", test.axis, p=least)
+
+    @property
+    def _other(self) -> str:
+        return f"recording {self.recordings[1]}" if len(self.recordings) == 2 else "the others"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
@@ -140,6 +174,7 @@ class SameNoise(Summarised):
             "pvalue": self.pvalue,
             "differs": self.differs,
             "levels": [asdict(row) for row in self.levels],
+            "parameters": [asdict(test) for test in self.parameters],
             "remarks": [remark.to_dict() for remark in self.remarks],
         }
 
@@ -149,8 +184,11 @@ class SameNoise(Summarised):
 
         return DataFrame([asdict(row) for row in self.levels], infer_schema_length=None)
 
-    def summary(self) -> str:
-        """Format a table with the most significant ratio of each axis, and the remarks."""
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Format a table with the most significant ratio of each axis, or with the ratios of its parameters, and the
+        remarks."""
+        if self.parameters:
+            return self._parameter_summary(dialect)
         two = len(self.recordings) == 2
         rows = [["axis", *([] if two else ["recording"]), "ratio", f"{100 * self.confidence:g} %", "at τ", "p"]]
         for axis in self.axes:
@@ -162,7 +200,20 @@ class SameNoise(Summarised):
                 rows.append([axis, *name, f"{row.ratio:.3f}", limits, duration_text(row.tau), p])
         what = " over ".join(self.recordings) if two else "each recording over the mean of the others"
         head = f"Ratio of the deviations, {what}, at the scale of the most significant difference"
-        return "\n".join([head, "", *headed(rows), "", *texts(self.remarks)])
+        return "\n".join([head, "", *headed(rows), "", *texts(self.remarks, dialect)])
+
+    def _parameter_summary(self, dialect: Dialect) -> str:
+        two = len(self.recordings) == 2
+        rows = [["axis", *([] if two else ["recording"]), "parameter", "ratio", f"{100 * self.confidence:g} %", "p"]]
+        for test in self.parameters:
+            for one in test.ratios:
+                name = [] if two else [one.recording]
+                limits = f"{one.lower:.3f} … {one.upper:.3f}"
+                rows.append([test.axis, *name, one.name, f"{one.ratio:.3f}", limits, f"{test.pvalue:.2g}"])
+        what = " over ".join(self.recordings) if two else "each recording over the mean of the others"
+        head = f"Ratio of the parameters, {what}; p is the p-value of the test of all parameters of an axis"
+        table = [head, "", *headed(rows), ""] if len(rows) > 1 else []
+        return "\n".join([*table, *texts(self.remarks, dialect)])
 
     def __repr__(self) -> str:
         found = "different" if self.differs else "the same"

@@ -63,12 +63,35 @@ def joint_terms(model: ModelLike) -> tuple[JointTerm, ...]:
         match = _SHARED.fullmatch(part)
         kind, text, times = ("own", part, 1) if match is None else (match[2], match[3], int(match[1] or match[4] or 1))
         assert kind in get_args(Kind)
-        for process in Model.parse(text).processes * times:
+        for process in _processes(text.strip(), str(model)) * times:
             _require_shape(process)
             found.append((kind, process))  # type: ignore[arg-type]
-    if len(set(_keys(found))) < len(_keys(found)):
-        raise ModelError(f"{model} has a term twice that can be contained once", argument="model", got=str(model))
+    repeated = [key for key, count in Counter(_keys(found)).items() if count > 1]
+    if repeated:
+        kind, name = repeated[0]
+        term = name if kind == "own" else f"{kind}({name})"
+        raise ModelError(
+            f'the model "{model}" has {term} twice; two terms of this kind are the same as one', argument="model",
+            got=str(model), advice=f"Write {term} once.",
+        )  # fmt: skip
     return _labelled(found)
+
+
+def _processes(text: str, model: str) -> tuple[Process, ...]:
+    """The processes of one summand; its errors name the whole model."""
+    if (word := re.match(r"(own|common|shared)\b\s*(\(?)", text)) is not None:
+        name = word[1]
+        nested = f"{name}(…) cannot be inside another term" if word[2] else f"{name} needs parentheses"
+        raise ModelError(
+            f'the model "{model}" cannot be read: {nested}', argument="model", got=model,
+            advice=f"Write one sum of terms, such as {name}(RW) + WN.",
+        )  # fmt: skip
+    try:
+        return Model.parse(text).processes
+    except ModelError as error:
+        advice = error.advice or "Terms are processes such as WN, and own(…), common(…) or shared(…) of processes."
+        why = f"is wrong: {error.reason}" if text else "is empty"
+        raise ModelError(f'a term of the model "{model}" {why}', argument="model", got=model, advice=advice) from None
 
 
 def _keys(found: list[tuple[Kind, Process]]) -> list[tuple[Kind, str]]:
@@ -76,14 +99,34 @@ def _keys(found: list[tuple[Kind, Process]]) -> list[tuple[Kind, str]]:
 
 
 def _summands(text: str) -> list[str]:
-    """Split the text of a model at each plus sign outside parentheses and numbers."""
-    parts, depth, start = [], 0, 0
+    """Split the text of a model at each plus sign outside parentheses and numbers.
+
+    Raises
+    ------
+    ModelError
+        If an opening or a closing parenthesis has no counterpart.
+    """
+    parts, opened, start = [], list[int](), 0
     for k, letter in enumerate(text):
-        depth += {"(": 1, ")": -1}.get(letter, 0)
-        if letter == "+" and depth == 0 and text[max(k - 1, 0)] not in "eE":
+        if letter == "(":
+            opened.append(k)
+        elif letter == ")":
+            if not opened:
+                raise _unbalanced(text, k, "(")
+            opened.pop()
+        elif letter == "+" and not opened and text[max(k - 1, 0)] not in "eE":
             parts.append(text[start:k])
             start = k + 1
+    if opened:
+        raise _unbalanced(text, opened[-1], ")")
     return [*parts, text[start:]]
+
+
+def _unbalanced(text: str, at: int, missing: str) -> ModelError:
+    return ModelError(
+        f'the model "{text}" has "{text[at]}" at character {at + 1} without "{missing}"', argument="model", got=text,
+        advice=f'Add the missing "{missing}".',
+    )  # fmt: skip
 
 
 def _require_shape(process: Process) -> None:
