@@ -22,7 +22,8 @@ from typing import Any
 
 import benchmarks
 import gmwm
-from benchmarks import children, harness, page, scaling
+from benchmarks import children, harness, page, scaling, targets
+from benchmarks.results import Results
 from gmwm import _core
 from gmwm._files import write_text
 from gmwm._threads import processors
@@ -134,7 +135,12 @@ def words(values: dict[str, Any]) -> str:
         parts.append(f"{curve['name']}, {unit}, by {curve['along']}: {', '.join(shown)}")
     for row in values["children"]:
         size = f"{row['peak'] / 1e6:.0f} MB, {row['beyond'] / 1e6:.0f} beyond the import"
-        parts.append(f"{row['name']}, {row['samples']} samples: {row['seconds']:.2f} s, {size}")
+        all_processors = f" ({row['cpu']:.2f} s of all processors)" if row.get("cpu") else ""
+        parts.append(f"{row['name']}, {row['samples']} samples: {row['seconds']:.2f} s{all_processors}, {size}")
+    results = Results(values)
+    if values["children"] and values["curves"] and values["timings"]:
+        parts.append("\nwhat was asked: before, asked, found, reached")
+        parts += (f"{work}: {', '.join(shown)}" for work, *shown, _ in targets.rows(results))
     return "\n".join(parts)
 
 

@@ -16,6 +16,9 @@ TRUTH = gmwm.Model.parse(
     "GM(beta=10.0, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
     " + QN(q2=2e-6) + RW(gamma2=1e-13)"
 )
+OPTIMAL = "fit with optimal weights, certified"
+INTERVALS = "confidence intervals of the fit"
+GOODNESS = "goodness of fit of the fit"
 RESONANT = (
     "AR(2, phi1=1.2, phi2=-0.5, sigma2=1e-6) + GM(beta=0.5, sigma2=2e-6) + GM(beta=0.01, sigma2=1e-6)"
     " + RW(gamma2=1e-13)"
@@ -35,6 +38,11 @@ def cases() -> Iterable[Case]:
         ("from 10^6 samples to a certified fit", 30.0, partial(gmwm.fit, model, x, RATE)),
     ):
         yield Case(name, run, "np.cumsum of 10^6", cumsum, 31, target)
+    optimal = partial(gmwm.fit, model, wv, weighting="optimal")
+    yield Case(OPTIMAL, optimal, "np.cumsum of 10^6", cumsum, 7)
+    fit = gmwm.fit(model, wv)
+    yield Case(INTERVALS, partial(_intervals, fit), "np.cumsum of 10^6", cumsum, 21)
+    yield Case(GOODNESS, partial(_goodness_of_fit, fit), "np.cumsum of 10^6", cumsum, 21)
     resonant = gmwm.Model.parse(RESONANT)
     curve = gmwm.wavelet_variance(resonant.simulate(10**6, RATE, np.random.default_rng(2)), RATE)
     for text, target in (("AR(2) + 2*GM + RW", 45.0), ("ARMA(2,1) + 2*GM + RW", 90.0)):
@@ -45,6 +53,10 @@ def cases() -> Iterable[Case]:
     given = (wv.upper - wv.lower) ** -2.0
     run = partial(gmwm.fit, model, wv, weighting=given)
     yield Case("fit with weights given, certified", run, "np.cumsum of 10^6", cumsum, 31)
+
+
+def _intervals(fit: gmwm.Fit) -> None:
+    replace(fit).confidence_intervals()
 
 
 def _goodness_of_fit(fit: gmwm.Fit) -> None:

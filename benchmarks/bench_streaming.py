@@ -38,6 +38,8 @@ def cases() -> Iterable[Case]:
         name, ours = f"10^7 samples in chunks of {chunk}", partial(streamed, x, chunk)
         yield Case(name, ours, "in memory", whole, 7, 2.0, items=SIZE)
         yield Case(name, ours, "np.cumsum", cumsum, 7)
+    one = partial(streamed, x, SIZE)
+    yield Case("10^7 samples in chunks of 1000", partial(streamed, x, 10**3), "one chunk", one, 7, 1.5, items=SIZE)
     robust = partial(streamed, x, 10**6, True)
     yield Case("10^7 samples in chunks of 1000000, robust", robust, "in memory", whole, 5, items=SIZE)
     plain = partial(streamed, x, 10**6)

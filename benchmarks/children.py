@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,14 +31,32 @@ from gmwm.simulation import reference_imu, simulate
 from gmwm.writers import write
 write(simulate(reference_imu(), rate=100.0, samples={n}, rng=1), {path!r})
 """
-COMMAND = """
-from gmwm.cli.main import run
-sys.argv = ["gmwm", *{words!r}]
-try:
-    run()
-except SystemExit as ended:
-    if ended.code:
-        raise
+FILTERED = """
+from scipy.signal import butter, lfilter
+import polars
+n, rate, rng = {n}, 200.0, np.random.default_rng(5)
+def axis(white, slow, time, walk, resonance=0.0, line=0.0):
+    x = lfilter(*butter(2, 45.0, fs=rate), white * rng.standard_normal(n))
+    phi = np.exp(-1 / rate / time)
+    x += lfilter([1.0], [1.0, -phi], slow * np.sqrt(1 - phi**2) * rng.standard_normal(n))
+    x += walk * np.cumsum(rng.standard_normal(n)) + line * np.sin(2 * np.pi * 50.03 / rate * np.arange(n))
+    pole = [1.0, -1.96 * np.cos(2 * np.pi * 62 / rate), 0.98**2]
+    return x + resonance * lfilter([1.0], pole, rng.standard_normal(n)) if resonance else x
+columns = {{
+    "gyro_x": axis(2e-3, 4e-5, 60, 2e-8), "gyro_y": axis(2.2e-3, 5e-5, 100, 3e-8, line=2e-4),
+    "gyro_z": axis(1.8e-3, 3e-5, 30, 1e-8), "accel_x": axis(1e-2, 4e-4, 120, 2e-7, resonance=2e-4),
+    "accel_y": axis(1.1e-2, 5e-4, 300, 2e-7), "accel_z": axis(1.4e-2, 6e-4, 20, 4e-7, resonance=3e-4) + 9.81,
+}}
+table = polars.DataFrame({{"time": np.arange(n) / rate, **columns}})
+table.write_csv({path!r}, float_precision=9)
+"""
+LAUNCH = """
+import json, resource, subprocess, sys, time
+begin = time.perf_counter()
+done = subprocess.run({words!r}, capture_output=True, encoding="utf-8")
+took, used = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+peak = used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+print(json.dumps([took, used.ru_utime + used.ru_stime, peak, done.returncode, done.stderr[-2000:]]))
 """
 FRAME = """
 import json, os, sys, time
@@ -66,7 +85,8 @@ class Child:
 
     `samples` it worked on in all axes, `seconds` of wall time with the start of Python, `inside` without, `peak` bytes
     of its largest resident set, `beyond` those above that after the import of all names of gmwm, `state` those of what
-    a stream keeps.
+    a stream keeps, `cpu` seconds of all its processors, `units` calibrated by a fleet. The peak of a command is that of
+    its largest process.
     """
 
     name: str
@@ -76,6 +96,19 @@ class Child:
     peak: int
     beyond: int
     state: int = 0
+    cpu: float = 0.0
+    units: int = 0
+
+
+def command(name: str, words: Sequence[str], samples: int, folder: Path, units: int = 0) -> Child:
+    """Run a command of the shell as a user does; a small process starts it, so that its memory is its own."""
+    script = LAUNCH.format(words=[sys.executable, "-m", "gmwm", *words])
+    done = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, encoding="utf-8", check=True)
+    took, cpu, peak, code, errors = json.loads(done.stdout)
+    if code:
+        raise RuntimeError(f"{name}: the command ended with {code}\n{errors}")
+    base = run("import gmwm", "").peak
+    return Child(name, samples, took, took, peak, max(peak - base, 0), cpu=cpu, units=units)
 
 
 def run(name: str, code: str, samples: int = 0, folder: Path | None = None) -> Child:
@@ -94,6 +127,17 @@ def run(name: str, code: str, samples: int = 0, folder: Path | None = None) -> C
     return Child(name, samples, took, found["inside"], found["peak"], found["peak"] - found["before"], found["state"])
 
 
+def imported(runs: int = 7) -> Iterator[Child]:
+    """The time of `import gmwm`, without and with all its names, in a process that has NumPy: medians of several."""
+    for name, more in (
+        ("import gmwm", ""),
+        ("import of all names", "; [getattr(gmwm, name) for name in gmwm.__all__]"),
+    ):
+        code = f"import time, numpy; begin = time.perf_counter(); import gmwm{more}; print(time.perf_counter() - begin)"
+        took = statistics.median(float(subprocess.check_output([sys.executable, "-c", code])) for _ in range(runs))
+        yield Child(f"{name} beyond NumPy", 0, took, took, 0, 0)
+
+
 def free_memory() -> float:
     """Bytes that can be had without swapping; those of the machine where the system does not say."""
     try:
@@ -106,6 +150,7 @@ def free_memory() -> float:
 def children(largest: int = 10**9, in_memory: int = 10**8, rows: int = 10**6) -> Iterator[Child]:
     """Calls and commands: streams of up to `largest` samples, arrays of up to `in_memory`, files of `rows` rows."""
     yield run("import gmwm", "")
+    yield from imported()
     for n in (n for n in (10**6, 10**7, 10**8) if n <= in_memory):
         yield run("wavelet variance, in memory", f"{DRAW.format(n=n)}; gmwm.wavelet_variance(x, 100.0)", n)
     n = min(in_memory, 10**7)
@@ -131,5 +176,14 @@ def _of_files(rows: int) -> Iterator[Child]:
             read = f"gmwm.stream({file!r}).wavelet_variance()"
             yield run(f"six axes in pieces, {kind}", read, 6 * rows, folder)
             words = ["calibrate", file, "--output", f"results-{kind}"]
-            yield run(f"gmwm calibrate, six axes, {kind}", COMMAND.format(words=words), 6 * rows, folder)
-        yield run("gmwm demo", COMMAND.format(words=["demo", "--output", "demo"]), 6 * 720_000, folder)
+            yield command(f"gmwm calibrate, six axes, {kind}", words, 6 * rows, folder)
+        run("writing", FILTERED.format(n=rows, path="filtered.csv"), folder=folder)
+        words = ["calibrate", "filtered.csv", "--units", "gyro=rad/s,accel=m/s²", "--output", "results-filtered"]
+        yield command("gmwm calibrate, six axes with filters, csv", words, 6 * rows, folder)
+        (folder / "units").mkdir()
+        each, count = rows * 6 // 10, 4
+        for k in range(count):
+            run("writing", WRITE.format(n=each, path=f"units/unit{k}.parquet"), folder=folder)
+        words = ["fleet", "units", "--output", "fleet"]
+        yield command("gmwm fleet, units of 6 x 6x10^5 samples", words, 6 * each * count, folder, units=count)
+        yield command("gmwm demo", ["demo", "--output", "demo"], 6 * 720_000, folder)

@@ -58,9 +58,11 @@ time assumes the speed of a plain copy of as many samples (a copy reads 8 bytes 
   samples) or 23 levels (10⁷ samples). At 10⁶ samples, this takes {near:.2f} ns per sample and level for reads and
   arithmetic (one and a half loads and three or four operations per vector of coefficients).
 - **Beyond the caches.** With 10⁷ samples (a running sum of 80 MB), the lags of the coarsest levels exceed the size of
-  the last cache. Each such level needs another stream from memory, and the levels take {far:.2f} ns per sample and
-  level instead of {near:.2f}. In chunks, these levels use only every τ/64-th coefficient and need no such streams. All
-  levels together then take {chunks:.1f} ns per sample; the memory traffic alone would need {memory:.1f}.
+  the last cache. In the table, each such level needs another stream from memory, and the levels take {far:.2f} ns per
+  sample and level instead of {near:.2f}. From four million samples on, `wavelet_variance` reads the running sum only
+  once more for all levels above 14: it copies a few columns of a matrix with rows of 2¹⁴ values, and the lags of these
+  levels are rows of the copy. In chunks, these levels use only every τ/64-th coefficient. All levels together then take
+  {chunks:.1f} ns per sample; the memory traffic alone would need {memory:.1f}.
 - **Possible improvement.** With all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
   {real:.1f}. The coarse levels would have to use only every τ/64-th coefficient, as in a stream. In memory, gmwm uses
   every coefficient, as the definition requires.

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks import targets
 from benchmarks.claims import CLAIMS, MARGIN
 from benchmarks.kernels import bandwidth_words
 from benchmarks.picture import draw
@@ -48,6 +49,13 @@ resident memory in addition to `import gmwm`, including the samples.
 A record of {longest} samples in chunks takes {stream:.2g} ns per sample, {over:.2f} times as long as a record of 10⁷
 samples in memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than after the import, independent of
 its length. The state between two chunks is {state:.1f} MB.
+
+## What was asked, and what limits it
+
+Ratios are to `numpy.cumsum` of as many samples (10⁶ for fits), unless another reference is named. *Before* is the value
+at the beginning of the work on speed.
+
+{targets}
 
 ## Statements in the documentation
 
@@ -93,8 +101,8 @@ def text(results: Results) -> str:
         bandwidth=results.bandwidth / 1e9, small=f"{1e9 * results.per_sample(whole, 1000):.0f}",
         kernels=bandwidth_words(results), lengths=_lengths(results), longest=power_text(longest), stream=1e9 * stream,
         over=stream / results.per_sample(whole, 10**7), memory=live["peak"] / 1e6, beyond=live["beyond"] / 1e6,
-        state=live["state"] / 1e6, margin=MARGIN, claims=_claims(results), ratios=_ratios(results),
-        children=_children(results),
+        state=live["state"] / 1e6, margin=MARGIN, claims=_claims(results), targets=_targets(results),
+        ratios=_ratios(results), children=_children(results),
     )  # fmt: skip
 
 
@@ -112,6 +120,10 @@ def _lengths(results: Results) -> str:
         times = dict(zip(curve["at"], curve["seconds"], strict=True))
         rows.append([curve["name"], *(number_text(1e9 * times[n] / n, 2) if n in times else "" for n in at)])
     return table(["ns per sample", *(power_text(n) for n in at)], rows)
+
+
+def _targets(results: Results) -> str:
+    return table(targets.HEAD, targets.rows(results))
 
 
 def _claims(results: Results) -> str:
@@ -150,8 +162,9 @@ def _children(results: Results) -> str:
     rows = [
         [
             row["name"], power_text(row["samples"]) if row["samples"] else "", f"{row['seconds']:.2g}",
-            f"{row['peak'] / 1e6:.0f}", f"{row['beyond'] / 1e6:.0f}",
+            f"{row['cpu']:.2g}" if row.get("cpu") else "", f"{row['peak'] / 1e6:.0f}" if row["peak"] else "",
+            f"{row['beyond'] / 1e6:.0f}" if row["peak"] else "",
         ]
         for row in results.children
     ]  # fmt: skip
-    return table(["process", "samples", "s", "MB", "MB beyond the import"], rows)
+    return table(["process", "samples", "s", "s of all processors", "MB", "MB beyond the import"], rows)

@@ -1,0 +1,116 @@
+"""What the round for speed began with, what it asked for, what a run finds, and what limits each kind of work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchmarks.bench_fit import GOODNESS, INTERVALS, OPTIMAL
+from benchmarks.results import Results
+from gmwm.plots.axes import number_text
+
+CUMSUM = "np.cumsum of 10^6"
+CERTIFIED = "fit from a wavelet variance, certified"
+SIX = "gmwm calibrate, six axes with filters, csv"
+FLEET = "gmwm fleet, units of 6 x 6x10^5 samples"
+IMPORT = "import gmwm beyond NumPy"
+NAMES = "import of all names beyond NumPy"
+
+
+@dataclass(frozen=True)
+class Target:
+    """`work` took `before` when the round began, and should take `asked`: a ratio, s, or units/s (more is better)."""
+
+    work: str
+    unit: str
+    before: float
+    asked: float
+    measured: Callable[[Results], float]
+    limit: str
+
+    def found(self, results: Results) -> float | None:
+        """The measured value; None in a run without it."""
+        try:
+            return self.measured(results)
+        except LookupError:
+            return None
+
+    def kept(self, value: float) -> bool:
+        """Whether the target is reached."""
+        return value >= self.asked if self.unit == "units/s" else value <= self.asked
+
+
+def _in_memory(samples: int) -> Callable[[Results], float]:
+    def ratio(results: Results) -> float:
+        try:
+            return results.per_sample("wavelet variance, in memory", samples) / results.per_sample("np.cumsum", samples)
+        except ValueError as error:  # this run has no record of this length
+            raise LookupError(samples) from error
+
+    return ratio
+
+
+def _processor(name: str) -> Callable[[Results], float]:
+    def seconds(results: Results) -> float:
+        return float(results.child(name).get("cpu") or _missing(name))
+
+    return seconds
+
+
+def _missing(name: str) -> float:
+    raise LookupError(name)
+
+
+LEVELS = "reads of one running sum from the caches and arithmetic, once for each level; see the table above"
+TARGETS = (
+    Target("wavelet variance of 10⁶ samples in memory", "", 0.97, 0.9, _in_memory(10**6), LEVELS),
+    Target("wavelet variance of 10⁷ samples in memory", "", 1.9, 1.2, _in_memory(10**7), LEVELS),
+    Target("wavelet variance of 10⁸ samples in memory", "", 2.3, 1.2, _in_memory(10**8),
+           "the same, and memory: the running sum is written once, and read once for near and once for far levels"),
+    Target("10⁷ samples in chunks of 1000, against one chunk", "", 2.7, 1.2,
+           lambda r: r.ratio("10^7 samples in chunks of 1000", "one chunk"),
+           "a call of Python for each chunk, and one more copy of each sample"),
+    Target("fit of 3·GM + WN + QN + RW with certificate, diagonal weights", "", 9.6, 4, lambda r: r.ratio(CERTIFIED),
+           "one kernel call: a nonnegative least-squares problem for each node of the search, and the weights, which "
+           "follow the estimate in some iterations"),
+    Target("the same with optimal weights", "", 150, 20, lambda r: r.ratio(OPTIMAL),
+           "the exact covariance of all pairs of levels in each iteration: exponentials near each kink of a pair"),
+    Target("confidence intervals of the fit", "", 17, 5, lambda r: r.ratio(INTERVALS),
+           "one exact covariance; for a parameter at a limit, some fits with this parameter held"),
+    Target("goodness of fit of the fit", "", 5, 2, lambda r: r.ratio(GOODNESS),
+           "one fit with the converged weights, and one exact covariance"),
+    Target("model selection, 79 candidates, one axis", "", 185, 60,
+           lambda r: r.ratio("selection from a wavelet variance"),
+           "a search for each candidate whose optimum no larger candidate gives, and simulated records for each rival"),
+    Target("`gmwm calibrate`, 6 × 10⁶ samples with filters, a resonance and a line, wall time", "s", 7.2, 3,
+           lambda r: float(r.child(SIX)["seconds"]),
+           "the processor time of the next row; the start of Python and the reading of the file come before the fits"),
+    Target("the same, processor time", "s", 11, 6, _processor(SIX),
+           "fits and selection of six axes, the search for knocks and lines in the samples, the report and the plots"),
+    Target("`import gmwm` beyond NumPy", "s", 0.19, 0.08, lambda r: float(r.child(IMPORT)["seconds"]),
+           "one small module: a name loads its package when it is used"),
+    Target("the same with all public names", "s", 0.19, 0.08, lambda r: float(r.child(NAMES)["seconds"]),
+           "compiled modules that are read from disk, and the definition of classes"),
+    Target("`gmwm fleet`, units of 6 × 6·10⁵ samples, two processors", "units/s", 0.18, 1,
+           lambda r: r.child(FLEET)["units"] / r.child(FLEET)["seconds"],
+           "the processor time of one unit; units are independent"),
+)  # fmt: skip
+
+
+def rows(results: Results) -> list[list[str]]:
+    """The table: work, before, asked, found, and the limit."""
+    made = []
+    for target in TARGETS:
+        value = target.found(results)
+        shown = ["–", "–"] if value is None else [_figure(value, target), "yes" if target.kept(value) else "no"]
+        made.append([
+            target.work, _figure(target.before, target), _figure(target.asked, target), *shown, target.limit
+        ])  # fmt: skip
+    return made
+
+
+HEAD = ("work", "before", "asked", "found", "reached", "what limits it")
+
+
+def _figure(value: float, target: Target) -> str:
+    return f"{number_text(value, 2)} {target.unit}".strip()
