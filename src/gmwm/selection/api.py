@@ -417,8 +417,11 @@ def _rejected(candidate: Candidate, best: Candidate) -> bool:
     The test of equivalence alone is not sufficient. It uses the weights of the candidate. If the candidate is far below
     the data at long scales, other models can appear equally far from the data with these weights.
     """
-    own, other = candidate.pvalue, best.pvalue
-    return own is not None and other is not None and own < REJECTED and other > BETTER * own
+    own = candidate.pvalue
+    if own is None or own >= REJECTED:
+        return False
+    other = best.pvalue
+    return other is not None and other > BETTER * own
 
 
 def _equivalent(
