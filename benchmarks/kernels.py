@@ -61,8 +61,8 @@ time assumes the speed of a plain copy of as many samples (a copy reads 8 bytes 
   the last cache. In the table, each such level needs another stream from memory, and the levels take {far:.2f} ns per
   sample and level instead of {near:.2f}. From four million samples on, `wavelet_variance` reads the running sum only
   once more for all levels above 14: it copies a few columns of a matrix with rows of 2¹⁴ values, and the lags of these
-  levels are rows of the copy. In chunks, these levels use only every τ/64-th coefficient. All levels together then take
-  {chunks:.1f} ns per sample; the memory traffic alone would need {memory:.1f}.
+  levels are rows of the copy. In chunks of 10⁶ samples, these levels use only every τ/64-th coefficient, and all levels
+  together take {chunks:.1f} ns per sample; the memory traffic alone would take {memory:.1f}.
 - **Possible improvement.** With all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
   {real:.1f}. The coarse levels would have to use only every τ/64-th coefficient, as in a stream. In memory, gmwm uses
   every coefficient, as the definition requires.

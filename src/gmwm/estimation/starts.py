@@ -174,7 +174,7 @@ def scanned_points(
 
 
 def given_point(problem: Problem, surface: Surface) -> Point | None:
-    """Return the point of the values in the model; None unless the model has values for all free processes."""
+    """Return the starting point that the values in the model give; None if a free process has no values."""
     given = [free.given() for free in surface.frees]
     there = [z for z in given if z is not None]
     return _with_curved(problem, surface, there) if len(there) == len(given) else None

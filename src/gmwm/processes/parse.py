@@ -9,8 +9,8 @@
 Values without a name are in the order of the parameters, "AR1(0.9, 0.1)"; they must come before values with a name.
 
 A process with orders needs its orders, "ARMA(2, 1, phi1=0.5)", or its coefficients, "AR(phi=[1.4, -0.6])". Orders are
-whole numbers and come first: "AR(2, 1.4, -0.6)" has the order 2 and φ₁ = 1.4. A period may be written by name. Upper
-and lower case of process names are not distinguished. `str(model)` returns such a text, in which every value has its
+whole numbers and come first: "AR(2, 1.4, -0.6)" has the order 2 and φ₁ = 1.4. Upper and lower case of process names
+are not distinguished. `str(model)` returns such a text, in which every value has its
 name.
 """
 

@@ -41,7 +41,7 @@ class Measurement(Protocol):
     """Protocol of an object that measures one axis batch by batch; see `measure`."""
 
     def clean(self, signal: Signal, /) -> Signal:
-        """Return the samples of a batch to be measured, before their gaps are filled."""
+        """Replace wrong samples of a batch, and return the batch. Its gaps are filled later."""
 
     def update(self, signal: Signal, continues: bool, /) -> None:
         """Add samples. Some of them may replace lost samples, and they may continue the last segment."""
