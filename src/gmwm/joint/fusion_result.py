@@ -271,7 +271,13 @@ class VirtualSensor(Summarised):
         )
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Format the weights, the gain at a few scales, and the remarks."""
+        """Format the weights, the gain at a few scales, and the remarks.
+
+        Parameters
+        ----------
+        dialect : Dialect
+            Whether options are written as in Python or as in the shell.
+        """
         lines = []
         for axis, one in self.axes.items():
             weights = [["weight", *(name.removeprefix(axis) for name in one.members)]]

@@ -234,7 +234,13 @@ class CrossCovariance(Summarised):
         )
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Format a table with the largest correlation of each pair that shares noise, and the remarks."""
+        """Format a table with the largest correlation of each pair that shares noise, and the remarks.
+
+        Parameters
+        ----------
+        dialect : Dialect
+            Whether options are written as in Python or as in the shell.
+        """
         robust = "" if self.efficiency is None else f", robust with efficiency {self.efficiency:g}"
         lines = [
             f"Shared noise of {', '.join(self.axes)}: {self.samples} samples at {self.rate:g} Hz{robust}; "

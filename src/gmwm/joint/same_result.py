@@ -186,7 +186,13 @@ class SameNoise(Summarised):
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """Format a table with the most significant ratio of each axis, or with the ratios of its parameters, and the
-        remarks."""
+        remarks.
+
+        Parameters
+        ----------
+        dialect : Dialect
+            Whether options are written as in Python or as in the shell.
+        """
         if self.parameters:
             return self._parameter_summary(dialect)
         two = len(self.recordings) == 2
