@@ -146,11 +146,11 @@ def cut(values, segments):
 @pytest.mark.slow
 @pytest.mark.parametrize("length", [1, 7, 50, 400])
 def test_short_segments_do_not_inflate_wander_and_turn(length):
-    values = still(20_000)
-    whole = inspect(cut(values, ((0, 20_000),)))
-    edges = [0, 5000, *range(5000 + length, 15_000, length), 15_000, 20_000]
+    values = still(10_000)
+    whole = inspect(cut(values, ((0, 10_000),)))
+    edges = [0, 2500, *range(2500 + length, 7500, length), 7500, 10_000]
     broken = inspect(cut(values, tuple(pairwise(edges))))
-    lone = inspect(cut(values, ((0, 700), (700, 701), (701, 702), (702, 20_000))))
+    lone = inspect(cut(values, ((0, 700), (700, 701), (701, 702), (702, 10_000))))
     for found in (broken, lone):
         assert found.static
         assert found.tilt < 1.5 * whole.tilt

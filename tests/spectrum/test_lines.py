@@ -11,7 +11,7 @@ from tests.spectrum.recordings import RATE, RESONANCES, SMOOTH, line, resonance
 @pytest.mark.parametrize("kind", [kind for kind in SMOOTH if kind not in ("low-pass 2, low", "quantised")])
 def test_false_alarms(kind):
     runs = 300
-    found = [psd(SMOOTH[kind](np.random.default_rng([5, run]), 9000), RATE) for run in range(runs)]
+    found = [psd(SMOOTH[kind](np.random.default_rng([5, run]), 6000), RATE) for run in range(runs)]
     alarms = sum(bool(one.lines or one.bumps) for one in found)
     # 1 %: at most 3, and 8 with a probability of 99.6 %.
     assert alarms <= 8
