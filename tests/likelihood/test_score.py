@@ -123,7 +123,7 @@ def test_the_information_is_what_slopes_at_the_truth_scatter_by(text):
 @pytest.mark.parametrize("beta", [0.01, 0.5, 20.0])
 def test_the_information_is_that_of_the_contrasts(beta, mean):
     """½ tr(P V_a P V_b), P = V⁻¹ − V⁻¹X (XᵀV⁻¹X)⁻¹ XᵀV⁻¹ where the level is unknown, P = V⁻¹ where it is known."""
-    samples, draws = 80, 300
+    samples, draws = 80, 150
     model = Model.parse(f"GM(beta={beta}, sigma2=2.0) + WN(sigma2=0.5)")
     paths = 9.81 + model.simulate(samples, RATE, np.random.default_rng(3), draws)
     problems = [Problem(model, as_record(x, RATE), mean) for x in paths]

@@ -59,9 +59,9 @@ def test_however_it_comes_it_is_what_it_is_as_a_whole(tmp_path, seed):
 
 @pytest.mark.slow
 def test_byte_by_byte():
-    data = table(rows=40, gap=99)
+    data = table(rows=20, gap=99)
     _, chunks, _ = followed(data, list(range(1, len(data))))
-    assert sum(len(chunk) for chunk in chunks) == 40
+    assert sum(len(chunk) for chunk in chunks) == 20
 
 
 def test_a_line_without_an_end_is_left_out():
