@@ -1,5 +1,6 @@
 """Helper processes: the same results as without them, errors and warnings of a call, and helpers that end."""
 
+import errno
 import filecmp
 import os
 import subprocess
@@ -48,6 +49,15 @@ def test_without_helpers_calls_are_made_here():
     result(), result()
     assert made == [1]
     assert Helpers().run(os.getpid) == os.getpid()
+
+
+@FORKS
+def test_where_no_process_can_be_forked_calls_are_made_here(monkeypatch):
+    def refused():
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(os, "fork", refused)
+    assert Helpers(1).run(os.getpid) == os.getpid()
 
 
 def test_a_process_with_threads_is_not_forked():

@@ -48,8 +48,9 @@ class Helpers:
     def __init__(self, count: int = 0, modules: tuple[str, ...] = ()) -> None:
         self._idle: list[Connection] = []
         self._lock = Lock()
-        for _ in range(count):
-            self._idle.append(_forked(modules))
+        with suppress(OSError):  # the system allows no further process
+            for _ in range(count):
+                self._idle.append(_forked(modules))
 
     def run(self, function: Callable[..., T], *args: Any) -> T:
         """Call a function in a helper if one is idle, otherwise here; both must be able to pickle the function, the
