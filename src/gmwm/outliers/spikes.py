@@ -46,6 +46,9 @@ CROWD, NEAR = 6, 10
 knock."""
 CLEAR = 100
 """Distance (samples) from a cluster within which no sample is treated as a spike."""
+_REACHES = (3, 12)
+"""Numbers of neighbours on each side. The nearest neighbours predict a sample best behind a low-pass filter; for white
+noise, the median of many neighbours has a smaller error."""
 _FEW = 12
 """Number of spikes below which no residual may be between θ / 2 and θ."""
 _TAIL = APART**-3.0
@@ -58,7 +61,7 @@ the variance, and the tails of the bulk must be known more accurately than this.
 _LOWEST = 3.0
 """Smallest residual that can be replaced."""
 _BIN, _NONE = 0.25, 0.005
-_SIDE = np.array([-3, -2, -1, 1, 2, 3])
+_PASSES, _SETTLED = 5, 0.01
 _QUARTILE = 0.6744897501960817
 
 
@@ -118,10 +121,10 @@ def find_spikes(x: Signal) -> Spikes:
         raise OptionError(argument="x", expected="a Signal", got=x)
     values = x.values
     none = Spikes(indices=np.empty(0, dtype=np.int64), deviations=np.empty(0))
-    if values.size < 8 * _SIDE.size:
+    if values.size < 4 * _REACHES[-1]:
         return none
     step = lsb(values) or 0.0
-    scale, length, tail, _ = _bulk(values, x.rate, step)
+    scale, length, tail, _ = _bulk(values, x.rate, step, most=_BULK, right=None, reach=_REACHES[0])
     if not scale.min() > 0:
         return none
     # A spike differs from the mean of its two neighbours by its size, or by half of its size next to another spike.
@@ -132,25 +135,27 @@ def find_spikes(x: Signal) -> Spikes:
     # The middle one of three equal spikes does not differ from its neighbours.
     large[1:-1] |= large[:-2] | large[2:]
     candidates = np.flatnonzero(large)
-    deviation = np.abs(_residuals(values, values, candidates)) / limit[candidates]
+    deviation = np.abs(_residuals(values, values, candidates, _REACHES[0])) / limit[candidates]
     threshold = _threshold(deviation, values.size, tail)
     found = candidates[deviation >= threshold]
     if not 0 < found.size <= MOST * values.size:
         return none
     # Repeat the search without the spikes. They shift the median of their neighbours, and make the tails of the bulk
     # heavier.
-    filled = _filled(values, found)
-    scale, length, tail, usual = _bulk(filled, x.rate, step, _PRECISE)
-    if not scale.min() > 0:
-        return none
-    limit = _of_each_sample(scale, length, values.size)
-    deviation = np.abs(_residuals(values, filled, candidates)) / limit[candidates]
-    threshold = _threshold(deviation, values.size, tail, FALSE)
-    crowded = _crowded(candidates[deviation >= threshold], values.size)
-    clear = _clear(candidates, crowded)
-    candidates, deviation = candidates[clear], deviation[clear]
-    spiky = _surplus(deviation, threshold, values.size, usual)
-    found, deviation = candidates[spiky], deviation[spiky]
+    for _ in range(_PASSES):
+        filled, right = _filled(values, found)
+        reach = _best_reach(filled, right)
+        scale, length, tail, usual = _bulk(filled, x.rate, step, most=_PRECISE, right=right, reach=reach)
+        if not scale.min() > 0:
+            return none
+        limit = _of_each_sample(scale, length, values.size)
+        deviations = np.abs(_residuals(values, filled, candidates, reach)) / limit[candidates]
+        threshold = _threshold(deviations, values.size, tail, FALSE)
+        clear = np.flatnonzero(_clear(candidates, _crowded(candidates[deviations >= threshold], values.size)))
+        spiky = clear[_surplus(deviations[clear], threshold, values.size, usual)]
+        before, found, deviation = found.size, candidates[spiky], deviations[spiky]
+        if abs(found.size - before) <= _SETTLED * before:
+            break
     kept = _returns(values, filled, found, np.minimum(threshold, deviation) * limit[found])
     return Spikes(indices=found[kept], deviations=deviation[kept])
 
@@ -195,27 +200,45 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
 # --- detection --------------------------------------------------------------------------------------------
 
 
-def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
-    """Return the distance of samples from the median of their neighbours among `others`, three on each side."""
-    # At an end, the neighbours are the nearest six samples.
-    centre = np.clip(at, 3, values.size - 4)
-    around = others[centre[:, None] + _SIDE]
-    shifted = np.flatnonzero(centre != at)
-    for k in shifted:
-        nearest = np.arange(7) + (0 if at[k] < 3 else values.size - 7)
+def _residuals(values: Vector, others: Vector, at: NDArray[np.int64], reach: int) -> Vector:
+    """Return the difference between each sample at some positions and the median of its neighbours among `others`,
+    `reach` on each side."""
+    # Near an end, the neighbours are the nearest 2 `reach` samples.
+    centre = np.clip(at, reach, values.size - reach - 1)
+    window = np.arange(-reach, reach + 1)
+    around = others[centre[:, None] + window[window != 0]]
+    for k in np.flatnonzero(centre != at):
+        nearest = centre[k] + window
         around[k] = others[nearest[nearest != at[k]]]
     return np.asarray(values[at] - row_medians(around))
 
 
-def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[Vector, int, float, float]:
+def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
+    """Return the number of neighbours on each side whose median predicts a sample best."""
+    places, _ = _sampled(values.size, _BULK)
+    places = places[right[places]]
+    errors = [np.median(np.abs(_residuals(values, values, places, reach))) for reach in _REACHES]
+    return _REACHES[int(np.argmin(errors))]
+
+
+def _sampled(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
+    """Return positions at a regular distance (stride), about `most` of them, and this distance."""
+    stride = max(1, samples // most)
+    # Vary the offset within each stride, so that a period of the signal is not sampled at one phase.
+    places = np.arange(0, samples - stride + 1, stride)
+    return places + (places // stride * 7919) % stride, stride
+
+
+def _bulk(
+    values: Vector, rate: float, step: float, *, most: int, right: NDArray[np.bool_] | None, reach: int
+) -> tuple[Vector, int, float, float]:
     """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
     an estimate of the degrees of freedom of the tails.
+
+    At most about `most` residuals are used. The tails are estimated from the samples that are `right`.
     """
-    stride = max(1, values.size // most)
-    # Vary the offset within each stride, so that a period of the signal is not sampled at one phase.
-    places = np.arange(0, values.size - stride + 1, stride)
-    places = places + (places // stride * 7919) % stride
-    residual = np.abs(_residuals(values, values, places))
+    places, stride = _sampled(values.size, most)
+    residual = np.abs(_residuals(values, values, places, reach))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
     local = row_medians(residual[: count * piece].reshape(count, piece)) / _QUARTILE
@@ -223,6 +246,8 @@ def _bulk(values: Vector, rate: float, step: float, most: int = _BULK) -> tuple[
     if not local.min() > 0:
         return local, values.size, np.inf, np.inf
     relative = residual[: count * piece] / np.repeat(local, piece)
+    if right is not None:
+        relative = relative[right[places[: count * piece]]]
     return local, piece * stride, _freedom(relative, 3.0), _freedom(relative, 0.0)
 
 
@@ -333,10 +358,10 @@ def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vecto
     return np.asarray(apart > 0.5 * limit)
 
 
-def _filled(values: Vector, at: NDArray[np.int64]) -> Vector:
-    """Interpolate the values at some positions from all others."""
+def _filled(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
+    """Interpolate the values at some positions from all others. Return also a mask of the others."""
     good = np.ones(values.size, dtype=np.bool_)
     good[at] = False
     filled = values.copy()
     filled[at] = np.interp(at, np.flatnonzero(good), values[good])
-    return filled
+    return filled, good
