@@ -29,7 +29,7 @@ from gmwm.processes.sinusoid import SIN
 from gmwm.selection.api import rank_models, select_within
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.ranking import Candidate, Ranking
-from gmwm.selection.shape_error import band_errors, process_of, with_sampling_error, with_shape_error
+from gmwm.selection.shape_error import acts_as_filter, band_errors, process_of, with_sampling_error, with_shape_error
 from gmwm.selection.structure import freedom, nested, without_drift, without_values
 from gmwm.spectrum.result import PowerSpectrum
 from gmwm.spectrum.short_memory import SpectralShape, short_memory
@@ -57,10 +57,6 @@ the relative standard error at the first levels is 0.2 % for 10^6 samples (tests
 MOST_FREE = 1
 """Number of the strongest lines whose power is fitted. The power of other lines is fixed at the value from the
 spectrum."""
-FILTERED = 3.0
-"""A Gauss-Markov term with a correlation time up to this value (samples) is assumed to describe the low-pass filter of
-the sensor. Because a filter does not have exactly this form, N is then wrong by 0.5 % although the test accepts the
-model (docs/validation/sensors.md)."""
 MEMORY = 2000.0
 """An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
 frequencies."""
@@ -198,9 +194,7 @@ def _accepted(ranking: Ranking) -> bool:
 def _filtered(fit: Fit) -> bool:
     """Return whether a term has such a short correlation time that it may describe the low-pass filter of the
     sensor."""
-    rate = fit.wavelet_variance.rate
-    times = [process.correlation_time(rate) for process in fit.model.processes if process.scale > 0]
-    return any(time is not None and 0 < time * rate <= FILTERED for time in times)
+    return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
 
 
 def within_family(
