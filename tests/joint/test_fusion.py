@@ -269,3 +269,11 @@ def test_arrays_of_the_axes_of_an_imu_have_si_units():
     assert any("rad/s" in axes.get_ylabel() for axes in figure.axes)
     nameless = gmwm.fuse({str(k): rng.normal(size=4000) for k in range(3)}, rate=100.0, horizon=1.0)
     assert [nameless[axis].unit for axis in nameless.axes] == [""]
+
+
+def test_a_recording_in_motion_has_a_remark():
+    """Larger models have no weights under motion, so the smallest one remains, and its test rejects it."""
+    rng = np.random.default_rng(1)
+    motion = 0.05 * np.sin(np.arange(20_000) / 500)
+    found = fuse({f"gyro_x[{k}]": motion + 1e-3 * rng.normal(size=20_000) for k in range(3)}, 100.0)
+    assert "array-model-rejected" in [remark.code for remark in found.remarks]

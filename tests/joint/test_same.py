@@ -90,7 +90,10 @@ def test_axes_of_two_recordings():
     )
     changed = gmwm.same(monday, louder)
     assert changed.axes == ("gyro_x", "gyro_y", "gyro_z")
-    assert [(remark.code, remark.facts["more"]) for remark in changed.remarks] == [("noise-differs", "lower")] * 3
+    differ = [(remark.code, remark.facts["more"]) for remark in changed.remarks[:3]]
+    assert differ == [("noise-differs", "lower")] * 3
+    assert changed.left_out == ("accel_x", "accel_y", "accel_z")
+    assert [remark.code for remark in changed.remarks[3:]] == ["axes-not-compared"] * 3
 
 
 @pytest.mark.parametrize(

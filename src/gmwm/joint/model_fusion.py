@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
+from gmwm.errors import DataError, ModelError
 from gmwm.joint.conic import least_squares
 from gmwm.joint.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
 from gmwm.joint.fitting import Settled, measured_at, settle
@@ -52,7 +53,10 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
         terms = joint_terms(text)
         if measured.design.levels.size <= len(terms) + count:
             break
-        found = settle(terms, measured)
+        try:
+            found = settle(terms, measured)
+        except ModelError:  # no noise in some combination of the signals, as far as the weights can tell
+            continue
         tested = misfit(found)
         if tested.pvalue >= FITS:
             return found
@@ -60,7 +64,12 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
         score = tested.statistic - 2 * tested.df
         if best is None or score < best[0]:
             best = score, found
-    assert best is not None
+    if best is None:
+        raise DataError(
+            "the units have nearly the same signal: what they share, such as motion, hides the noise of each",
+            argument="x",
+            advice="Compute the weights from a recording at rest, and fuse this one with {--apply}.",
+        )
     return best[1]
 
 

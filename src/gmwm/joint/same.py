@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -135,6 +135,7 @@ def same(
         tests = [replace(test, pvalue=p, differs=p <= size) for test, p in zip(tests, both, strict=True)]
     return SameNoise(
         recordings=tuple(names), axes=tuple(axes), levels=tuple(rows), parameters=tuple(tests),
+        left_out=_left_out(recordings, axes),
         tolerance=float(tolerance), size=size, confidence=confidence,
     )  # fmt: skip
 
@@ -162,8 +163,17 @@ def _axes(recordings: Sequence[Any], rate: float | None) -> dict[str, list[Signa
     return found
 
 
+def _left_out(recordings: Sequence[Any], axes: Collection[str]) -> tuple[str, ...]:
+    """Return the axes of any recording that are not compared."""
+    every = dict.fromkeys(axis for item in recordings if isinstance(item, Imu) for axis in item.signals)
+    return tuple(axis for axis in every if axis not in axes)
+
+
 def _differ(axis: str, what: str, values: str) -> DataError:
-    return DataError(f"the recordings of {axis} differ in their {what}: {values}", argument="recordings")
+    return DataError(
+        f"the recordings of {axis} differ in their {what}: {values}", argument="recordings",
+        advice=f"Compare recordings with the same {what}.",
+    )  # fmt: skip
 
 
 def _signals(item: Any, rate: float | None, name: str) -> Mapping[str, Signal]:

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 from gmwm._tables import headed
 from gmwm._text import Summarised, duration_text
 from gmwm.joint.same_model import SameParameters
+from gmwm.multiple_tests import holm
 from gmwm.remarks import Dialect, Quantity, Remark, texts
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
 SMALLEST = 1e-300
-"""Least p-value in a sentence, so that it never states p = 0."""
+"""Smallest p-value that is shown, so that no text states p = 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +69,8 @@ class SameNoise(Summarised):
         is divided by the mean of the others.
     parameters : tuple of SameParameters
         For each axis, the test that the parameters of the model are equal; empty without a model.
+    left_out : tuple of str
+        Axes that are not compared, because not all recordings have them.
     tolerance : float
         Largest |ln(ν_1/ν_2)| that is treated as equal.
     size, confidence : float
@@ -78,6 +81,7 @@ class SameNoise(Summarised):
     axes: tuple[str, ...]
     levels: tuple[LevelRatio, ...]
     parameters: tuple[SameParameters, ...] = ()
+    left_out: tuple[str, ...] = ()
     tolerance: float
     size: float
     confidence: float
@@ -119,8 +123,10 @@ class SameNoise(Summarised):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the differences of each axis and recording, or one remark that no difference was found."""
-        if self.parameters:
-            return tuple(self._parameter_remarks())
+        missing = [Remark.of("axes-not-compared", axis) for axis in self.left_out]
+        return (*(self._parameter_remarks() if self.parameters else self._level_remarks()), *missing)
+
+    def _level_remarks(self) -> tuple[Remark, ...]:
         if not self.differs:
             tests = sum(row.pvalue is not None for row in self.levels)
             within = "yes" if self.tolerance else "no"
@@ -136,7 +142,8 @@ class SameNoise(Summarised):
                         Remark.of(
                             "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
                             more="higher" if most.ratio > 1 else "lower", levels=len(rows),
-                            p=min(row.pvalue or 0.0 for row in rows), recording=recording, other=self._other,
+                            p=max(min(row.pvalue or 0.0 for row in rows), SMALLEST), recording=recording,
+                            other=self._other,
                         )
                     )  # fmt: skip
         return tuple(found)
@@ -153,8 +160,9 @@ class SameNoise(Summarised):
                     p=max(test.pvalue, SMALLEST),
                 )  # fmt: skip
         for axis in equal:
-            yield Remark.of("parameters-same", axis, tests=len(self.parameters), size=self.size)
-        rejected = [test for test in self.parameters if test.fit_pvalue <= self.size]
+            yield Remark.of("parameters-same", axis, size=self.size)
+        adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
+        rejected = [test for test, p in zip(self.parameters, adjusted, strict=True) if p <= self.size]
         for test in rejected:
             least = max(min(other.fit_pvalue for other in rejected), SMALLEST)
             yield Remark.of("compared-model-rejected", test.axis, p=least)
@@ -168,6 +176,7 @@ class SameNoise(Summarised):
         return {
             "recordings": list(self.recordings),
             "axes": list(self.axes),
+            "left_out": list(self.left_out),
             "tolerance": self.tolerance,
             "size": self.size,
             "confidence": self.confidence,
@@ -201,7 +210,7 @@ class SameNoise(Summarised):
             for recording in self.compared:
                 row = self.largest(axis, recording)
                 limits = "no test" if row.lower is None else f"{row.lower:.3f} … {row.upper:.3f}"
-                p = "" if row.pvalue is None else f"{row.pvalue:.2g}"
+                p = "" if row.pvalue is None else f"{max(row.pvalue, SMALLEST):.2g}"
                 name = [] if two else [recording]
                 rows.append([axis, *name, f"{row.ratio:.3f}", limits, duration_text(row.tau), p])
         what = " over ".join(self.recordings) if two else "each recording over the mean of the others"
@@ -215,7 +224,9 @@ class SameNoise(Summarised):
             for one in test.ratios:
                 name = [] if two else [one.recording]
                 limits = f"{one.lower:.3f} … {one.upper:.3f}"
-                rows.append([test.axis, *name, one.name, f"{one.ratio:.3f}", limits, f"{test.pvalue:.2g}"])
+                rows.append(
+                    [test.axis, *name, one.name, f"{one.ratio:.3f}", limits, f"{max(test.pvalue, SMALLEST):.2g}"]
+                )
         what = " over ".join(self.recordings) if two else "each recording over the mean of the others"
         head = f"Ratio of the parameters, {what}; p is the p-value of the test of all parameters of an axis"
         table = [head, "", *headed(rows), ""] if len(rows) > 1 else []
