@@ -17,7 +17,7 @@ about 1e-9 in place of zero (tests/joint)."""
 
 FOURTH = 1.34
 """(∫S²)²/∫S⁴ of the wavelet coefficients of one level, in units of M_j/2^j, with S their spectral density: 1.34 for RW
-and 1.69 for WN. With the smaller one, the test of the model rejects 5 to 6 % of right models
+and 1.69 for WN. With the smaller one, the test of the model rejects 2 to 6 % of right models
 (docs/validation/joint.md), without the correction up to 7.5 %."""
 
 
