@@ -73,7 +73,7 @@ def _entry(message: Message) -> Iterator[str]:
     if len(advice) == 1:
         yield f"**What to do.** {advice[0]}\n"
     elif advice:
-        yield "**What to do**, depending on the cause:\n"
+        yield "**What to do.** gmwm gives the advice that applies:\n"
         yield "\n".join(f"- {text}" for text in advice) + "\n"
 
 

@@ -66,8 +66,8 @@ def table(result: dict[str, Any]) -> str:
         *legend(
             {
                 "together": "value from the mean curve with its 95 % interval, which includes the spread",
-                "spread": "standard deviation between the recordings without estimation errors",
-                "p": "p-value of the test that the recordings are equal",
+                "spread": "standard deviation between the recordings, less the contribution of estimation errors",
+                "p": "p-value of the test of the hypothesis that the true value is the same in all recordings",
             }
         ),
         "",

@@ -188,7 +188,7 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             "The table compares the wavelet variance with the wavelet variance of the same "
-            f"recording without losses, in {result['compared']} recordings. It has "
+            f"recording without losses, in {result['compared']} recordings. The numbers are "
             "the mean difference and, in parentheses, the root mean square difference."
         ),
         *legend(

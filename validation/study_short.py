@@ -193,8 +193,8 @@ def table(result: dict[str, Any]) -> str:
     noise, rough = (100 * np.sqrt(0.95 * 0.05 / n) for n in (count, followed))
     lines = [
         (
-            f"The tables have the coverage of 95 % intervals in {count} recordings each, and "
-            f"in {followed} recordings for maximum likelihood. The standard errors of a share "
+            f"The tables give the coverage of 95 % intervals, from {count} recordings for each value, or "
+            f"{followed} for maximum likelihood. The standard errors of a share "
             f"of 95 % are {noise:.1f} % and {rough:.1f} %. In long recordings of models whose "
             "terms are all visible, the intervals contain the true value [in 93 to 97 "
             "%](coverage.md) of cases."

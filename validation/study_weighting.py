@@ -213,11 +213,11 @@ def table(result: dict[str, Any]) -> str:
         "",
         (
             f"The next table comes from theory, for {SAMPLES} samples. For the correct model, "
-            "it has the relative standard error with optimal weights, and the ratio of the "
+            "it gives the relative standard error with optimal weights, and the ratio of the "
             "other standard errors to it. For a slightly wrong model, one of 25 disturbances "
             "is added (a sinusoid with a period of 3 to 46 000 samples, a Gauss-Markov "
             "process with β from 0.01 to 100, rounding), with the size that the best test for "
-            "it would detect at three standard deviations. The table then has the root mean square error over all "
+            "it would detect at three standard deviations. The table then gives the root mean square error over all "
             "disturbances, which combines bias and standard deviation, divided by the standard error with optimal "
             "weights, and the share of disturbances for which "
             "diagonal weights have the smaller error."

@@ -205,7 +205,7 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Map
 
 
 def _python_value(text: str) -> str | int | None:
-    """Write a name, an index or None as in a Python mapping or list."""
+    """Return a name, an index or None as a Python literal."""
     return int(text) if text.isdecimal() else None if text in ("", "none") else text
 
 

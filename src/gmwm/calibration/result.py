@@ -249,7 +249,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
     def combined(self, *others: Calibration) -> Calibration:
-        """Combine this calibration with others whose sensors had different clocks or files.
+        """Combine this calibration with others of the same unit, whose sensors have different clocks or recordings.
 
         Parameters
         ----------

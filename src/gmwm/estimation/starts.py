@@ -196,7 +196,7 @@ class Alone:
     def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
         """Return the indices of the `count` best points of the scan, no two of them close to each other.
 
-        The objective is the smallest one that the point reaches together with the unit vectors `others`.
+        The objective of a point is the minimum over all combinations of its unit vector and the vectors `others`.
         """
         rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
         objectives = np.empty(len(self.units))

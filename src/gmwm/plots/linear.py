@@ -60,7 +60,8 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 
 def power_of(largest: float) -> int:
-    """Return the exponent of the power of ten in the label of an axis with values up to `largest`, a multiple of three.
+    """Return the exponent of the power of ten in the label of an axis with values up to `largest`. The exponent is a
+    multiple of three.
 
     >>> power_of(0.0123), power_of(9.8), power_of(2.5e6), power_of(0.0)
     (-3, 0, 6, 0)
