@@ -300,9 +300,19 @@ class JointFit(Summarised):
         OptionError
             If there is no such term.
         """
+        place = self._place(term)
+        if term not in self._shared_tests:
+            self._shared_tests[term] = self._shared_test(term, place)
+        return self._shared_tests[term]
+
+    @cached_property
+    def _shared_tests(self) -> dict[str, SharedTerm]:
+        """Results of `shared`, which fits the model of the null hypothesis, by term."""
+        return {}
+
+    def _shared_test(self, term: str, place: int) -> SharedTerm:
         from scipy.special import gammaincc
 
-        place = self._place(term)
         null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
         statistic, df = sharing(null, place)
         pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
