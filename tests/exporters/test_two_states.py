@@ -56,6 +56,7 @@ def test_the_table_of_the_page_has_these_errors(name):
     found = two_states(gmwm.fit(f"{model} + WN", gmwm.WaveletVariance.from_values(variance, 4_000_000, 100.0)), 1.0)
     errors = (found.error_of_walk, found.error_of_one, found.error)
     shown = [re.sub("within | of|up to ", "", apart(error)) for error in errors]
+    shown = [re.sub(r"(\S+) times", r"a factor of \1", text) for text in shown]
     assert f"| {name} | {' | '.join(shown)} |" in PAGE.read_text(encoding="utf-8")
 
 

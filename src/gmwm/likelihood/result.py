@@ -186,10 +186,10 @@ class LikelihoodFit(KalmanMethods):
         """Compute a confidence interval (low, high) for every estimated parameter, by name.
 
         - "wald": θ̂ ± z SE after a transformation (logarithm or artanh) that keeps the ends inside the domain of the
-        parameter. SE is the standard error from the information matrix, and z is the normal quantile. - "profile": the
-        interval in which twice the log-likelihood, maximised over all other parameters, is at most z² below its
-        maximum. It is also valid if the log-likelihood is not a parabola, and takes about ten more fits for each
-        parameter.
+          parameter. SE is the standard error from the information matrix, and z is the normal quantile.
+        - "profile": the interval in which twice the log-likelihood, maximised over all other parameters, is at most z²
+          below its maximum. It is also valid if the log-likelihood is not a parabola, and takes about ten more fits for
+          each parameter.
 
         With both methods, a scale parameter that is estimated as zero, or whose Wald interval includes zero, gets the
         profile interval, unless its term also has a free shape. This interval starts at 0 if the data do not exclude
