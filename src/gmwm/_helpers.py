@@ -11,7 +11,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent import futures
 from contextlib import suppress
 from functools import cache, partial
 from importlib import import_module
@@ -68,7 +68,7 @@ class Helpers:
         if helper is None:
             return cache(partial(function, *args))
         self._sent(helper, function, *args)  # now, because the caller may change the arguments from here on
-        future: Future[T] = Future()
+        future: futures.Future[T] = futures.Future()
 
         def wait() -> None:
             try:
@@ -79,9 +79,9 @@ class Helpers:
         Thread(target=wait, daemon=True).start()
 
         def result() -> T:
-            while True:
-                with suppress(TimeoutError):  # see in_threads
-                    return future.result(INTERRUPT_CHECK)
+            while not future.done():
+                futures.wait((future,), INTERRUPT_CHECK)  # see in_threads
+            return future.result()
 
         return result
 

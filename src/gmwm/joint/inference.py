@@ -164,8 +164,7 @@ def misfit(settled: Settled) -> Misfit:
     for place, slope in zip(problem.searched, slopes, strict=True):
         parts = np.column_stack([parts, np.outer(found.sigmas[place][rows, columns], slope).ravel()])
     whitened = np.linalg.solve(factor, np.column_stack([parts, problem.moments]) / size[:, None])
-    basis = _basis(whitened[:, :-1])
-    rest = whitened[:, -1] - basis @ (basis.T @ whitened[:, -1])
+    basis, rest = _regressed(whitened[:, :-1], whitened[:, -1])
     taken = np.mean(np.sum(basis**2, axis=1).reshape(rows.size, -1), axis=0)
     d, df = problem.d, rest.size - basis.shape[1]
     freedom = FOURTH * settled.measured.design.degrees_of_freedom
@@ -185,16 +184,16 @@ def problem_columns(cone: Cone, shapes: Matrix) -> Matrix:
     return np.asarray(whole.reshape(shapes.shape[0] * rows.size, -1)[cone.free].T)
 
 
-def _basis(columns: Matrix) -> Matrix:
-    """Return an orthonormal basis (n, k) of the space that the columns span."""
+def _regressed(columns: Matrix, target: Vector) -> tuple[Matrix, Vector]:
+    """Return an orthonormal basis (n, k) of the space that the columns span, and the residuals of a target (n,)."""
     left, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
-    return np.asarray(left[:, size > 1e-9 * size[0]])
+    basis = left[:, size > 1e-9 * size[0]]
+    return basis, target - basis @ (basis.T @ target)
 
 
 def _residual(columns: Matrix, target: Vector) -> tuple[float, int]:
     """Return the residual sum of squares of the regression of a target on columns, and its degrees of freedom."""
-    basis = _basis(columns)
-    rest = target - basis @ (basis.T @ target)
+    basis, rest = _regressed(columns, target)
     return float(rest @ rest), target.size - basis.shape[1]
 
 

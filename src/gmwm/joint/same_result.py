@@ -15,6 +15,7 @@ from gmwm.remarks import Dialect, Quantity, Remark, texts
 if TYPE_CHECKING:
     from polars import DataFrame
 
+_EACH = "each recording over the mean of the others"
 SMALLEST = 1e-300
 """Smallest p-value that is shown, so that no text states p = 0."""
 
@@ -168,6 +169,11 @@ class SameNoise(Summarised):
             yield Remark.of("compared-model-rejected", test.axis, p=least)
 
     @property
+    def _compared(self) -> str:
+        """What the ratios of a table compare, in words."""
+        return " over ".join(self.recordings) if len(self.recordings) == 2 else _EACH
+
+    @property
     def _other(self) -> str:
         return f"recording {self.recordings[1]}" if len(self.recordings) == 2 else "the others"
 
@@ -213,8 +219,7 @@ class SameNoise(Summarised):
                 p = "" if row.pvalue is None else f"{max(row.pvalue, SMALLEST):.2g}"
                 name = [] if two else [recording]
                 rows.append([axis, *name, f"{row.ratio:.3f}", limits, duration_text(row.tau), p])
-        what = " over ".join(self.recordings) if two else "each recording over the mean of the others"
-        head = f"Ratio of the deviations, {what}, at the scale of the most significant difference"
+        head = f"Ratio of the deviations, {self._compared}, at the scale of the most significant difference"
         return "\n".join([head, "", *headed(rows), "", *texts(self.remarks, dialect)])
 
     def _parameter_summary(self, dialect: Dialect) -> str:
@@ -227,8 +232,7 @@ class SameNoise(Summarised):
                 rows.append(
                     [test.axis, *name, one.name, f"{one.ratio:.3f}", limits, f"{max(test.pvalue, SMALLEST):.2g}"]
                 )
-        what = " over ".join(self.recordings) if two else "each recording over the mean of the others"
-        head = f"Ratio of the parameters, {what}; p is the p-value of the test of all parameters of an axis"
+        head = f"Ratio of the parameters, {self._compared}; p is the p-value of the test of all parameters of an axis"
         table = [head, "", *headed(rows), ""] if len(rows) > 1 else []
         return "\n".join([*table, *texts(self.remarks, dialect)])
 

@@ -62,6 +62,7 @@ _LOWEST = 3.0
 """Smallest residual that can be replaced."""
 _BIN, _NONE = 0.25, 0.005
 _PASSES, _SETTLED = 5, 0.01
+"""Largest number of repetitions of the search, and relative change of the number of spikes at which they end."""
 _QUARTILE = 0.6744897501960817
 
 

@@ -81,6 +81,9 @@ class SegmentedAccumulator(OneAtATime):
         self._held, self._panel = HeldSamples(), np.empty(0)
         self._count = 0  # samples in the sums
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "_panel": np.empty(0)}  # its content belongs to no segment
+
     @one_at_a_time
     def __len__(self) -> int:
         """Return the number of samples so far."""

@@ -136,7 +136,7 @@ class SecondPass(SegmentedAccumulator):
     @one_at_a_time
     def __getstate__(self) -> dict[str, Any]:
         self._fold()
-        return {**super().__getstate__(), "_panel": np.empty(0)}
+        return super().__getstate__()
 
     def __repr__(self) -> str:
         return f"SecondPass({self._seen.axis or 'unnamed'}, {len(self)} of {len(self._seen)} samples)"
