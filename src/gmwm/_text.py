@@ -116,6 +116,24 @@ class Summarised(ABC):
         return f"<pre>{escape(self.summary())}</pre>"
 
 
+def p_text(p: float) -> str:
+    """Format a p-value with three decimals, or as "< 0.001".
+
+    >>> p_text(0.04251), p_text(2e-9)
+    ('0.043', '< 0.001')
+    """
+    return f"{p:.3f}" if p >= 0.001 else "< 0.001"
+
+
+def p_relation(p: float) -> str:
+    """Format a p-value like `p_text`, with "=" or "<" in front.
+
+    >>> p_relation(0.04251), p_relation(2e-9)
+    ('= 0.043', '< 0.001')
+    """
+    return p_text(p) if p < 0.001 else f"= {p_text(p)}"
+
+
 def is_own(kind: type) -> bool:
     """Return whether a class belongs to gmwm."""
     return kind.__module__.partition(".")[0] == __name__.partition(".")[0]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._tables import headed
-from gmwm._text import counted, duration_text
+from gmwm._text import counted, duration_text, p_text
 from gmwm.axis_names import by_sensor
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
@@ -176,12 +176,8 @@ def _spreads(found: Sequence[AxisCalibration]) -> list[list[str]]:
         numbers = [_number_of(one, symbol) for one in found]
         if any(number is not None and number.spread is not None for number in numbers):
             rows.append([f"{symbol} spread", *("" if n is None else short_spread(n) for n in numbers)])
-    tests = ["" if one.replicates is None else _p(one.replicates.pvalue) for one in found]
+    tests = ["" if one.replicates is None else p_text(one.replicates.pvalue) for one in found]
     return [*rows, ["p of equality", *tests]]
-
-
-def _p(pvalue: float) -> str:
-    return f"{pvalue:.3f}" if pvalue >= 0.001 else "< 0.001"
 
 
 def _number_of(found: AxisCalibration, symbol: str) -> RecordingNumber | None:

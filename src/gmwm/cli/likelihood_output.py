@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gmwm._text import p_text
 from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def likelihoods_text(found: Mapping[str, Judged]) -> str:
 
 def _sensor_text(group: Mapping[str, Judged]) -> str:
     from gmwm.cli.output import table_text, units_text
-    from gmwm.likelihood.summary import p_text, short_values
+    from gmwm.likelihood.summary import short_values
 
     first = next(iter(group.values())).fit
     values = [short_values(one.fit, one.intervals) for one in group.values()]

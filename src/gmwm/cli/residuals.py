@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gmwm._text import p_text
 from gmwm.cli.command import command
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
 from gmwm.cli.options import RESULT, Efficiency, Robust, chosen_efficiency
@@ -102,8 +103,6 @@ def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -
 
 
 def _text(models: Mapping[str, AxisModel], checks: Mapping[str, Mapping[str, Any]]) -> str:
-    from gmwm.likelihood.summary import p_text
-
     first = next(iter(models.values()))
     structures = {model.values.structure for model in models.values()}
     several = len(structures) > 1

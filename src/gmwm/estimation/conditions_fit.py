@@ -13,7 +13,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._tables import aligned
-from gmwm._text import Summarised
+from gmwm._text import Summarised, p_relation
 from gmwm.errors import OptionError
 from gmwm.estimation.varies import parsed
 from gmwm.options import as_confidence
@@ -201,10 +201,11 @@ class ConditionsFit(Summarised):
                 f"global optimum: no other parameter values lower the objective by more than {100 * max(gap, 0):.2g} %"
             )
         lines.append(
-            f"goodness of fit: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, {_p(self.pvalue)}"
+            f"goodness of fit: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, "
+            f"p {p_relation(self.pvalue)}"
         )
         if self.pvalue_constant is not None:
-            lines.append(f"no dependence on {self.condition}: {_p(self.pvalue_constant)}")
+            lines.append(f"no dependence on {self.condition}: p {p_relation(self.pvalue_constant)}")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
@@ -231,7 +232,3 @@ class ConditionsFit(Summarised):
 
     def __repr__(self) -> str:
         return f"ConditionsFit({self.structure}, {len(self.curves)} conditions)"
-
-
-def _p(value: float) -> str:
-    return f"p = {value:.3f}" if value >= 0.001 else "p < 0.001"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gmwm._text import counted
+from gmwm._text import counted, p_relation
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.intervals import Interval
 from gmwm.inference.summary import Row, estimate_text, interval_text, no_intervals, table_html, table_text, without_axis
@@ -104,26 +104,12 @@ def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
 
 def checks_in_words(residuals: Residuals) -> str:
     """Describe the tests of the residuals in one line."""
-    normal = f"normality p {_p(residuals.normality().p_value)} (Jarque-Bera)"
+    normal = f"normality p {p_relation(residuals.normality().p_value)} (Jarque-Bera)"
     try:
         white = residuals.ljung_box()
     except OptionError:  # too few samples for a lag to test
         return normal
-    return f"whiteness p {_p(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
-
-
-def p_text(p: float) -> str:
-    """Format a p-value with three decimals, or as "< 0.001".
-
-    >>> p_text(0.04251), p_text(2e-9)
-    ('0.043', '< 0.001')
-    """
-    return f"{p:.3f}" if p >= 0.001 else "< 0.001"
-
-
-def _p(p: float) -> str:
-    text = p_text(p)
-    return text if text.startswith("<") else f"= {text}"
+    return f"whiteness p {p_relation(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
 
 
 def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
