@@ -63,7 +63,7 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     random walk with K² = 3σ²(T_h)/T_h. If it falls, flicker and power-law noise are replaced by white noise with
     N² = T_h σ²(T_h), and any other slow term by the sum of white noise and random walk that has the same Allan variance
     at T_h and at T_h/2. At τ < T_h, the Allan deviation of the random walk that replaces flicker noise is √(τ/T_h)
-    times that of the flicker noise.
+    times the Allan deviation of the flicker noise.
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ class SameParameters:
 
     @property
     def largest(self) -> ParameterRatio:
-        """The ratio that differs most from 1, in standard errors."""
+        """Ratio that differs most from 1, in standard errors."""
         return max(self.ratios, key=lambda one: abs(math.log(one.ratio)) / math.log(one.upper / one.lower))
 
 
@@ -97,7 +97,7 @@ def same_parameters(
 
 
 def _ratios(together: Fit, confidence: float) -> list[ParameterRatio]:
-    """The ratios of each recording to the others, for the parameters that both determine."""
+    """Return the ratios of each recording to the others, for the parameters that both determine."""
     apart, parameters = deviations(together), parameters_by_name(together.model)
     z = NormalDist().inv_cdf((1 + confidence) / 2)
     precision = np.where(np.isfinite(apart.values), 1 / apart.variances, 0.0)
@@ -121,9 +121,10 @@ def _ratios(together: Fit, confidence: float) -> list[ParameterRatio]:
 
 
 def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, float] | None:
-    """Logarithm of a parameter over its pooled value, and its standard error; None if it is not determined.
+    """Return the logarithm of a parameter over its pooled value, and its standard error; None if the recording does not
+    determine the parameter.
 
-    The curve is linear in variances, so that one step is exact.
+    The curve is linear in variances, so one step is exact.
     """
     size = 1.0 + step if scale else 1.0
     error = 1 / math.sqrt(precision) / size if size > 0 else math.inf

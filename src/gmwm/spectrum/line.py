@@ -24,7 +24,7 @@ class Line:
     height : float
         Ratio of the density of the line to the level of the spectrum on both sides of it.
     p_value : float
-        Probability that noise gives a density at this frequency that is as high as that of the line.
+        Probability that noise alone gives at least the density of the line at this frequency.
     harmonic, fundamental : int or None, float or None
         The numbers k and f₀ (Hz) if the frequency is k f₀ and there are other lines at multiples of f₀. The fundamental
         has k = 1.

@@ -425,8 +425,8 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
     """Return the best process of each other order that has a weight of at least `LIKELY`.
 
-    The weight is proportional to exp(−d/2), where d is the difference of the information criterion from that of the
-    chosen process. All weights sum to 1.
+    The weight is proportional to exp(−d/2), where d is the information criterion minus its value for the chosen
+    process. All weights sum to 1.
     """
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
