@@ -261,7 +261,7 @@ def _error_between(parts: list[_Part]) -> float:
 
 
 def spread_of_mean(fit: Fit) -> Matrix:
-    """Return the part (J, J), in unit⁴, of the covariance of the wavelet variance that the spread between recordings adds.
+    """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴.
 
     The spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit
     test does not depend on it.
