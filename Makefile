@@ -18,7 +18,7 @@ export PYTHONDONTWRITEBYTECODE =
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
-.PHONY: help demo test quick fuzz bench docs stub pictures validate lint cpp-test sanitize wheel format vendor clean
+.PHONY: help demo test quick fuzz bench docs stub pictures validate lint cpp-test sanitize systems wheel format vendor clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
@@ -72,16 +72,13 @@ cpp-test: $(VENV)/.dev ## the C++ tests alone
 	$(BIN)/cmake --build build/cpp-tests --parallel 2
 	$(BIN)/ctest --test-dir build/cpp-tests --output-on-failure --no-tests=error
 
-# Versions of functions for wider instructions are chosen before the sanitizers have started, so there are none.
-SANITIZERS := address,undefined thread
+sanitize: $(VENV)/.dev ## the C++ tests with the sanitizers of addresses, undefined behaviour and threads; CXX=clang++ for Clang's
+	$(BIN)/python -m release.systems addresses-$(CXX) threads-$(CXX)
 
-sanitize: $(VENV)/.dev ## the C++ tests with the sanitizers of addresses, undefined behaviour and threads
-	@for kind in $(SANITIZERS); do \
-	  $(BIN)/cmake -S . -B "build/sanitize-$${kind%%,*}" -DGMWM_PYTHON=OFF -DGMWM_TESTS=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo \
-	    -DCMAKE_CXX_FLAGS="-fsanitize=$$kind -fno-sanitize-recover=all -D_GLIBCXX_ASSERTIONS -DGMWM_PORTABLE" --log-level=WARNING && \
-	  $(BIN)/cmake --build "build/sanitize-$${kind%%,*}" --parallel 2 && \
-	  $(BIN)/ctest --test-dir "build/sanitize-$${kind%%,*}" --output-on-failure --no-tests=error || exit 1; \
-	done
+SYSTEMS :=
+
+systems: $(VENV)/.dev ## the tests with each compiler, processor and Python found; SYSTEMS="musl aarch64" must be there
+	$(BIN)/python -m release.systems $(SYSTEMS)
 
 wheel: $(RELEASE)/.tools ## build source archive and wheel into dist/; try the wheel where there is no compiler
 	$(RELEASE)/bin/python -m release

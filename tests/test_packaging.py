@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import tarfile
 import tomllib
 import zipfile
@@ -12,20 +13,22 @@ from ruamel.yaml import YAML
 
 from gmwm import _core
 from release import __main__ as release
+from release import site
 
 ROOT = Path(__file__).resolve().parent.parent
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+RECIPE = ROOT / "release" / "conda" / "recipe.yaml"
 LARGEST = 1_800_000
 """Bytes of the source archive: 0.4 MB are the plotting script of the HTML report, and 1.1 MB the source. Tests or the
 documentation would add several MB."""
 
 
-def workflow(path: Path) -> dict:
+def parsed(path: Path) -> dict:
     return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
 
 
 def steps(path: Path) -> list[dict]:
-    return [step for job in workflow(path)["jobs"].values() for step in job["steps"]]
+    return [step for job in parsed(path)["jobs"].values() for step in job["steps"]]
 
 
 def described() -> dict:
@@ -132,8 +135,7 @@ def test_every_description_states_the_same_version_and_words():
     project = described()["project"]
     citation = YAML(typ="safe", pure=True).load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     zenodo = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
-    recipe = (ROOT / "release" / "conda" / "meta.yaml").read_text(encoding="utf-8")
-    assert citation["version"] == project["version"] == re.search(r'set version = "([^"]+)"', recipe)[1]
+    assert citation["version"] == project["version"] == parsed(RECIPE)["context"]["version"]
     assert zenodo["license"] == citation["license"] == project["license"]
     assert zenodo["keywords"] == citation["keywords"]
     assert [one["identifier"] for one in zenodo["related_identifiers"]] == [
@@ -142,17 +144,26 @@ def test_every_description_states_the_same_version_and_words():
 
 
 def test_the_conda_recipe_needs_what_the_package_needs():
-    recipe = (ROOT / "release" / "conda" / "meta.yaml").read_text(encoding="utf-8")
-    run = recipe.partition("  run:\n")[2].partition("\n\n")[0]
-    needed = {re.sub(r"[-_]base$", "", name) + least for name, least in re.findall(r"- (\S+) (>=\S+)", run)}
-    stated = {re.sub(r";.*", "", one) for one in described()["project"]["dependencies"]}
-    assert needed == stated
-    host = recipe.partition("  host:\n")[2].partition("  run:")[0]
-    assert {name + least for name, least in re.findall(r"- (\S+) (>=\S+)", host)} == set(
-        described()["build-system"]["requires"]
-    )
-    (script,) = described()["project"]["scripts"].items()
-    assert f"- {script[0]} = {script[1]}\n" in recipe
+    stated = parsed(RECIPE)["requirements"]
+    run = [one if isinstance(one, str) else one["then"] for one in stated["run"] if one != "python"]
+    needed = {re.sub(r"[-_]base$", "", name) + least for name, least in map(str.split, run)}
+    assert needed == {re.sub(r";.*", "", one) for one in described()["project"]["dependencies"]}
+    (limited,) = [one for one in stated["run"] if not isinstance(one, str)]
+    (marked,) = [one for one in described()["project"]["dependencies"] if ";" in one]
+    assert re.findall(r"[<>=]+ ?'?[\d.]+", marked.partition(";")[2]) == ["< '3.14"]
+    assert limited == {"if": 'match(python, "<3.14")', "then": "backports.zstd >=1.0"}
+    host = {one.replace(" ", "") for one in stated["host"]} - {"python", "pip"}
+    assert host == set(described()["build-system"]["requires"])
+    assert parsed(RECIPE)["build"]["skip"] == f'match(python, "<{described()["project"]["requires-python"][2:]}")'
+
+
+def test_the_conda_recipe_is_rendered_for_each_python():
+    rattler = pytest.importorskip("rattler_build", reason="needs rattler-build: pip install py-rattler-build")
+    tools = {"cxx_compiler": ["gxx"], "c_stdlib": ["sysroot"]}
+    versions = {"python": ["3.11.*", "3.14.*"]}
+    rendered = rattler.Stage0Recipe.from_file(str(RECIPE)).render(rattler.VariantConfig({**versions, **tools}))
+    runs = [json.dumps(one.recipe.to_dict()["requirements"]["run"]) for one in rendered]
+    assert ["backports.zstd" in run for run in runs] == [True, False]
 
 
 # --- the workflows ------------------------------------------------------------------------------------
@@ -164,7 +175,7 @@ def test_workflows_are_there():
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
 def test_workflows_may_do_little_and_pin_what_they_use(path):
-    content = workflow(path)
+    content = parsed(path)
     assert content["permissions"] == {"contents": "read"}
     writes = {
         name: set(job["permissions"]) for name, job in content["jobs"].items() if "write" in str(job.get("permissions"))
@@ -191,7 +202,7 @@ def test_workflows_call_targets_that_exist(path):
 
 
 def test_the_same_versions_are_tested_and_built():
-    tested = workflow(ROOT / ".github" / "workflows" / "ci.yml")["jobs"]["test"]["strategy"]["matrix"]["python"]
+    tested = parsed(ROOT / ".github" / "workflows" / "ci.yml")["jobs"]["test"]["strategy"]["matrix"]["python"]
     build = described()["tool"]["cibuildwheel"]["build"].split()
     assert build == [f"cp{version.replace('.', '')}-*" for version in tested]
     assert described()["project"]["requires-python"] == f">={tested[0]}"
@@ -200,7 +211,7 @@ def test_the_same_versions_are_tested_and_built():
 
 
 def test_what_wheels_are_tried_with_is_there_and_follows_the_code():
-    content = workflow(ROOT / ".github" / "workflows" / "wheels.yml")
+    content = parsed(ROOT / ".github" / "workflows" / "wheels.yml")
     asked = content["on"]["pull_request"]["paths"]
     assert {"src/**", "cpp/**", "CMakeLists.txt", "pyproject.toml"} <= set(asked)
     tried = " ".join(described()["tool"]["cibuildwheel"]["test-command"])
@@ -210,18 +221,65 @@ def test_what_wheels_are_tried_with_is_there_and_follows_the_code():
 
 
 def test_only_tags_are_published_and_only_with_all_wheels():
-    job = workflow(ROOT / ".github" / "workflows" / "wheels.yml")["jobs"]["publish"]
+    job = parsed(ROOT / ".github" / "workflows" / "wheels.yml")["jobs"]["publish"]
     assert job["if"] == "startsWith(github.ref, 'refs/tags/v')"
     assert set(job["needs"]) == {"archive", "wheels"}
     assert job["environment"] == "pypi"
 
 
 def test_the_site_that_is_published_is_the_one_that_is_built():
-    uploads = [
-        step["with"]["path"]
-        for step in steps(ROOT / ".github" / "workflows" / "docs.yml")
-        if "path" in step.get("with", {})
-    ]
+    every = steps(ROOT / ".github" / "workflows" / "docs.yml")
+    (gathered,) = [step["run"].split()[3:] for step in every if "release.site" in step.get("run", "")]
+    built, releases, output = gathered
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    assert uploads
-    assert all(re.search(rf"sphinx.* {re.escape(path)}$", makefile, re.MULTILINE) for path in uploads)
+    assert re.search(rf"sphinx.* {re.escape(built)}$", makefile, re.MULTILINE)
+    assert [step["with"]["path"] for step in every if "upload" in step.get("uses", "")] == [output]
+    (fetch,) = [step for step in every if "gh release download" in step.get("run", "")]
+    assert f"--dir {releases}" in fetch["run"]
+    # With `shell: bash` a failure inside a pipe stops the job; the default shell goes on.
+    assert fetch["shell"] == "bash"
+
+
+# --- the site of all versions -------------------------------------------------------------------------
+
+
+def built_site(folder: Path, text: str) -> Path:
+    folder.mkdir(parents=True)
+    (folder / "index.html").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def releases(tmp_path):
+    folder = tmp_path / "releases"
+    for version in ("0.9.0", "0.10.1", "0.2.0"):
+        pages = built_site(tmp_path / "pages" / version, version)
+        shutil.make_archive(str(folder / f"docs-{version}"), "zip", pages)
+    return folder
+
+
+def test_the_site_has_a_folder_for_each_version_and_leads_to_the_last(tmp_path, releases):
+    latest = built_site(tmp_path / "latest", "of main")
+    listed = site.gather(latest, releases, tmp_path / "out")
+    assert [version["folder"] for version in listed] == ["latest", "0.10.1", "0.9.0", "0.2.0"]
+    assert json.loads((tmp_path / "out" / "versions.json").read_text(encoding="utf-8")) == listed
+    texts = [(tmp_path / "out" / name["folder"] / "index.html").read_text(encoding="utf-8") for name in listed]
+    assert texts == ["of main", "0.10.1", "0.9.0", "0.2.0"]
+    assert 'url=0.10.1/"' in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+
+
+def test_before_the_first_release_the_site_leads_to_the_development_version(tmp_path):
+    (tmp_path / "releases").mkdir()
+    site.gather(built_site(tmp_path / "latest", "of main"), tmp_path / "releases", tmp_path / "out")
+    assert 'url=latest/"' in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+
+
+def test_an_archive_without_a_version_or_a_first_page_is_refused(tmp_path, releases):
+    latest = built_site(tmp_path / "latest", "of main")
+    # One folder too deep.
+    shutil.make_archive(str(releases / "docs-1.0.0"), "zip", tmp_path / "pages")
+    with pytest.raises(site.SiteError, match=r"1\.0\.0"):
+        site.gather(latest, releases, tmp_path / "deep")
+    (releases / "docs-1.0.0.zip").rename(releases / "docs.zip")
+    with pytest.raises(site.SiteError, match=r"found docs\.zip"):
+        site.gather(latest, releases, tmp_path / "nameless")

@@ -291,8 +291,9 @@ Optimum ExponentialSearch::settled(Optimum best) const {
 std::vector<int> ExponentialSearch::acts_as(const Optimum& best) const {
   std::vector<int> found(best.places.size(), 0);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    const auto [branch, u] = best.places[i];
-    const ExponentialBranch& along = curve_.branch(branch);
+    // Clang 14 captures no structured binding.
+    const double u = best.places[i].u;
+    const ExponentialBranch& along = curve_.branch(best.places[i].branch);
     const auto acts = [&](bool high) {
       if (!(high ? along.high_acts : along.low_acts)) return false;
       const double end = high ? along.high : along.low;

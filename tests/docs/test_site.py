@@ -6,13 +6,17 @@ One file, so that one process builds the site for all of these tests.
 import inspect
 import re
 import shutil
+from functools import partial
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from urllib.parse import quote, unquote, urlsplit
 
 import pytest
 
 import gmwm
+from release.site import gather
 from tests.docs.pages import DOCS, pages
 
 pytestmark = pytest.mark.docs
@@ -296,6 +300,44 @@ def test_pages_ask_for_nothing_but_files_and_complain_of_nothing(site, page):
     assert asked
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
     assert said == []
+
+
+# --- the versions, where the site is published --------------------------------------------------------
+
+
+@pytest.fixture
+def published(site, tmp_path):
+    """The address of a site of two versions on this machine; the older one has no page `fleet.html`."""
+    (tmp_path / "releases").mkdir()
+    (tmp_path / "old").mkdir()
+    for name in ("index.html", "start.html"):
+        shutil.copy(site / name, tmp_path / "old")
+    shutil.make_archive(str(tmp_path / "releases" / "docs-0.0.9"), "zip", tmp_path / "old")
+    gather(site, tmp_path / "releases", tmp_path / "all")
+    quiet = type("Quiet", (SimpleHTTPRequestHandler,), {"log_message": lambda *_: None})
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(quiet, directory=tmp_path / "all")) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(("name", "reached"), [("start.html", "start.html"), ("fleet.html", "")])
+def test_the_list_of_versions_leads_to_the_same_page_if_there_is_one(browser, published, name, reached):
+    page = browser.new_page()
+    page.goto(f"{published}/latest/{name}")
+    page.click("text=Version: development")
+    assert page.locator(".versions a").all_text_contents() == ["development", "0.0.9"]
+    page.click("text=0.0.9")
+    page.wait_for_url(f"{published}/0.0.9/{reached}")
+    page.close()
+
+
+@pytest.mark.browser
+def test_a_page_that_is_opened_as_a_file_lists_no_versions(site, page):
+    page.goto((site / "start.html").as_uri(), wait_until="load")
+    assert page.locator(".sidebar-brand").count() == 1
+    assert page.locator(".versions").count() == 0
 
 
 # --- by keys, and on paper ----------------------------------------------------------------------------
