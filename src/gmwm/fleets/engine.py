@@ -167,7 +167,7 @@ def calibrate_fleet(
     run = _Run(folder, found, progress)
     jobs = run.jobs(unit_options)
     # Nothing is written before the connection to the scheduler is established.
-    with _outcomes(jobs, scheduler, workers, retries, helpers) as outcomes:
+    with _outcomes(jobs, scheduler, workers, retries, helpers=helpers) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
         if others := foreign_units(folder, found.paths):
             where = str(folder / UNITS)
@@ -248,7 +248,7 @@ class _Run:
 
 @contextmanager
 def _outcomes(
-    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int, helpers: Helpers | None
+    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int, *, helpers: Helpers | None
 ) -> Iterator[Iterable[Outcome]]:
     """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
     count = min(processors() if workers is None else workers, len(jobs))
