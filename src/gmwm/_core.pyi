@@ -262,3 +262,18 @@ def least_squares_innovations(responses: Annotated[NDArray[numpy.float64], dict(
     """
     Standardise innovations e in place, without the effect of an initial state that recursive least squares estimates; update its information and moments.
     """
+
+def large_coefficients(path: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: float, piece: int, least: float, limit: float) -> tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
+    """
+    Indices and values of the second differences of a path, times scale, beyond limit local standard deviations; the standard deviation of each piece; and the sum of all squares.
+    """
+
+def neighbour_residuals(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], others: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], at: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], reach: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Samples at some places minus the median of their neighbours among others, reach on each side.
+    """
+
+def bent_samples(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], limits: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], length: int) -> Annotated[NDArray[numpy.int64], dict(shape=(None,))]:
+    """
+    Indices of samples farther from the mean of their neighbours than the limit of their block, and of those beside them.
+    """
