@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.mixture import smoothed
 from gmwm.errors import DataError, ModelError, OptionError
@@ -161,6 +162,8 @@ class Weights:
     """Weighting matrix Ω (J, J), and what depends on it only."""
 
     matrix: Matrix
+    tables: dict[object, _core.WeightedTable] = field(default_factory=dict)
+    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.Grid`."""
 
     @cached_property
     def root(self) -> Matrix:

@@ -83,7 +83,7 @@ def explore(
     """
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
-    weights = settled.problem.weights
+    weights = Weights(settled.problem.matrix)
     search = _Exploration(wv, weights, weighting)
     search.take(largest, settled.problem, settled.solution)
     order = sorted(range(len(candidates)), key=lambda k: -len(candidates[k].processes))
