@@ -108,9 +108,9 @@ def haar_sums_of_squares(running_sum: Annotated[NDArray[numpy.float64], dict(sha
     Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.
     """
 
-def haar_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+def haar_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
     """
-    Haar wavelet variance of x at levels 1 ... levels; all NaN if a value is not finite.
+    Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of values is not finite.
     """
 
 most_slopes: int = 32
