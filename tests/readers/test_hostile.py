@@ -171,6 +171,15 @@ def test_an_archive_with_damaged_names_is_refused_or_read(tmp_path):
         gmwm.read(path)
 
 
+def test_an_archive_whose_names_are_not_text_is_an_error(tmp_path):
+    rows = "time [s],gyro_x [deg/s]\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(100))
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("stätic.csv", rows)
+    path.write_bytes(path.read_bytes().replace("ä".encode(), b"\xff\xff", 1))
+    with raises(PackedError, code="damaged"):
+        gmwm.read(path)
+
+
 # --- files that change while they are read ------------------------------------------------------------
 
 
