@@ -303,7 +303,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
         surplus = here.size - expected
         if np.isinf(high) or surplus > 2 * np.sqrt(expected) + 1:
             chosen[rng.permutation(here)[: round(surplus)]] = True
-        elif low < threshold:
+        elif low < threshold or low == high:  # equal where a bin is below the resolution of the deviations
             break
         low, high = low - _BIN, low
     return chosen
