@@ -15,7 +15,7 @@ import numpy as np
 
 import gmwm
 from gmwm.calibration.rest import reach_of
-from gmwm.datasheets.bias_changes import variance_of_mean
+from gmwm.datasheets.bias_changes import BiasTerms
 from validation import recordings
 from validation.legend import legend
 
@@ -101,7 +101,7 @@ def fitted(case: Case, seed: int) -> tuple[float, float, float, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         fit = gmwm.fit(case["model"], gmwm.Signal(x, RATE, "rad/s"), weighting="optimal", certify=False)
-    one = variance_of_mean(fit, SAMPLES, SAMPLES)
+    one = BiasTerms.of(fit).variance_of_mean(SAMPLES, SAMPLES)
     naive = 1.96 * float(np.std(x)) / math.sqrt(SAMPLES)
     return abs(float(np.mean(x)) - truth), math.sqrt(one.value), reach_of([(1.0, one)], 0.95), naive
 

@@ -289,3 +289,13 @@ def bent_samples(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order=
     """
     Indices of samples farther from the mean of their neighbours than the limit of their block, and of those beside them.
     """
+
+def spectral_descent(waves: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], data: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], floor: float, prior: float, p: int, free: bool, steps: int, near: float, parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> float:
+    """
+    Move scale, a, b and slow to a local minimum of the loss of the ARMA density, in place, and return the loss; the rows of data are the known part, the logarithms and the weights.
+    """
+
+def roots_inside(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], most: float) -> bool:
+    """
+    Whether all roots of the polynomial 1, c_1, c_2, … have a modulus below most.
+    """

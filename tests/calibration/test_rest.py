@@ -10,7 +10,7 @@ import pytest
 import gmwm
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.rest import BiasAtRest, gravity_of, reach_of
-from gmwm.datasheets.bias_changes import Variance, bias_variance, variance_of_mean
+from gmwm.datasheets.bias_changes import BiasTerms, Variance
 from gmwm.processes import Model
 from tests.helpers import raises
 
@@ -39,7 +39,7 @@ def exact_fit(text, samples=100_000):
 )
 def test_the_variance_of_the_mean_is_that_of_the_model(text, wanted):
     n = 5000
-    found = variance_of_mean(exact_fit(text), n, n)
+    found = BiasTerms.of(exact_fit(text)).variance_of_mean(n, n)
     # The mean of the truncated normal distribution adds a share that is small for terms that are seen well.
     assert wanted(n) <= found.value * (1 + 1e-9)
     assert found.value == pytest.approx(wanted(n), rel=0.02)
@@ -48,7 +48,7 @@ def test_the_variance_of_the_mean_is_that_of_the_model(text, wanted):
 
 def test_a_gap_makes_no_term_more_precise():
     fit = exact_fit("WN(sigma2=4e-6) + RW(gamma2=4e-10)")
-    whole, gaps = variance_of_mean(fit, 5000, 5000), variance_of_mean(fit, 5000, 10_000)
+    whole, gaps = BiasTerms.of(fit).variance_of_mean(5000, 5000), BiasTerms.of(fit).variance_of_mean(5000, 10_000)
     assert gaps.value > 1.5 * whole.value
 
 
@@ -56,12 +56,12 @@ def test_the_mean_square_of_the_bias_is_that_of_simulated_walks():
     fit = exact_fit("WN(sigma2=4e-6) + RW(gamma2=4e-10)")
     walks = np.cumsum(np.random.default_rng(1).normal(0, 2e-5, (2000, 3000)), axis=1)
     wanted = np.mean(np.var(walks, axis=1))
-    found = bias_variance(fit, 30.0)
+    found = BiasTerms.of(fit).variance_over(30.0)
     error = np.std(np.var(walks, axis=1)) / math.sqrt(len(walks))
     assert abs(found.value - wanted) < 4 * error + 0.02 * wanted
-    assert bias_variance(exact_fit("WN(sigma2=4e-6)"), 30.0).value == 0
+    assert BiasTerms.of(exact_fit("WN(sigma2=4e-6)")).variance_over(30.0).value == 0
     # A term with a correlation time below a second is noise.
-    assert bias_variance(exact_fit("GM(beta=20.0, sigma2=4e-6) + WN(sigma2=4e-6)"), 30.0).value == 0
+    assert BiasTerms.of(exact_fit("GM(beta=20.0, sigma2=4e-6) + WN(sigma2=4e-6)")).variance_over(30.0).value == 0
 
 
 def test_an_estimated_variance_has_the_quantile_of_student():

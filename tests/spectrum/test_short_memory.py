@@ -2,21 +2,22 @@
 
 import numpy as np
 import pytest
-from scipy import signal
+from scipy import optimize, signal
 
-from gmwm import psd
+from gmwm import _core, psd
 from gmwm.spectrum import short_memory as fits
 from gmwm.spectrum.short_memory import (
     FLAT,
     FLOOR,
+    KNOWN,
     LIKELY,
     POLE,
     SURE,
     _bend,
     _Data,
     _descend,
-    _evaluated,
     _inside,
+    _Point,
     _starts,
     _widened,
     short_memory,
@@ -186,21 +187,22 @@ def test_more_roots_are_where_they_are_asked_for():
 
 def some_data():
     frequencies, density, eta, known = measured("resonance 20 Hz", 4, slow=0.3)
-    angles = 2 * np.pi * frequencies / RATE
-    waves = np.exp(-1j * np.outer(angles, np.arange(1, 11)))
-    return _Data(
-        waves=waves, angles=angles, known=known, floor=FLOOR, logs=np.log(density), weights=1 / (2 / eta + 25e-6)
-    )
+    angles, weights = 2 * np.pi * frequencies / RATE, 1 / (2 / eta + 25e-6)
+    return _Data.of(angles, known=known, floor=FLOOR, logs=np.log(density), weights=weights)
 
 
 def test_the_jacobian_is_that_of_finite_differences():
     data, step = some_data(), 1e-6
     at = np.array([0.1, -0.4, 0.5, 0.3, 0.2])
-    here = _evaluated(data, at[1:3], at[3:4], at[0], slow=at[4])
+
+    def point(at):
+        return _Point(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4])
+
+    here = point(at)
     for k in range(5):
         moved = at.copy()
         moved[k] += step
-        there = _evaluated(data, moved[1:3], moved[3:4], moved[0], slow=moved[4])
+        there = point(moved)
         # `left` is data minus model.
         np.testing.assert_allclose((here.left - there.left) / step, here.jacobian[:, k], atol=1e-4)
 
@@ -217,6 +219,32 @@ def test_every_descent_ends_no_higher_and_with_stable_roots():
     assert min(_descend(data, *start, white.scale).loss for start in starts) < white.loss / 10
 
 
+@pytest.mark.parametrize("free", [False, True])
+def test_the_descent_ends_at_the_optimum_of_another_program(free):
+    data = some_data()
+    start = np.array([0.0, -0.4, 0.6, 0.1, 0.0])
+
+    def residuals(at):
+        point = _Point(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4] if free else 0.0)
+        return np.append(np.sqrt(data.weights) * point.left, point.slow / KNOWN)
+
+    best = optimize.least_squares(residuals, start, method="lm", xtol=1e-12, ftol=1e-12)
+    at = start.copy()
+    loss = _core.spectral_descent(
+        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=2, free=free, steps=100, near=0.0, parameters=at
+    )
+    assert loss == pytest.approx(2 * best.cost, rel=1e-9)
+    assert loss == pytest.approx(_Point(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4]).loss, rel=1e-12)
+    assert (at[4] != 0) == free
+
+
+@pytest.mark.parametrize("tail", [[0.5], [-1.01], [-1.6, 0.8], [0.3, 1.7], [-1.2, 3.0, 0.5, -0.2], [0.1, 0, 0, 0.9]])
+def test_whether_roots_are_inside_a_circle(tail):
+    size = np.abs(np.roots([1.0, *tail])).max()
+    for most in (0.8 * size, 0.999 * size, 1.001 * size, 1.2 * size):
+        assert _core.roots_inside(np.array(tail), most) == (size < most)
+
+
 @pytest.mark.slow
 def test_a_rise_below_the_data_is_not_used():
     # A slow pole below the lowest frequency: the data show only its tail, and do not support a plateau below.
@@ -225,8 +253,7 @@ def test_a_rise_below_the_data_is_not_used():
     eta = np.full(250, 20_000.0)
     found = short_memory(frequencies, density, eta, rate=RATE, known=np.zeros(250))
     angles = 2 * np.pi * frequencies / RATE
-    waves = np.exp(-1j * np.outer(angles, np.arange(1, 11)))
-    data = _Data(waves=waves, angles=angles, known=np.zeros(250), floor=0.0, logs=np.log(density), weights=eta / 2)
-    point = _evaluated(data, -found.phi, found.theta, np.log(found.innovation), slow=0.0)
+    data = _Data.of(angles, known=np.zeros(250), floor=0.0, logs=np.log(density), weights=eta / 2)
+    point = _Point(data=data, a=-found.phi, b=found.theta, scale=np.log(found.innovation), slow=0.0)
     assert abs(_bend(data, point)) <= FLAT
     assert SURE < FLAT

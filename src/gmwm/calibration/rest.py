@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,13 +13,15 @@ from gmwm._text import duration_text
 from gmwm.axis_names import sensor_of
 from gmwm.calibration.averaging import weighted_candidates
 from gmwm.calibration.recording_info import Recording
-from gmwm.datasheets.bias_changes import Variance, bias_variance, variance_of_mean
+from gmwm.datasheets.bias_changes import BiasTerms, Variance
 from gmwm.datasheets.entry import Entry
 from gmwm.errors import GmwmError
-from gmwm.estimation.result import Fit
 from gmwm.inspection import Inspection
 from gmwm.random_effects import confidence_of_mean, effects, spread_limits
 from gmwm.signals import Signal
+
+S = TypeVar("S")
+T = TypeVar("T")
 
 if TYPE_CHECKING:
     from gmwm.calibration.options import CalibrationOptions
@@ -47,6 +48,10 @@ class AxisMean(NamedTuple):
     mean: float
     samples: int
     span: int
+
+    def variance(self, terms: BiasTerms) -> Variance:
+        """Return the error variance of the mean for the terms of a model."""
+        return terms.variance_of_mean(self.samples, self.span)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +228,8 @@ def bias_at_rest(
     removed = len(parts) == len(known)
     values = np.array([one.mean for one in means.values()])
     x = values - (np.array([part[0] for part in parts]) if removed else 0.0)
-    models = [_of_models(found, partial(variance_of_mean, samples=n, span=span)) for _, n, span in means.values()]
+    terms = _terms_of_models(found)
+    models = [_of_models(terms, one.variance) for one in means.values()]
     s2 = np.array([_averaged(one).value for one in models])
     spread: tuple[float, float, float] | None = None
     if len(x) == 1:
@@ -240,7 +246,7 @@ def bias_at_rest(
     mean = centre + float(np.mean(values - x))
     wv = found.fit.wavelet_variance
     duration = min(LONGEST, max(one.span for one in means.values()) / wv.rate)
-    rms = _averaged(_of_models(found, partial(bias_variance, duration=duration)))
+    rms = _averaged(_of_models(terms, lambda one: one.variance_over(duration)))
     rms_ends = _limits(rms, level)
     return BiasAtRest(
         mean=mean, error=error, low=low + mean - centre, high=high + mean - centre,
@@ -308,12 +314,18 @@ def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[
     return found
 
 
-def _of_models(found: AxisCalibration, of: Callable[[Fit], Variance]) -> list[tuple[float, Variance]]:
-    """Return the variance that `of` computes from the fit of each plausible model, with the weight of the model."""
+def _terms_of_models(found: AxisCalibration) -> list[tuple[float, BiasTerms]]:
+    """Return the terms of the fit of each plausible model, with the weight of the model."""
+    fits = [(w, found.fit if one.recommended else one.fit) for w, one in weighted_candidates(found.ranking)]
+    return _of_models(fits, BiasTerms.of)
+
+
+def _of_models(models: Sequence[tuple[float, T]], of: Callable[[T], S]) -> list[tuple[float, S]]:
+    """Return what `of` computes for each plausible model, with the weight of the model."""
     parts = []
-    for weight, candidate in weighted_candidates(found.ranking):
+    for weight, one in models:
         try:
-            parts.append((weight, of(found.fit if candidate.recommended else candidate.fit)))
+            parts.append((weight, of(one)))
         except GmwmError:  # A model without standard errors gives no information about the bias.
             continue
     return parts

@@ -139,7 +139,7 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         name, factor = noise_unit(power, unit)
         # As in the datasheet, whether a term may be zero depends only on the standard error of its scale parameter, not
         # on that of its correlation time.
-        scales = np.array([_is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
+        scales = np.array([is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
         seen = z * curve.error(np.where(scales, slopes, 0.0)) < square
         reach = z * curve.error(slopes)
         value = factor * math.sqrt(square)
@@ -216,7 +216,8 @@ def by_deviation(process: Process, horizon: float, rate: float) -> bool:
     return time is not None and time >= horizon and _walk(process, rate) is None
 
 
-def _is_scale(process: Process, name: str | None) -> bool:
+def is_scale(process: Process, name: str | None) -> bool:
+    """Return whether a free parameter is the scale of a process; None is the scale of a term estimated as zero."""
     return name is None or name == process.scale_parameter().name
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gmwm._arrays import Vector, row_medians
+from gmwm._arrays import Matrix, Vector, row_medians
 
 NEIGHBOURS = (4 / 9, 1 / 36)
 """Correlations (2/3)² and (1/6)² of the values of a periodogram with a Hann window that are one and two bins apart."""
@@ -49,8 +49,11 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
     medians = np.full(len(windows), np.nan)
     full = known == width
     medians[full] = row_medians(windows[full])
-    some = (known >= least) & ~full
-    medians[some] = np.nanmedian(windows[some], axis=1)
+    some = np.flatnonzero((known >= least) & ~full)
+    # NaN are last in sorted rows.
+    ordered, number = np.sort(windows[some], axis=1), known[some]
+    rows = np.arange(some.size)
+    medians[some] = (ordered[rows, (number - 1) // 2] + ordered[rows, number // 2]) / 2
     shift = farthest + nearest
     left, right = medians[: values.size], medians[shift : shift + values.size]
     factor = median_factor(freedom)
@@ -62,12 +65,19 @@ def median_factor(freedom: Vector) -> Vector:
     return (1 - 2 / (9 * freedom)) ** 3
 
 
-def p_values(ratio: Vector, freedom: Vector) -> Vector:
-    """Return the probability that noise gives a larger ratio of a value to the level of a flank, by the F
-    distribution."""
-    from scipy.special import fdtrc
+def p_values(ratio: Vector, freedom: Vector, below: float) -> Vector:
+    """Return the probability that noise gives a larger ratio of a value to the level of a flank, by the F distribution.
 
-    return np.asarray(fdtrc(freedom, FLANK_SHARE * freedom, ratio))
+    Only probabilities up to `below` are computed. Larger ones are 1, and those of NaN are NaN.
+    """
+    from scipy.special import fdtrc, fdtri
+
+    # With fewer degrees of freedom, a ratio of the same significance is larger.
+    most = float(np.nanmax(freedom, initial=1.0))
+    large = ratio >= (1 - 1e-6) * float(fdtri(most, FLANK_SHARE * most, 1 - below))
+    found = np.where(np.isnan(ratio), np.nan, 1.0)
+    found[large] = fdtrc(freedom[large], FLANK_SHARE * freedom[large], ratio[large])
+    return np.asarray(found)
 
 
 def effective_freedom(density: Vector, freedom: Vector) -> Vector:
@@ -80,19 +90,30 @@ def effective_freedom(density: Vector, freedom: Vector) -> Vector:
     reduced = freedom.copy()
     with np.errstate(divide="ignore"):
         logs = np.log(density)
-    for first in range(2, density.size - GROUP // 4, GROUP):
-        part = slice(first, first + GROUP)
-        # Values three bins apart are nearly independent, and their second differences remove a smooth spectrum.
-        values = logs[part]
-        if values.size < 16 or not np.all(np.isfinite(values)):
-            continue
-        differences = values[6:] - 2 * values[3:-3] + values[:-6]
-        scatter = float(np.median(np.abs(differences))) / 0.6745 / np.sqrt(6.0)
-        expected = np.sqrt(float(polygamma(1, freedom[first + 1] / 2)))
-        excess = scatter / expected / (1 + 3 * 1.6 / np.sqrt(values.size))
-        if excess > 1:
-            reduced[part] /= excess**2
+    firsts = np.arange(2, density.size - GROUP // 4, GROUP)
+    expected = np.sqrt(polygamma(1, freedom[firsts + 1] / 2))
+    whole = np.count_nonzero(firsts + GROUP <= density.size)
+    scatter = _scatter(logs[2 : 2 + whole * GROUP].reshape(whole, GROUP))
+    if whole < firsts.size:
+        scatter = np.append(scatter, _scatter(logs[None, firsts[-1] :]))
+    for first, own, usual in zip(firsts.tolist(), scatter.tolist(), expected.tolist(), strict=True):
+        part = reduced[first : first + GROUP]
+        excess = own / usual / (1 + 3 * 1.6 / np.sqrt(part.size))
+        if part.size >= 16 and excess > 1:  # not where the scatter is NaN
+            part /= excess**2
     return np.maximum(reduced, 1.0)
+
+
+def _scatter(logs: Matrix) -> Vector:
+    """Return the robust standard deviation (m,) of each group of logarithms (m, n); NaN if one is not finite."""
+    # Values three bins apart are nearly independent, and their second differences remove a smooth spectrum.
+    good = np.isfinite(logs).all(axis=1)
+    scatter = np.full(len(logs), np.nan)
+    if logs.shape[1] > 6:
+        rows = logs[good]
+        differences = np.abs(rows[:, 6:] - 2 * rows[:, 3:-3] + rows[:, :-6])
+        scatter[good] = row_medians(differences) / 0.6745 / np.sqrt(6.0)
+    return scatter
 
 
 def pooled_freedom(freedom: Vector, count: Vector) -> Vector:

@@ -51,11 +51,13 @@ def narrow_lines(
     of_each = np.concatenate([freedom[FIRST_BIN:size], freedom[size - 1 : size - 1 - FAR : -1]])
     found = flanks(shown, of_each, NEAR, FAR, least=LEAST_FLANK)
     with np.errstate(divide="ignore", invalid="ignore"):
-        p = p_values(shown / found.level, of_each)
-    tested = np.isfinite(p) & (found.level > 0)
+        ratios = shown / found.level
+    tested = ~np.isnan(ratios) & (found.level > 0)
     tested[size - FIRST_BIN :] = False
     tested[: size - FIRST_BIN] &= testable[FIRST_BIN:size]
-    (hits,) = np.nonzero(tested & (p * max(int(np.count_nonzero(tested)), 1) < level))
+    level /= max(int(np.count_nonzero(tested)), 1)
+    p = p_values(ratios, of_each, level)
+    (hits,) = np.nonzero(tested & (p < level))
     lines: list[Line] = []
     bumps: list[Bump] = []
     for k in sorted(hits.tolist(), key=lambda k: -shown[k]):

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm import _core
 from gmwm._arrays import Matrix, Vector, freeze
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
@@ -137,12 +138,10 @@ def short_memory(
     squares approximate.
     """
     angles = 2 * math.pi * frequencies / rate
-    lags = np.arange(1, HIGHEST + 1)
     plateau = float(np.median(density[: max(density.size // 8, 3)]))
     least = LEAST_KNOWN * plateau * (np.sin(angles[0] / 2) / np.sin(angles / 2)) ** 2
-    data = _Data(
-        waves=np.exp(-1j * np.outer(angles, lags)), angles=angles, known=np.maximum(known, least),
-        floor=FLOOR * plateau,
+    data = _Data.of(
+        angles, known=np.maximum(known, least), floor=FLOOR * plateau,
         logs=np.log(density + FLOOR * plateau) - _log_bias(degrees_of_freedom),
         weights=1 / (2 / degrees_of_freedom + ACCURACY**2),
     )  # fmt: skip
@@ -226,33 +225,57 @@ def _log_bias(degrees_of_freedom: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    waves: NDArray[np.complex128]
+    """The measured density at n frequencies.
+
+    `waves` (2, HIGHEST, n) are the real and the imaginary parts of exp(−i ω k). The `rows` (3, n) are the known part,
+    the logarithms of the density, and their weights.
+    """
+
+    waves: NDArray[np.float64]
     angles: Vector
-    known: Vector
+    rows: Matrix
     floor: float
-    logs: Vector
-    weights: Vector
+
+    @classmethod
+    def of(cls, angles: Vector, *, known: Vector, logs: Vector, weights: Vector, floor: float) -> _Data:
+        """Return the data at frequencies `angles`, in radians per sample."""
+        phases = np.outer(np.arange(1, HIGHEST + 1), angles)
+        return cls(np.array([np.cos(phases), -np.sin(phases)]), angles, np.array([known, logs, weights]), floor)
+
+    @property
+    def known(self) -> Vector:
+        """The known part."""
+        return np.asarray(self.rows[0])
+
+    @property
+    def logs(self) -> Vector:
+        """Logarithms of the density."""
+        return np.asarray(self.rows[1])
+
+    @property
+    def weights(self) -> Vector:
+        """Weights of the logarithms."""
+        return np.asarray(self.rows[2])
+
+    def polynomial(self, tail: Vector) -> NDArray[np.complex128]:
+        """Return the polynomial 1 + c₁z⁻¹ + … at each frequency."""
+        real, imaginary = tail @ self.waves[:, : tail.size]
+        return np.asarray(1 + real + 1j * imaginary)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """Process with the density e^scale |b|²/|a|², its loss, and the arrays that give its derivatives.
+    """Process with the density e^scale |b|²/|a|², and its loss.
 
     `a` and `b` are the coefficients of the two polynomials without the leading 1. `slow` is the logarithm of the factor
     on the known part.
     """
 
+    data: _Data
     a: Vector
     b: Vector
     scale: float
     slow: float
-    loss: float
-    left: Vector
-    share: Vector
-    slow_share: Vector
-    below: NDArray[np.complex128]
-    above: NDArray[np.complex128]
-    waves: NDArray[np.complex128]
 
     @property
     def order(self) -> int:
@@ -265,42 +288,36 @@ class _Point:
         return math.exp(self.scale) * (1 + float(self.b.sum())) ** 2 / (1 + float(self.a.sum())) ** 2
 
     @cached_property
+    def parts(self) -> tuple[Vector, Vector, Vector]:
+        """The own density, the known part with its factor, and the total, at each frequency."""
+        below, above = self.data.polynomial(self.a), self.data.polynomial(self.b)
+        with np.errstate(all="ignore"):
+            own = np.exp(self.scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
+            beside = np.exp(self.slow) * self.data.known
+            return own, beside, own + beside + self.data.floor
+
+    @cached_property
+    def left(self) -> Vector:
+        """Logarithms of the measured density divided by the total."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self.data.logs - np.log(self.parts[2]))
+
+    @cached_property
+    def loss(self) -> float:
+        """Weighted sum of squares, with the prior of `slow`."""
+        loss = float(self.data.weights @ self.left**2) + (self.slow / KNOWN) ** 2
+        return loss if math.isfinite(loss) else math.inf
+
+    @cached_property
     def jacobian(self) -> Matrix:
         """Derivatives (n, 2 + p + q) of the logarithm of the density with respect to `scale`, `a`, `b` and `slow`."""
-        p, q = self.a.size, self.b.size
-        found = np.empty((self.left.size, 2 + p + q))
-        with np.errstate(all="ignore"):
-            found[:, 0] = self.share
-            found[:, 1 : 1 + p] = (self.waves[:, :p] * (-2 * self.share / self.below)[:, None]).real
-            found[:, 1 + p : -1] = (self.waves[:, :q] * (2 * self.share / self.above)[:, None]).real
-        found[:, -1] = self.slow_share
-        return found
-
-
-def _evaluated(data: _Data, a: Vector, b: Vector, scale: float, *, slow: float) -> _Point:
-    below = 1 + data.waves[:, : a.size] @ a
-    above = 1 + data.waves[:, : b.size] @ b
-    with np.errstate(all="ignore"):
-        own = np.exp(scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
-        beside = np.exp(slow) * data.known
-        total = own + beside + data.floor
-        left, share, slow_share = data.logs - np.log(total), own / total, beside / total
-    loss = float(data.weights @ left**2) + (slow / KNOWN) ** 2
-    loss = loss if math.isfinite(loss) else math.inf
-    return _Point(
-        a=a, b=b, scale=scale, slow=slow, loss=loss, left=left, share=share, slow_share=slow_share, below=below,
-        above=above, waves=data.waves,
-    )  # fmt: skip
-
-
-def _step(normal: Matrix, damped: Vector, slope: Vector) -> Vector:
-    """Solve the damped normal equations; return the solution of least norm if they are singular."""
-    damped_normal = normal.copy()
-    damped_normal.flat[:: normal.shape[0] + 1] += damped
-    try:
-        return np.asarray(np.linalg.solve(damped_normal, slope))
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(damped_normal, slope, rcond=None)[0])
+        own, beside, total = self.parts
+        found = [own / total]
+        for tail, sign in ((self.a, -2), (self.b, 2)):
+            factor = sign * found[0] / self.data.polynomial(tail)
+            real, imaginary = self.data.waves[:, : tail.size]
+            found += list(real * factor.real - imaginary * factor.imag)
+        return np.array([*found, beside / total]).T
 
 
 def _descend(
@@ -310,36 +327,14 @@ def _descend(
 
     If `free`, the factor on the known part is fitted too.
     """
-    here, damping = _evaluated(data, a, b, scale, slow=slow), 1e-3
-    for _ in range(steps):
-        weighted = data.weights[:, None] * here.jacobian
-        normal, slope = weighted.T @ here.jacobian, weighted.T @ here.left
-        if not np.all(np.isfinite(normal)):
-            break
-        if not free:
-            normal[-1] = normal[:, -1] = slope[-1] = 0.0
-        normal[-1, -1] += KNOWN**-2
-        slope[-1] -= here.slow * KNOWN**-2
-        size = np.diag(normal) + 1e-12 * np.trace(normal)
-        lower = None
-        while damping < 1e8:
-            step = _step(normal, damping * size, slope)
-            there = _evaluated(
-                data, here.a + step[1 : 1 + a.size], here.b + step[1 + a.size : -1], here.scale + step[0],
-                slow=here.slow + step[-1],
-            )  # fmt: skip
-            if there.loss < here.loss:
-                lower = there
-                break
-            damping *= 4
-        if lower is None:
-            break
-        done = here.loss - lower.loss < _NEAR * max(lower.loss, 1.0)
-        here, damping = lower, max(damping / 6, 1e-9)
-        if done:
-            break
-    (inner_a, gain_a), (inner_b, gain_b) = _inside(here.a, POLE), _inside(here.b, ZERO)
-    return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b, slow=here.slow)
+    found = np.concatenate([[scale], a, b, [slow]])
+    _core.spectral_descent(
+        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=_NEAR,
+        parameters=found,
+    )  # fmt: skip
+    (inner_a, gain_a), (inner_b, gain_b) = _inside(found[1 : 1 + a.size], POLE), _inside(found[1 + a.size : -1], ZERO)
+    scale, slow = float(found[0]) - gain_a + gain_b, float(found[-1])
+    return _Point(data=data, a=inner_a, b=inner_b, scale=scale, slow=slow)
 
 
 def _score(point: _Point, price: float, spread: float = 1.0) -> float:
@@ -370,9 +365,7 @@ def _scatter(point: _Point, data: _Data) -> Matrix:
 def _bend(data: _Data, point: _Point) -> float:
     """Return the logarithm of the ratio of the density at the frequency 0 to the density at the lowest frequency of the
     data."""
-    below, above = (
-        abs(1 + data.waves[0, : tail.size] @ tail) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b)
-    )
+    below, above = (abs(data.polynomial(tail)[0]) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b))
     return 2 * math.log(below / above)
 
 
@@ -381,7 +374,7 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
 
     The second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle.
     """
-    if not tail.size:
+    if _core.roots_inside(tail, most):
         return tail, 0.0
     roots = np.roots(np.concatenate([[1.0], tail]))
     outside = np.abs(roots) > 1

@@ -76,8 +76,8 @@ def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], p
     size = spectrum.density.size - 1
     lowest = max(FIRST_BIN, math.ceil(LEAST_BINS * per_octave / math.log(2)))
     count = int(per_octave * math.log2(size / lowest)) + 1 if lowest < size else 0
-    edges = np.unique(np.round(lowest * 2.0 ** (np.arange(count + 1) / per_octave)).astype(np.int64))
-    edges = edges[edges <= size]
+    edges = np.round(lowest * 2.0 ** (np.arange(count + 1) / per_octave)).astype(np.int64)
+    edges = edges[(np.diff(edges, prepend=0) > 0) & (edges <= size)]
     if edges.size < 2:
         empty = np.empty(0)
         return Grid(empty, empty, empty, per_octave)
@@ -137,7 +137,7 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
     with np.errstate(invalid="ignore", divide="ignore"):
         beside = flanks(grid.density, grid.freedom, NEAR, FAR, least=LEAST_FLANK)
         ratio = grid.density / beside.level
-        p = p_values(ratio, grid.freedom)
+        p = p_values(ratio, grid.freedom, level)
     top = np.ones(ratio.size, dtype=bool)
     top[1:] &= ~(grid.density[1:] < grid.density[:-1])
     top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
