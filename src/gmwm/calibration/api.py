@@ -15,7 +15,7 @@ from gmwm._helpers import Helpers
 from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
-from gmwm.calibration.baselines import with_baselines
+from gmwm.calibration.baselines import kept_samples, with_baseline, with_baselines
 from gmwm.calibration.choice import chosen_model, final_fit
 from gmwm.calibration.data import chosen_axes, common_axes, named, require_axes, require_one
 from gmwm.calibration.findings import LEAST_SCALES, SIZE, WANTED
@@ -236,9 +236,10 @@ def calibrate_recording(
             one = _Axis(measured=measured, options=own, regression=regression_of(axis, of))
             advance = partial(steps.step, axis)
             advance(STAGES[0])
+            samples = kept_samples(axis, of)
             if helpers is None:
-                return one.calibrated(advance, steps.check)
-            found = helpers.run(one.calibrated)
+                return with_baseline(one.calibrated(advance, steps.check), samples)
+            found = helpers.run(_calibrated, one, samples)
             for stage in STAGES[1:]:
                 advance(stage)
             return found
@@ -269,6 +270,11 @@ def calibrate_recording(
         recording=None if several else described.get(""),
         recordings=described if several else {},
     )
+
+
+def _calibrated(axis: _Axis, samples: Sequence[Signal]) -> AxisCalibration:
+    """Calibrate an axis, and compute its baseline from these samples."""
+    return with_baseline(axis.calibrated(), samples)
 
 
 def _recording_remarks(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,13 +17,33 @@ from gmwm.readers.streams import Stream
 from gmwm.signals import Imu, Signal
 
 
+def kept_samples(axis: str, parts: Mapping[str, Part]) -> list[Signal]:
+    """Return the first samples of an axis in each recording if its measurements have kept all of them, otherwise an
+    empty list."""
+    items = [part.item for part in parts.values() if part.conditions.applied(axis) is None]
+    kept = [item.beginning for item in items if isinstance(item, AxisMeasurement) and item.beginning is not None]
+    return kept if len(kept) == len(parts) else []
+
+
+def with_baseline(found: AxisCalibration, signals: Sequence[Signal]) -> AxisCalibration:
+    """Return the calibration of an axis with the baseline of these samples."""
+    if not signals:
+        return found
+    segments = [values for signal in signals for values in signal.segment_values()]
+    try:
+        baseline = Baseline.of(found.fit.model, segments, signals[0].rate)
+    except (DataError, ModelError):
+        return found  # too short, or the model has no Kalman filter; the monitor reports it
+    return replace(found, baseline=baseline)
+
+
 def with_baselines(
     done: Mapping[str, AxisCalibration],
     parts: Mapping[str, Mapping[str, Part]],
     recordings: Mapping[str, Any],
     threads: int | None,
 ) -> dict[str, AxisCalibration]:
-    """Return the calibrations with the baseline of each axis that was calibrated from samples.
+    """Return the calibrations with the baselines of the axes whose first samples were not kept.
 
     As in the calibration, isolated wrong samples and knocks are replaced, because they are not part of the normal noise
     and a monitor must report them. The effect of conditions is not removed, because a monitor does not remove it
@@ -39,36 +59,27 @@ def with_baselines(
     threads : int or None
         Number of axes that are processed at the same time.
     """
-    kept = {
-        (axis, name): part.item.beginning
-        for axis in done
-        for name, part in parts[axis].items()
-        if isinstance(part.item, AxisMeasurement) and part.conditions.applied(axis) is None
-    }
+    missing = {axis: found for axis, found in done.items() if not kept_samples(axis, parts[axis])}
+
+    def kept(axis: str, name: str) -> list[Signal]:
+        return kept_samples(axis, {name: parts[axis][name]}) if name in parts[axis] else []
+
     firsts = {
         name: _first_samples(recording)
         for name, recording in recordings.items()
-        if any(kept.get((axis, name)) is None for axis in done)
+        if any(not kept(axis, name) for axis in missing)
     }
 
     def first_samples(axis: str, name: str) -> Signal | None:
-        if (own := kept.get((axis, name))) is not None:
-            return own
+        if own := kept(axis, name):
+            return own[0]
         signal = firsts[name].get(axis)
         return None if signal is None else clean(cut(signal, 0, BEGINNING))
 
     def work(axis: str, found: AxisCalibration) -> AxisCalibration:
-        signals = [one for name in recordings if (one := first_samples(axis, name)) is not None]
-        if not signals:
-            return found
-        segments = [values for signal in signals for values in signal.segment_values()]
-        try:
-            baseline = Baseline.of(found.fit.model, segments, signals[0].rate)
-        except (DataError, ModelError):
-            return found  # too short, or the model has no Kalman filter; the monitor reports it
-        return replace(found, baseline=baseline)
+        return with_baseline(found, [one for name in recordings if (one := first_samples(axis, name)) is not None])
 
-    return in_threads(work, done, threads=threads)
+    return {**done, **in_threads(work, missing, threads=threads)}
 
 
 def _first_samples(data: Any) -> Mapping[str, Signal]:

@@ -131,6 +131,9 @@ def rate_change(ticks: Vector) -> Change | None:
         return None
     blocks = np.where(steps < 0, 0.0, steps)[: count * length].reshape(count, length)
     means, medians = np.mean(blocks, axis=1), np.median(blocks, axis=1)
+    values = medians if burst == 1 else means
+    if np.max(values) <= factor * np.min(values):
+        return None  # no block differs by this factor from any other
     for k in range(beside, count - beside + 1):
         mean, middle = (_Sides.of(values, k, beside) for values in (means, medians))
         chosen = middle if burst == 1 else mean

@@ -109,8 +109,6 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     declared : float, optional
         Declared sampling interval in ticks. It decides if several intervals explain the time stamps.
     """
-    single, burst = _typical(ticks), _burst(ticks)
-    mean = _windowed_mean(ticks, burst)
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE
@@ -123,6 +121,8 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     )
     if line is not None and uniform and not contradicts:
         return Found(line, none, none, 1)
+    single, burst = _typical(ticks), _burst(ticks)
+    mean = _windowed_mean(ticks, burst)
     regular = _regular(ticks, single, resolution, mean)
     agrees = declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES
     if agrees and regular is not None and (line is None or contradicts):

@@ -40,10 +40,9 @@ _ENOUGH = 10  # number of lines that show the usual length of a number; pinned b
 
 @dataclass(frozen=True)
 class Place:
-    """Beginning of a block of lines: its first byte, the byte up to which the file was read, and its first line."""
+    """Beginning of a block of lines: its first byte and its first line."""
 
     begin: int
-    reached: int
     line: int
 
 
@@ -250,33 +249,41 @@ def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
 
 def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
     """Yield blocks of complete lines with their places, from the first row or from the block at `place` on."""
-    first_line = dialect.first_line
+    first = b""
     with source.open() as file:
-        line, rest, reached = first_line, b"", 0
+        begin, line = 0, dialect.first_line
         if place is not None:
             file.seek(place.begin)
-            line, rest, reached = place.line, file.read(place.reached - place.begin), place.reached
-        elif first_line == 1:
-            rest = file.read(3)
-            reached = len(rest)
-            rest = b"" if rest == b"\xef\xbb\xbf" else rest
+            begin, line = place.begin, place.line
+        elif line == 1:
+            first = file.read(3)
+            if first == b"\xef\xbb\xbf":
+                begin, first = 3, b""
         else:
-            reached = sum(len(file.readline()) for _ in range(first_line - 1))
-        while read := file.read(BLOCK_BYTES):
-            begin = Place(reached - len(rest), reached, line)
-            reached += len(read)
-            end = read.rfind(b"\n") + 1
-            if end == 0:
-                rest += read
-                if len(rest) > LINE_BYTES:
+            begin = sum(len(file.readline()) for _ in range(line - 1))
+        while first or (block := file.read(BLOCK_BYTES)):
+            if first:
+                block, first = first + file.read(BLOCK_BYTES), b""
+            if not block.endswith(b"\n"):
+                tail = file.readline(LINE_BYTES)
+                block += tail
+                if len(tail) == LINE_BYTES and not tail.endswith(b"\n"):
                     raise ReadError(
-                        f"{source} has a line of more than {LINE_BYTES >> 20} MB after line {line}",
+                        f"{source} has a line of more than {LINE_BYTES >> 20} MB after line {line + _lines(block)}",
                         code="line-too-long",
                         advice="Check that the file is a table of text with one sample per line.",
                     )
-                continue
-            block, rest = rest + read[:end], read[end:]
-            yield begin, block
-            line += block.count(b"\n")
-        if rest and not dialect.cut:
-            yield Place(reached - len(rest), reached, line), rest
+            rest = b""
+            if not block.endswith(b"\n"):  # the end of the file
+                end = block.rfind(b"\n") + 1
+                block, rest = block[:end], block[end:]
+            if block:
+                yield Place(begin, line), block
+            begin, line = begin + len(block), line + _lines(block)
+            if rest and not dialect.cut:
+                yield Place(begin, line), rest
+
+
+def _lines(block: bytes) -> int:
+    """Return the number of line ends. NumPy compares many bytes at once, `bytes.count` stops at each line."""
+    return int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == ord("\n")))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -148,17 +149,16 @@ class RowParser:
 
         if block.isspace():
             return None
-        try:
+        with suppress(pl.exceptions.PolarsError):  # a line cannot be parsed
             # Polars finds the number of columns in the first line, even if it is blank.
-            many = b"\n\n" in block or (b"\r" in block and b"\n\r\n" in block)
-            frame = self._frame_or_none(_without_blank_lines(block) if many else _BLANK_BEGIN.sub(b"", block, count=1))
-            if frame is not None and any(series.null_count() for series in frame):
+            frame = self._frame_or_none(_BLANK_BEGIN.sub(b"", block, count=1))
+            if frame is not None and _has_nulls(frame) and _has_blank_lines(block):
+                frame = self._frame_or_none(_without_blank_lines(block))
+            if frame is not None and _has_nulls(frame):
                 frame = self._frame_or_none(
                     _without_blank_lines(block if self._even(block) else self._repaired(block, line))
                 )
             return frame
-        except pl.exceptions.PolarsError:
-            pass  # a line cannot be parsed
         try:
             return self._frame_or_none(_without_blank_lines(self._repaired(block, line)))
         except pl.exceptions.PolarsError as error:
@@ -309,6 +309,14 @@ def _advice(block: bytes, line: int, number: int) -> str:
     """Return the advice for a bad line of a block that begins in `line`."""
     last = not block.endswith(b"\n") and number == line + block.count(b"\n")
     return "The file ends there; if it was cut off, remove the line." if last else "Repair or remove the line."
+
+
+def _has_nulls(frame: pl.DataFrame) -> bool:
+    return any(series.null_count() for series in frame)
+
+
+def _has_blank_lines(block: bytes) -> bool:
+    return b"\n\n" in block or (b"\r" in block and b"\n\r\n" in block)
 
 
 def _without_blank_lines(block: bytes) -> bytes:
