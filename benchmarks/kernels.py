@@ -34,8 +34,8 @@ KERNELS = (
     Kernel("running sum", 10**7, 24, _timed("running sum of 10^7"), "memory, two passes (mean, sum)"),
     Kernel("all levels, 19", 10**6, 8, _timed("levels of 10^6"), "reads from the near caches and arithmetic, 19 times"),
     Kernel("all levels, 23", 10**7, 8, _timed("levels of 10^7"), "the same; lags beyond the caches, read again"),
-    Kernel("wavelet variance", 10**6, 32, _timed("gmwm.wavelet_variance of 10^6"), "the levels"),
-    Kernel("wavelet variance", 10**7, 32, _timed("gmwm.wavelet_variance of 10^7"), "the levels, then memory"),
+    Kernel("wavelet variance", 10**6, 16, _timed("gmwm.wavelet_variance of 10^6"), "the levels; samples read twice"),
+    Kernel("wavelet variance", 10**7, 16, _timed("gmwm.wavelet_variance of 10^7"), "the same"),
     Kernel("in chunks of 10⁶", 10**7, 8, _timed("10^7 samples in chunks of 1000000", "in memory"),
            "the levels; the running sum never leaves the cache"),
     Kernel("robust", 10**6, 8, _timed("robust, efficiency 0.6: white noise", "np.cumsum of 10^6"),
@@ -53,19 +53,20 @@ time assumes the speed of a plain copy of as many samples (a copy reads 8 bytes 
   takes {sum:.1f} times as long as a copy of as many bytes. {fresh:.0f} % of its time is spent on new memory pages,
   which the system sets to zero at every call. `np.cumsum` is slower, because each addition waits for the previous one.
 - **The levels** read one running sum and write nothing. gmwm processes the sum in tiles of 4096 samples (32 KiB), and
-  five levels at once, so that these levels share their reads. Samples at the lags h and 2h are in a near cache up to h
-  of about 10⁵ samples. A sample is therefore read from memory once, and from a cache for each of the 19 levels (10⁶
-  samples) or 23 levels (10⁷ samples). At 10⁶ samples, this takes {near:.2f} ns per sample and level for reads and
-  arithmetic (one and a half loads and three or four operations per vector of coefficients).
-- **Beyond the caches.** With 10⁷ samples (a running sum of 80 MB), the lags of the coarsest levels exceed the size of
-  the last cache. In the table, each such level needs another stream from memory, and the levels take {far:.2f} ns per
-  sample and level instead of {near:.2f}. From four million samples on, `wavelet_variance` reads the running sum only
-  once more for all levels above 14: it copies a few columns of a matrix with rows of 2¹⁴ values, and the lags of these
-  levels are rows of the copy. In chunks of 10⁶ samples, these levels use only every τ/64-th coefficient, and all levels
-  together take {chunks:.1f} ns per sample; the memory traffic alone would take {memory:.1f}.
+  five levels at once, so that these levels share their reads. In the table, *all levels* is one kernel on a stored
+  running sum: {near:.2f} ns per sample and level at 10⁶ samples, and {far:.2f} at 10⁷ samples, where the lags of the
+  coarsest levels exceed the caches.
+- **No running sum of a long record is stored.** From 2¹⁸ samples on, `wavelet_variance` reads the samples twice and
+  writes nothing to memory. The first time, levels up to 14 use a window of the running sum in the second-level cache
+  (up to 17 for more than 10⁸ samples). The second time, the samples are a matrix whose rows have the length of the
+  window. A few columns of all rows are summed and serve all other levels. The next samples are requested from memory
+  during the arithmetic. The running sum is relative to a value near the mean, from 3 % of the samples.
+- **In chunks** of 10⁶ samples, the levels above 14 use only every τ/64-th coefficient, and all levels together take
+  {chunks:.1f} ns per sample; the memory traffic alone would take {memory:.1f}.
 - **Possible improvement.** With all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
-  {real:.1f}. The coarse levels would have to use only every τ/64-th coefficient, as in a stream. In memory, gmwm uses
-  every coefficient, as the definition requires.
+  {real:.1f}. Each level takes three operations per vector of eight coefficients, and a processor with two vector units
+  needs one and a half cycles for them. To be faster, the coarse levels would have to use only every τ/64-th
+  coefficient, as in a stream. In memory, gmwm uses every coefficient, as the definition requires.
 - **Robust curves, the likelihood and fits** are limited by arithmetic and by operations that depend on one another.
   They use a small share of the bandwidth. Threads over axes help; a faster memory would not."""
 
@@ -93,7 +94,7 @@ def bandwidth_words(results: Results) -> str:
         far=1e9 * results.took("levels of 10^7", "np.cumsum") / 1e7 / 23,
         chunks=1e9 * results.took("10^7 samples in chunks of 1000000", "in memory") / 1e7,
         memory=1e9 * 8 / copy_speed(results, 10**7),
-        ideal=1e3 * 32e6 / copy_speed(results, 10**6),
+        ideal=1e3 * 16e6 / copy_speed(results, 10**6),
         real=1e3 * results.took("gmwm.wavelet_variance of 10^6", "np.cumsum"),
     )
 

@@ -61,12 +61,12 @@ def _missing(name: str) -> float:
     raise LookupError(name)
 
 
-LEVELS = "reads of one running sum from the caches and arithmetic, once for each level; see the table above"
+LEVELS = "arithmetic on one running sum in the caches, once for each level; see the table above"
 TARGETS = (
     Target("wavelet variance of 10⁶ samples in memory", "", 0.97, 0.9, _in_memory(10**6), LEVELS),
     Target("wavelet variance of 10⁷ samples in memory", "", 1.9, 1.2, _in_memory(10**7), LEVELS),
     Target("wavelet variance of 10⁸ samples in memory", "", 2.3, 1.2, _in_memory(10**8),
-           "the same, and memory: the running sum is written once, and read once for near and once for far levels"),
+           "the same, and memory: the samples are read twice, the second time in columns of a matrix"),
     Target("10⁷ samples in chunks of 1000, against one chunk", "", 2.7, 1.2,
            lambda r: r.ratio("10^7 samples in chunks of 1000", "one chunk"),
            "a call of Python for each chunk, and one more copy of each sample"),

@@ -16,8 +16,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from gmwm.cli.commands import NAMES
+
 # Not Polars: it starts threads when it is imported, and threads do not survive a fork.
-PRELOADED = ("gmwm.cli.main", "matplotlib.pyplot", "scipy.signal", "scipy.stats", "tests.pictures")
+COMMANDS = tuple(f"gmwm.cli.{name}" for name in NAMES)
+PRELOADED = ("gmwm.cli.main", *COMMANDS, "matplotlib.pyplot", "scipy.signal", "scipy.stats", "tests.pictures")
 ROOT = Path(__file__).parents[1]
 
 

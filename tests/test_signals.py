@@ -189,3 +189,13 @@ def test_samples_at_odd_addresses_are_copied():
     odd = np.frombuffer(bytearray(801), np.uint8)[1:].view(np.float64)
     assert not odd.flags.aligned
     assert Signal(odd, 100.0).values.flags.aligned
+
+
+@pytest.mark.parametrize("unit", ["rad/s", "m/s²"])
+@pytest.mark.parametrize("value", [1.1e12, 3.4e38, -1e300])
+def test_values_that_no_sensor_measures_are_refused(value, unit):
+    values = np.random.default_rng(1).normal(size=100)
+    values[40] = value
+    with raises(DataError, "index 40", argument="gyro_x", got=value):
+        Signal(values, 100.0, unit, "gyro_x")
+    Signal(values, 100.0)  # a quantity of another kind

@@ -42,7 +42,7 @@ def test_duration_and_samples_say_the_same(rate, duration, seed):
 
 
 @FIXED
-@given(power=st.integers(-40, 40), seed=st.integers(0, 2**32))
+@given(power=st.integers(-40, 30), seed=st.integers(0, 2**32))
 def test_the_path_scales_with_its_model(power, seed):
     truth = WN(sigma2=1.0) + RW(gamma2=0.25) + QN(q2=4.0) + GM(beta=1.0, sigma2=9.0)
     scaled = Model(tuple(p.with_values(**{p.scale_parameter().name: p.scale * 4.0**power}) for p in truth.processes))

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -32,7 +33,7 @@ gmwm::Cone cone_of(const Vector& target, const Matrix& fixed, const Vector& posi
     require(std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }),
             "all numbers must be finite");
   return {view(target), view(fixed), view(positive),
-          gmwm::Curve(dim, view(values), view(slopes), view(margins), view(positive))};
+          std::make_shared<const gmwm::Curve>(dim, view(values), view(slopes), view(margins), view(positive))};
 }
 
 void require_on_curve(const Vector& starts, const Matrix& values) {

@@ -52,14 +52,14 @@ void bind_shape(nb::module_& m, const char* name, const char* parameter,
 }
 
 // Rows of `branches`: low, high, bend, least, sign, and whether the process acts as another one at the low and the high
-// end. `limits`: gap, table_error, settled, flat, acts_as, followed, safety, neighbours, polishes, newton_steps.
+// end. `limits`: gap, table_error, settled, flat, acts_as, followed, polishes, newton_steps.
 Search search_of(Vector target, Matrix fixed, Matrix root, double rounding, Vector half_scales, Matrix branches,
                  double rate, bool innovation, Vector limits, Vector widths) {
   const std::size_t dim = target.size();
   require(dim > 0 && fixed.shape(1) == dim && root.shape(0) == dim && root.shape(1) == dim && half_scales.size() == dim,
           "all vectors must have the length of the target");
-  require(branches.shape(0) > 0 && branches.shape(1) == 7 && limits.size() == 10 && widths.size() > 0 && rate > 0,
-          "a branch has seven numbers, and there are ten limits");
+  require(branches.shape(0) > 0 && branches.shape(1) == 7 && limits.size() == 8 && widths.size() > 0 && rate > 0,
+          "a branch has seven numbers, and there are eight limits");
   for (const auto& numbers : {view(target), view(fixed), view(root), view(half_scales), view(branches)})
     require(finite(numbers), "all numbers must be finite");
   std::vector<gmwm::ExponentialBranch> along;
@@ -71,7 +71,7 @@ Search search_of(Vector target, Matrix fixed, Matrix root, double rounding, Vect
   const double* limit = limits.data();
   const auto whole = [&](int k) { return static_cast<std::size_t>(std::max(limit[k], 0.0)); };
   return {gmwm::ExponentialCurve(view(half_scales), along, rate, innovation),
-          {limit[0], limit[1], limit[2], limit[3], limit[4], limit[5], limit[6], whole(7), whole(8), whole(9),
+          {limit[0], limit[1], limit[2], limit[3], limit[4], limit[5], whole(6), whole(7),
            {widths.data(), widths.data() + widths.size()}},
           view(target), view(fixed), view(root), rounding};
 }
@@ -98,27 +98,35 @@ Found as_tuple(gmwm::Optimum best, std::vector<int> acts) {
           std::move(acts)};
 }
 
-std::tuple<Found, double, double, double, std::size_t> solve(const Search& search, Indices owner, Vector nodes,
-                                                             Vector spacing, Matrix values, Matrix slopes,
-                                                             Matrix middles, Vector positive, std::size_t count,
-                                                             std::size_t most, Vector starts) {
-  const std::size_t size = nodes.size(), dim = search.curve().dim();
-  require(size > 1 && owner.size() == size && spacing.size() == size - 1 && values.shape(0) == size &&
-              slopes.shape(0) == size && middles.shape(0) == size - 1 && values.shape(1) == dim &&
-              slopes.shape(1) == dim && middles.shape(1) == dim && positive.size() == dim && count > 0,
+gmwm::WeightedTable table_of(Matrix root, Vector positive, Indices owner, Vector nodes, Vector spacing, Matrix values,
+                             Matrix slopes, Matrix middles, double safety, std::size_t neighbours) {
+  const std::size_t size = nodes.size(), dim = positive.size();
+  require(dim > 0 && root.shape(0) == dim && root.shape(1) == dim && size > 1 && owner.size() == size &&
+              spacing.size() == size - 1 && values.shape(0) == size && slopes.shape(0) == size &&
+              middles.shape(0) == size - 1 && values.shape(1) == dim && slopes.shape(1) == dim && middles.shape(1) == dim,
           "a table has as many owners, values and slopes as nodes, and one spacing and one middle less");
   require(spacing.data()[0] > 0 && spacing.data()[size - 2] > 0, "a branch has at least two nodes");
-  for (const double s : view(starts)) require(s >= 0 && s <= static_cast<double>(size) - 1, "starts must lie on the curve");
-  for (const std::int64_t branch : view(owner))
-    require(branch >= 0 && branch < static_cast<std::int64_t>(search.curve().branches()), "there is no such branch");
-  for (const auto& numbers : {view(values), view(slopes), view(middles), view(positive)})
+  for (std::size_t i = 0; i < size; ++i) {
+    const std::int64_t step = owner.data()[i] - (i > 0 ? owner.data()[i - 1] : 0);
+    require(step == 0 || (i > 0 && step == 1), "branches must be numbered from 0, one after the other");
+  }
+  for (const auto& numbers : {view(root), view(values), view(slopes), view(middles), view(positive)})
     require(finite(numbers), "all numbers must be finite");
+  return {{view(owner), view(nodes), view(spacing), view(values), view(slopes), view(middles)},
+          view(root), view(positive), safety, neighbours};
+}
+
+std::tuple<Found, double, double, double, std::size_t> solve(const Search& search, const gmwm::WeightedTable& table,
+                                                             std::size_t count, std::size_t most, Vector starts) {
+  require(table.dim() == search.curve().dim() && table.branches() <= search.curve().branches() && count > 0,
+          "the table must have the levels and the branches of the search");
+  for (const double s : view(starts))
+    require(s >= 0 && s <= static_cast<double>(table.nodes()) - 1, "starts must lie on the curve");
   gmwm::Solved best;
   std::vector<int> acts;
   {
     nb::gil_scoped_release release;
-    best = search.solve({view(owner), view(nodes), view(spacing), view(values), view(slopes), view(middles)},
-                        view(positive), count, most, view(starts));
+    best = search.solve(table, count, most, view(starts));
     acts = search.acts_as(best);
   }
   return {as_tuple(best, std::move(acts)), best.bound, best.relaxed, best.table, best.nodes};
@@ -205,14 +213,18 @@ void bind_exponential(nb::module_& m) {
   bind_shape(m, "autoregressive_slopes", "coefficients", gmwm::autoregressive_slope,
              "Write the derivatives of `autoregressive_shapes` with respect to the coefficient to out.");
 
+  nb::class_<gmwm::WeightedTable>(m, "WeightedTable",
+                                  "The table of processes with exponential autocovariances under weights, which the "
+                                  "searches for several models share.")
+      .def(nb::new_(&table_of), "root"_a.noconvert(), "positive"_a.noconvert(), "owner"_a.noconvert(),
+           "nodes"_a.noconvert(), "spacing"_a.noconvert(), "values"_a.noconvert(), "slopes"_a.noconvert(),
+           "middles"_a.noconvert(), "safety"_a, "neighbours"_a);
   nb::class_<Search>(m, "ExponentialSearch",
                      "The search for processes with exponential autocovariances in a sum with fixed processes.")
       .def(nb::new_(&search_of), "target"_a.noconvert(), "fixed"_a.noconvert(), "root"_a.noconvert(), "rounding"_a,
            "half_scales"_a.noconvert(), "branches"_a.noconvert(), "rate"_a, "innovation"_a, "limits"_a.noconvert(),
            "widths"_a.noconvert())
-      .def("solve", &solve, "owner"_a.noconvert(), "nodes"_a.noconvert(), "spacing"_a.noconvert(),
-           "values"_a.noconvert(), "slopes"_a.noconvert(), "middles"_a.noconvert(), "positive"_a.noconvert(), "count"_a,
-           "most"_a, "starts"_a.noconvert(),
+      .def("solve", &solve, "table"_a, "count"_a, "most"_a, "starts"_a.noconvert(),
            "Find the global optimum: its objective, branches and coordinates of the places, weights, and ends as which "
            "they act; then the lower bounds of the search and of the relaxation, the objective on the table, and the "
            "number of nodes.")

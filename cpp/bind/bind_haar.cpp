@@ -1,4 +1,5 @@
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/pair.h>
 
 #include <algorithm>
 #include <cstddef>
@@ -70,14 +71,15 @@ Result haar_sums_of_squares(const Vector& running_sum, std::size_t levels, std::
   return to_numpy(std::move(sums), levels);
 }
 
-Result haar_variance(const Vector& x, std::size_t levels) {
+std::pair<Result, double> haar_variance(const Vector& x, std::size_t levels) {
   checked_levels(levels, x.shape(0));
   gmwm::AlignedArray variance = gmwm::aligned_array(levels);
+  double rise = 0.0;
   {
     const nb::gil_scoped_release release;
-    gmwm::haar_variance(view(x), {variance.get(), levels});
+    rise = gmwm::haar_variance(view(x), {variance.get(), levels});
   }
-  return to_numpy(std::move(variance), levels);
+  return {to_numpy(std::move(variance), levels), rise};
 }
 
 }  // namespace
@@ -93,5 +95,6 @@ void bind_haar(nb::module_& m) {
   m.def("haar_sums_of_squares", &haar_sums_of_squares, "running_sum"_a.noconvert(), "levels"_a, "begin"_a, "end"_a,
           "Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.");
   m.def("haar_variance", &haar_variance, "x"_a.noconvert(), "levels"_a,
-          "Haar wavelet variance of x at levels 1 ... levels; all NaN if a value is not finite.");
+          "Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of "
+          "values is not finite.");
 }

@@ -15,6 +15,7 @@ void bind_lags(nb::module_& m);
 void bind_paths(nb::module_& m);
 void bind_polynomial(nb::module_& m);
 void bind_whitening(nb::module_& m);
+void bind_outliers(nb::module_& m);
 
 NB_MODULE(_core, m) {
   m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
@@ -31,4 +32,5 @@ NB_MODULE(_core, m) {
   bind_paths(m);
   bind_polynomial(m);
   bind_whitening(m);
+  bind_outliers(m);
 }

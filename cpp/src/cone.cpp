@@ -54,12 +54,14 @@ bool solve_positive(std::vector<double> h, std::vector<double>& x, std::size_t n
 
 }  // namespace
 
-Cone::Cone(std::span<const double> target, std::span<const double> fixed, std::span<const double> positive, Curve curve)
+Cone::Cone(std::span<const double> target, std::span<const double> fixed, std::span<const double> positive,
+           std::shared_ptr<const Curve> curve)
     : dim_(target.size()),
       target_(target.begin(), target.end()),
       fixed_(fixed.begin(), fixed.end()),
       positive_(positive.begin(), positive.end()),
-      curve_(std::move(curve)),
+      shared_(std::move(curve)),
+      curve_(*shared_),
       nonnegative_(target) {}
 
 // Solves for the non-negative weights of the fixed vectors and of the atoms, starting from the weights of the atoms.
@@ -117,7 +119,7 @@ Relaxed Cone::solve_relaxation(const Box& box, const std::vector<Atom>& warm, do
     peaks_.clear();
     const double threshold = 1e-14 * std::sqrt(result.objective);
     for (const Interval& interval : box)
-      steepest = std::max(steepest, curve_.steepest(residual, interval.range, threshold, peaks_));
+      steepest = std::max(steepest, curve_.steepest(residual, interval.range, threshold, peaks_, scratch_));
     for (std::size_t l = 0; l < count; ++l)
       steepest = std::max(steepest, dot(residual.data(), &fixed_[l * dim_], dim_) /
                                         dot(positive_.data(), &fixed_[l * dim_], dim_));
@@ -221,7 +223,7 @@ bool Cone::fill_up(std::vector<Atom>& atoms, std::size_t k) {
   const auto residual = nonnegative_.residual();
   peaks_.clear();
   for (const Range& branch : curve_.branches())
-    curve_.steepest(residual, branch, 1e-10 * std::sqrt(nonnegative_.objective()), peaks_);
+    curve_.steepest(residual, branch, 1e-10 * std::sqrt(nonnegative_.objective()), peaks_, scratch_);
   if (peaks_.empty()) return false;
   const auto best = std::max_element(peaks_.begin(), peaks_.end(),
                                      [](const Peak& a, const Peak& b) { return a.value < b.value; });

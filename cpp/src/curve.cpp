@@ -32,16 +32,21 @@ GMWM_CLONES void products(const double* nodes, const double* direction, std::siz
   }
 }
 
+// An upper bound of a cubic on a cell: the largest of its Bernstein coefficients.
+GMWM_INLINE double control_maximum(double p0, double p1, double d0, double d1) {
+  return std::max(std::max(p0, p0 + d0 / 3), std::max(p1, p1 - d1 / 3));
+}
+
+// The upper bounds of the cells between successive nodes.
+GMWM_CLONES void control_maxima(const double* p, const double* d, std::size_t cells, double* most) {
+  for (std::size_t i = 0; i < cells; ++i) most[i] = control_maximum(p[i], p[i + 1], d[i], d[i + 1]);
+}
+
 }  // namespace
 
 double Curve::Cell::operator()(double t) const {
   const double u = 1 - t;
   return u * u * ((1 + 2 * t) * p0 + t * d0) + t * t * ((1 + 2 * u) * p1 - u * d1);
-}
-
-// An upper bound of a cubic on a cell: the largest of its Bernstein coefficients.
-double Curve::Cell::control_maximum() const {
-  return std::max(std::max(p0, p0 + d0 / 3), std::max(p1, p1 - d1 / 3));
 }
 
 Peak Curve::Cell::maximum(double from, double to) const {
@@ -72,9 +77,7 @@ Curve::Curve(std::size_t dim, std::span<const double> values, std::span<const do
       slopes_(slopes.begin(), slopes.end()),
       batches_((nodes_ + batch - 1) / batch * batch * 2 * dim, 0.0),
       margins_(margins.begin(), margins.end()),
-      least_(margins.size()),
-      p_(nodes_ + batch),
-      d_(nodes_ + batch) {
+      least_(margins.size()) {
   for (std::size_t i = 0; i < nodes_; ++i)
     for (std::size_t j = 0; j < dim_; ++j) {
       double* at = &batches_[(i / batch * dim_ + j) * 2 * batch + i % batch];
@@ -92,8 +95,7 @@ Curve::Curve(std::size_t dim, std::span<const double> values, std::span<const do
     const double p0 = dot(positive.data(), &values_[i * dim_], dim_), d0 = dot(positive.data(), &slopes_[i * dim_], dim_);
     const double p1 = dot(positive.data(), &values_[(i + 1) * dim_], dim_);
     const double d1 = dot(positive.data(), &slopes_[(i + 1) * dim_], dim_);
-    const Cell upside_down{-p0, -p1, -d0, -d1};
-    least_[i] = -upside_down.control_maximum() - margins_[i] * norm;
+    least_[i] = -control_maximum(-p0, -p1, -d0, -d1) - margins_[i] * norm;
   }
   if (nodes_) branches_.push_back({static_cast<double>(first), static_cast<double>(nodes_ - 1)});
 }
@@ -125,11 +127,15 @@ void Curve::at(double s, double* value, double* slope, double* curvature) const 
   }
 }
 
-double Curve::steepest(std::span<const double> direction, Range range, double threshold, std::vector<Peak>& peaks) {
+double Curve::steepest(std::span<const double> direction, Range range, double threshold, std::vector<Peak>& peaks,
+                       Scratch& scratch) const {
   const auto first = static_cast<std::size_t>(range.low);
   const auto last = std::min(static_cast<std::size_t>(std::ceil(range.high)), nodes_ - 1);
   const std::size_t from = first / batch, to = last / batch + 1;
-  products(&batches_[from * dim_ * 2 * batch], direction.data(), dim_, to - from, &p_[from * batch], &d_[from * batch]);
+  scratch.p.resize(nodes_ + batch), scratch.d.resize(nodes_ + batch), scratch.most.resize(nodes_);
+  double *p = scratch.p.data(), *d = scratch.d.data(), *most = scratch.most.data();
+  products(&batches_[from * dim_ * 2 * batch], direction.data(), dim_, to - from, p + from * batch, d + from * batch);
+  control_maxima(p + first, d + first, last - first, most + first);
   const double length = std::sqrt(dot(direction.data(), direction.data(), dim_));
   double ratio = 0;
   bool rising = false;  // inside a run of cells whose maxima are above the threshold
@@ -138,24 +144,24 @@ double Curve::steepest(std::span<const double> direction, Range range, double th
     if (i + 1 >= nodes_ || margins_[i] < 0) {  // the range is a single point at the end of a branch
       if (range.high > range.low || i == 0) continue;
       c = i - 1;
-      for (std::size_t k = c; k <= c + 1; ++k) {
-        p_[k] = dot(direction.data(), &values_[k * dim_], dim_);
-        d_[k] = dot(direction.data(), &slopes_[k * dim_], dim_);
-      }
-    } else if (last == first) {
-      p_[i + 1] = dot(direction.data(), &values_[(i + 1) * dim_], dim_);
-      d_[i + 1] = dot(direction.data(), &slopes_[(i + 1) * dim_], dim_);
     }
-    const Cell cell{p_[c], p_[c + 1], d_[c], d_[c + 1]};
-    const double margin = margins_[c] * length, most = cell.control_maximum();
-    if (most + margin <= 0) {
+    if (last == first) {
+      for (std::size_t k = c; k <= c + 1; ++k) {
+        p[k] = dot(direction.data(), &values_[k * dim_], dim_);
+        d[k] = dot(direction.data(), &slopes_[k * dim_], dim_);
+      }
+      control_maxima(p + c, d + c, 1, most + c);
+    }
+    const double margin = margins_[c] * length;
+    if (most[c] + margin <= 0) {
       rising = false;
       continue;
     }
+    const Cell cell{p[c], p[c + 1], d[c], d[c + 1]};
     const double start = static_cast<double>(c);
     // In a run of rising cells, a cell that cannot exceed the ratio and the peak so far changes neither.
     const bool whole = range.low <= start && range.high >= start + 1;
-    if (whole && rising && !peaks.empty() && most <= peaks.back().value && most + margin <= ratio * least_[c] &&
+    if (whole && rising && !peaks.empty() && most[c] <= peaks.back().value && most[c] + margin <= ratio * least_[c] &&
         std::max(cell.p0, cell.p1) > threshold)
       continue;
     const Peak peak = cell.maximum(std::max(range.low - start, 0.0), std::min(range.high - start, 1.0));

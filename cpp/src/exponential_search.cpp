@@ -79,6 +79,23 @@ bool solve_linear(std::vector<double>& a, std::vector<double>& b) {
   return true;
 }
 
+Root::Root(std::span<const double> rows, std::size_t dim) : dim_(dim), columns_(dim * padded(dim), 0.0) {
+  bool diagonal = true;
+  for (std::size_t i = 0; i < dim_; ++i)
+    for (std::size_t j = 0; j < dim_; ++j) {
+      columns_[j * padded(dim_) + i] = rows[i * dim_ + j];
+      diagonal = diagonal && (i == j || rows[i * dim_ + j] == 0);
+    }
+  for (std::size_t i = 0; diagonal && i < dim_; ++i) diagonal_.push_back(rows[i * dim_ + i]);
+}
+
+void Root::weigh(const double* rows, std::size_t count, double* out) const {
+  if (diagonal_.empty())
+    multiply(rows, count, columns_.data(), dim_, out);
+  else
+    multiply_diagonal(rows, count, diagonal_.data(), dim_, out);
+}
+
 ExponentialSearch::ExponentialSearch(ExponentialCurve curve, SearchLimits limits, std::span<const double> target,
                                      std::span<const double> fixed, std::span<const double> root, double rounding)
     : curve_(std::move(curve)),
@@ -86,23 +103,8 @@ ExponentialSearch::ExponentialSearch(ExponentialCurve curve, SearchLimits limits
       dim_(target.size()),
       target_(target.begin(), target.end()),
       fixed_(fixed.begin(), fixed.end()),
-      columns_(target.size() * padded(target.size()), 0.0),
-      rounding_(rounding) {
-  bool diagonal = true;
-  for (std::size_t i = 0; i < dim_; ++i)
-    for (std::size_t j = 0; j < dim_; ++j) {
-      columns_[j * padded(dim_) + i] = root[i * dim_ + j];
-      diagonal = diagonal && (i == j || root[i * dim_ + j] == 0);
-    }
-  for (std::size_t i = 0; diagonal && i < dim_; ++i) diagonal_.push_back(root[i * dim_ + i]);
-}
-
-void ExponentialSearch::weighted(const double* row, double* out) const {
-  if (diagonal_.empty())
-    multiply(row, 1, columns_.data(), dim_, out);
-  else
-    multiply_diagonal(row, 1, diagonal_.data(), dim_, out);
-}
+      root_(root, target.size()),
+      rounding_(rounding) {}
 
 bool ExponentialSearch::as_low(double objective, double least, double share) const {
   const double size = std::sqrt(least) + rounding_;
@@ -118,7 +120,7 @@ Optimum ExponentialSearch::at(std::vector<Place> places) const {
   for (std::size_t i = 0; i < places.size(); ++i) {
     double* row = &rows[i * dim_];
     curve_.shape(places[i].branch, places[i].u, shape.data());
-    weighted(shape.data(), row);
+    root_.weigh(shape.data(), 1, row);
     const double size = length(row, dim_);
     for (std::size_t j = 0; j < dim_; ++j) row[j] /= size;
     pointers.push_back(row);
@@ -152,15 +154,15 @@ Optimum ExponentialSearch::polished(std::vector<Place> places) const {
           const double place = starts[i] + static_cast<double>(end) * width;
           double *value = &values[(2 * i + end) * dim_], *slope = &slopes[(2 * i + end) * dim_];
           curve_.shape(branch, place, shape.data());
-          weighted(shape.data(), value);
+          root_.weigh(shape.data(), 1, value);
           curve_.slope(branch, place, shape.data());
-          weighted(shape.data(), slope);
+          root_.weigh(shape.data(), 1, slope);
           to_unit(value, slope, dim_);
           for (std::size_t j = 0; j < dim_; ++j) slope[j] *= width;
         }
       }
       // A refinement uses no bound, so any direction serves as the positive one.
-      Cone cone(target_, fixed_, positive, Curve(dim_, values, slopes, margins, positive));
+      Cone cone(target_, fixed_, positive, std::make_shared<const Curve>(dim_, values, slopes, margins, positive));
       const Point moved = cone.refine(positions);
       std::vector<Place> next;
       bool leaving = false;
@@ -220,13 +222,13 @@ bool ExponentialSearch::newton(std::vector<Place>& places, const std::vector<dou
       const auto& [branch, u] = places[i];
       double *value = &rows[(active + i) * dim_], *slope = slopes + i * dim_, *bend = bends + i * dim_;
       curve_.shape(branch, u, shape.data());
-      weighted(shape.data(), value);
+      root_.weigh(shape.data(), 1, value);
       curve_.slope(branch, u, shape.data());
-      weighted(shape.data(), slope);
+      root_.weigh(shape.data(), 1, slope);
       curve_.slope(branch, u + curvature_step, shape.data());
       curve_.slope(branch, u - curvature_step, other.data());
       for (std::size_t j = 0; j < dim_; ++j) shape[j] = (shape[j] - other[j]) / (2 * curvature_step);
-      weighted(shape.data(), bend);
+      root_.weigh(shape.data(), 1, bend);
       if (step == 0) sizes.push_back(length(value, dim_));
       for (std::size_t j = 0; j < dim_; ++j) value[j] /= sizes[i], slope[j] /= sizes[i], bend[j] /= sizes[i];
     }
@@ -314,18 +316,10 @@ std::vector<int> ExponentialSearch::acts_as(const Optimum& best) const {
 
 namespace {
 
-// The place of a position on the table, counted in cells.
-Place located(const ExponentialTable& table, double position) {
-  std::size_t cell = std::min(static_cast<std::size_t>(std::max(position, 0.0)), table.nodes.size() - 2);
-  if (table.spacing[cell] == 0 && position <= static_cast<double>(cell)) --cell;
-  return {static_cast<std::size_t>(table.owner[cell]),
-          table.nodes[cell] + (position - static_cast<double>(cell)) * table.spacing[cell]};
-}
-
 // Bounds of the interpolation error: `safety` times the largest one at the midpoints of a cell and its neighbours.
 std::vector<double> margins_of(const std::vector<double>& values, const std::vector<double>& slopes,
                                std::vector<double> middles, std::span<const double> spacing, std::size_t dim,
-                               const SearchLimits& limits) {
+                               double safety, std::size_t neighbours) {
   const std::size_t cells = spacing.size();
   std::vector<double> error(cells, 0.0), margins(cells, -1.0);
   for (std::size_t c = 0; c < cells; ++c) {
@@ -339,36 +333,49 @@ std::vector<double> margins_of(const std::vector<double>& values, const std::vec
   }
   for (std::size_t c = 0; c < cells; ++c) {
     if (spacing[c] == 0) continue;
-    const std::size_t from = c < limits.neighbours ? 0 : c - limits.neighbours;
-    const std::size_t to = std::min(c + limits.neighbours + 1, cells);
+    const std::size_t from = c < neighbours ? 0 : c - neighbours;
+    const std::size_t to = std::min(c + neighbours + 1, cells);
     const double worst = *std::max_element(&error[from], &error[from] + (to - from));
-    margins[c] = limits.safety * worst + 4 * std::numeric_limits<double>::epsilon();
+    margins[c] = safety * worst + 4 * std::numeric_limits<double>::epsilon();
   }
   return margins;
 }
 
 }  // namespace
 
-Solved ExponentialSearch::solve(const ExponentialTable& table, std::span<const double> positive, std::size_t k,
-                                std::size_t most, std::span<const double> starts) const {
-  const std::size_t nodes = table.nodes.size();
-  std::vector<double> values(nodes * dim_), slopes(nodes * dim_), middles((nodes - 1) * dim_);
-  const auto all = [&](std::span<const double> rows, std::vector<double>& out) {
-    if (diagonal_.empty())
-      multiply(rows.data(), out.size() / dim_, columns_.data(), dim_, out.data());
-    else
-      multiply_diagonal(rows.data(), out.size() / dim_, diagonal_.data(), dim_, out.data());
-  };
-  all(table.values, values), all(table.slopes, slopes), all(table.middles, middles);
-  for (std::size_t i = 0; i < nodes; ++i) to_unit(&values[i * dim_], &slopes[i * dim_], dim_);
-  const std::vector<double> margins = margins_of(values, slopes, std::move(middles), table.spacing, dim_, limits_);
+WeightedTable::WeightedTable(const ExponentialTable& table, std::span<const double> root,
+                             std::span<const double> positive, double safety, std::size_t neighbours)
+    : owner_(table.owner.begin(), table.owner.end()),
+      nodes_(table.nodes.begin(), table.nodes.end()),
+      spacing_(table.spacing.begin(), table.spacing.end()),
+      positive_(positive.begin(), positive.end()) {
+  const std::size_t nodes = nodes_.size(), dim = positive_.size();
+  std::vector<double> values(nodes * dim), slopes(nodes * dim), middles((nodes - 1) * dim);
+  const Root weights(root, dim);
+  weights.weigh(table.values.data(), nodes, values.data());
+  weights.weigh(table.slopes.data(), nodes, slopes.data());
+  weights.weigh(table.middles.data(), nodes - 1, middles.data());
+  for (std::size_t i = 0; i < nodes; ++i) to_unit(&values[i * dim], &slopes[i * dim], dim);
+  const std::vector<double> margins = margins_of(values, slopes, std::move(middles), spacing_, dim, safety, neighbours);
   // Slopes per cell. The cells of a branch are equal, so either neighbour of a node gives its spacing.
   for (std::size_t i = 0; i < nodes; ++i) {
-    double step = table.spacing[std::min(i, nodes - 2)];
-    if (step == 0) step = table.spacing[i - 1];
-    for (std::size_t j = 0; j < dim_; ++j) slopes[i * dim_ + j] *= step;
+    double step = spacing_[std::min(i, nodes - 2)];
+    if (step == 0) step = spacing_[i - 1];
+    for (std::size_t j = 0; j < dim; ++j) slopes[i * dim + j] *= step;
   }
-  Cone cone(target_, fixed_, positive, Curve(dim_, values, slopes, margins, positive));
+  curve_ = std::make_shared<const Curve>(dim, values, slopes, margins, positive_);
+}
+
+Place WeightedTable::located(double position) const {
+  std::size_t cell = std::min(static_cast<std::size_t>(std::max(position, 0.0)), nodes_.size() - 2);
+  if (spacing_[cell] == 0 && position <= static_cast<double>(cell)) --cell;
+  return {static_cast<std::size_t>(owner_[cell]),
+          nodes_[cell] + (position - static_cast<double>(cell)) * spacing_[cell]};
+}
+
+Solved ExponentialSearch::solve(const WeightedTable& table, std::size_t k, std::size_t most,
+                                std::span<const double> starts) const {
+  Cone cone(target_, fixed_, table.positive(), table.curve());
   const Certified certified = cone.search(k, limits_.gap, most, starts);
 
   Solved best;
@@ -377,7 +384,7 @@ Solved ExponentialSearch::solve(const ExponentialTable& table, std::span<const d
   for (const Point& candidate : certified.best) {
     if (!(candidate.objective <= (1 + limits_.table_error) * best.table)) continue;
     std::vector<Place> places;
-    for (const Atom& atom : candidate.atoms) places.push_back(located(table, atom.position));
+    for (const Atom& atom : candidate.atoms) places.push_back(table.located(atom.position));
     Optimum there = polished(std::move(places));
     if (there.objective < best.objective) static_cast<Optimum&>(best) = std::move(there);
   }

@@ -5,6 +5,8 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "gmwm/buffer.hpp"
 #include "gmwm/clones.hpp"
@@ -20,56 +22,160 @@ GMWM_CLONES void running_sum_clone(const double* x, std::size_t n, double mean, 
   tile::running_sum(x, n, mean, base, out);
 }
 
-GMWM_CLONES void levels_clone(const double* p, std::size_t n, std::size_t levels, double* sums) {
-  tile::levels_of_tile(p, n, levels, sums);
+// Levels with half-scales h, 2h, … of a tile, see tile::levels_of_tile. The loader selects a version as it selects a
+// clone. Only the version for AVX-512 has registers for the wider vectors, which take a fifth less time.
+#if GMWM_HAS_CLONES
+#define GMWM_LEVELS(TARGET, VALUES)                                                                                   \
+  __attribute__((target(TARGET))) void add_levels(const double* p, std::size_t n, std::size_t levels, double* sums,   \
+                                                  std::size_t h, const tile::Ahead& ahead) {                          \
+    tile::levels_of_tile<VALUES>(p, n, levels, sums, h, ahead);                                                       \
+  }
+GMWM_LEVELS("default", Pack)
+GMWM_LEVELS("arch=x86-64-v3", Pack)
+GMWM_LEVELS("arch=x86-64-v4", WidePack)
+#undef GMWM_LEVELS
+#else
+void add_levels(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h,
+                const tile::Ahead& ahead) {
+  tile::levels_of_tile(p, n, levels, sums, h, ahead);
 }
-
-GMWM_CLONES void far_clone(const double* p, std::size_t n, std::size_t h, std::size_t levels, double* sums) {
-  tile::levels_of_tile(p, n, levels, sums, h);
-}
+#endif
 
 // Factor from (P_t - …)² to W²: a power of two, so it is exact.
 void scale_by_level(std::span<double> sums) {
   for (std::size_t k = 0; k < sums.size(); ++k) sums[k] = std::ldexp(sums[k], -2 * static_cast<int>(k + 1));
 }
 
-// Sums of squares over indices first <= i < last of the running sum (i = t + 1 >= 1), not yet scaled.
-void add_squares(const double* sum, std::size_t first, std::size_t last, std::span<double> squares) {
-  for (std::size_t i = first, next; i < last; i = next) {
-    next = std::min(tile::end(i), last);
-    levels_clone(sum + i, next - i, tile::active(i, squares.size()), squares.data());
+// A shorter record is processed as a whole: its running sum is in the second-level cache.
+constexpr std::size_t short_record = std::size_t{1} << 18;
+// Least number of samples by which the running sum advances before its oldest part is dropped.
+constexpr std::size_t advance = std::size_t{1} << 16;
+// Columns that are processed together by far_levels. Eight cache lines of a row are read at once.
+constexpr std::size_t width = 64;
+constexpr std::size_t rows_at_once = 32;
+
+// A value near the mean, from one block in 32. Any such value will do: it only keeps the running sum small. Blocks from
+// all over the record follow a drift, so the running sum is a few times larger than with the exact mean at most.
+double near_mean(std::span<const double> x) {
+  constexpr std::size_t block = 512, every = 32;
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < x.size(); i += block * every) {
+    const std::size_t n = std::min(block, x.size() - i);
+    sum += sum_clone(x.data() + i, n, x[0]);
+    count += n;
   }
+  return x[0] + sum / static_cast<double>(count);
 }
 
-// Levels from `near` + 1 on have half-scales that are multiples of a row of 2^near values. A tile of the running sum
-// would read each of them from a place of its own, beyond the caches if the recording is long. Here, a few columns of all
-// rows are copied next to each other, and serve all these levels.
-constexpr std::size_t near = 14;
-constexpr std::size_t row = std::size_t{1} << near;
-constexpr std::size_t long_record = std::size_t{1} << 22;  // shorter ones are in the caches
-constexpr std::size_t strip_size = std::size_t{1} << 16;   // values in the columns: half a second-level cache
+// Number of levels that are computed from a window of the running sum; far_levels computes the other ones.
+//
+// The window has 2^near values and is to fit into the second-level cache. The rows of far_levels have as many samples,
+// and the columns of about a thousand rows are to fit there too.
+std::size_t near_levels_of(std::size_t n, std::size_t levels) {
+  if (n < short_record) return levels;
+  return std::clamp<std::size_t>(static_cast<std::size_t>(std::bit_width(n)) - 11, 14, 17);
+}
 
-// Sums of squares of levels near + 1, … over all indices of the running sum of n + 1 values, not yet scaled.
-void add_far_squares(const double* sum, std::size_t n, std::span<double> squares) {
-  const std::size_t rows = n / row + 1;
-  const std::size_t width = std::clamp(std::bit_floor(strip_size / rows), 2 * Pack::size, row);
-  const AlignedArray strip = aligned_array(rows * width);
-  for (std::size_t column = 0; column < row; column += width) {
-    std::size_t count = 0;
-    for (std::size_t r = 0; r < rows; ++r) {
-      const std::size_t from = r * row + column;
-      if (from > n) break;
-      const std::size_t some = std::min(width, n + 1 - from);
-      std::copy_n(sum + from, some, strip.get() + count);
-      count += some;
+// The newest part of the running sum of n samples: at least the last `row` values, and all of a short record.
+class Window {
+ public:
+  Window(std::size_t n, std::size_t row)
+      : keep_(std::max(row, tile::size)),
+        capacity_(n < short_record ? n + 1 : std::min(n + 1, keep_ + std::max(keep_, advance))),
+        values_(aligned_array(capacity_)) {
+    values_[0] = 0.0;
+  }
+  // Place of value i, which begins a tile. The older values that are kept are before it.
+  double* at(std::size_t i) {
+    if (i - from_ == capacity_) {
+      std::copy(values_.get() + capacity_ - keep_, values_.get() + capacity_, values_.get());
+      from_ = i - keep_;
     }
-    // The first index of a level with half-scale h is 2 h, where the next level of the strip begins.
-    for (std::size_t first = 2 * width; first < count; first *= 2) {
-      const std::size_t last = std::min(2 * first, count);
-      const auto reach = static_cast<std::size_t>(std::bit_width(first / width)) - 1;
-      const std::size_t levels = std::min(reach, squares.size());
-      for (std::size_t i = first; i < last; i += tile::size)
-        far_clone(strip.get() + i, std::min(tile::size, last - i), width, levels, squares.data());
+    return values_.get() + (i - from_);
+  }
+
+ private:
+  std::size_t keep_, capacity_, from_ = 0;
+  AlignedArray values_;
+};
+
+// Values of the running sum that outlast the window.
+struct Kept {
+  double half = 0.0, last = 0.0;  // after the first half of the samples, and after all
+  std::vector<double> starts;     // before sample 0, row, 2 row, …
+};
+
+// Adds the sums of squares of levels 1 … squares.size(), not yet scaled, and returns what is kept of the running sum.
+Kept near_levels(std::span<const double> x, double mean, std::size_t row, std::span<double> squares) {
+  const std::size_t n = x.size(), half = n / 2;
+  Window window(n, row);
+  Kept kept{.starts = std::vector<double>(n / row + 1)};
+  // Tile by tile, so that all levels read the newest part of the running sum from the cache. The next samples are
+  // requested meanwhile.
+  for (std::size_t i = 1, next; i <= n; i = next) {
+    next = std::min(tile::end(i), n + 1);
+    double* p = window.at(i);
+    running_sum_clone(x.data() + i - 1, next - i, mean, p[-1], p);
+    if (i % row == 0) kept.starts[i / row] = p[0];
+    if (i <= half && half < next) kept.half = p[half - i];
+    kept.last = p[next - i - 1];
+    add_levels(p, next - i, tile::active(i, squares.size()), squares.data(), 1, {.at = x.data() + next - 1});
+  }
+  return kept;
+}
+
+// Columns `first` … `first` + width - 1 of a matrix of the running sum, which has the samples t in rows: P_t is in row
+// t / row and column t % row.
+struct Columns {
+  std::span<const double> x;
+  double mean;
+  std::size_t row;
+  std::vector<double> carried;  // running sum before the first column of each row
+
+  std::size_t rows() const { return (x.size() - 1) / row + 1; }
+  const double* samples(std::size_t r, std::size_t first) const { return x.data() + r * row + first; }
+  std::size_t size(std::size_t r, std::size_t first) const {
+    return std::min(width, x.size() - std::min(x.size(), r * row + first));
+  }
+  void fill(std::size_t begin, std::size_t end, std::size_t first, double* out) {
+    for (std::size_t r = begin; r < end; ++r) {
+      const std::size_t n = size(r, first);
+      if (n == 0) break;
+      running_sum_clone(samples(r, first), n, mean, carried[r], out + r * width);
+      carried[r] = out[r * width + n - 1];
+    }
+  }
+};
+
+// Adds the sums of squares of levels with half-scales row, 2 row, …, not yet scaled.
+//
+// These lags are rows of a matrix. If a tile of the running sum read each of them, it would read from memory, many times
+// over. Here the samples are read once more, a few columns of all rows at a time, which fit into the cache and serve all
+// levels. The next columns are read meanwhile, row by row, because rows with a distance of a power of two displace one
+// another from the cache.
+void far_levels(Columns columns, std::span<double> squares) {
+  // The first coefficient of a level uses the value before sample 0, which is in no row.
+  for (std::size_t k = 0; k < squares.size(); ++k) {
+    const std::size_t h = std::size_t{1} << k;
+    const double w = columns.carried[2 * h] - 2.0 * columns.carried[h];
+    squares[k] += w * w;
+  }
+  const std::size_t rows = columns.rows();
+  AlignedArray now = aligned_array(rows * width), later = aligned_array(rows * width);
+  columns.fill(0, rows, 0, now.get());
+  for (std::size_t first = 0; first < columns.row; first += width, std::swap(now, later)) {
+    const std::size_t next = first + width;
+    const bool more = next < columns.row;
+    const unsigned shift = static_cast<unsigned>(std::countr_zero(width));
+    for (std::size_t r = 0, end; r < rows; r = end) {
+      end = std::min({rows, r + rows_at_once, std::bit_ceil(r + 1)});
+      const std::size_t n = (end - r - 1) * width + columns.size(end - 1, first);
+      // Row r has coefficients of levels with a scale of at most r rows.
+      const std::size_t levels = r < 2 ? 0 : std::min<std::size_t>(std::bit_width(r) - 1, squares.size());
+      const tile::Ahead ahead{more ? columns.samples(r, next) : nullptr, shift, columns.row - width};
+      add_levels(now.get() + r * width, n, levels, squares.data(), width, ahead);
+      if (more) columns.fill(r, end, next, later.get());
     }
   }
 }
@@ -109,34 +215,32 @@ void running_sum(std::span<const double> x, double mean, std::span<double> sum) 
 }
 
 void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::size_t end, std::span<double> sums) {
-  std::array<double, max_level> storage{};
-  const std::span<double> squares{storage.data(), sums.size()};
-  add_squares(sum.data(), begin + 1, end + 1, squares);
-  scale_by_level(squares);
+  std::array<double, max_level> squares{};
+  for (std::size_t i = begin + 1, next; i <= end; i = next) {
+    next = std::min(tile::end(i), end + 1);
+    add_levels(sum.data() + i, next - i, tile::active(i, sums.size()), squares.data(), 1, {});
+  }
+  scale_by_level({squares.data(), sums.size()});
   for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += squares[k];
 }
 
-void haar_variance(std::span<const double> x, std::span<double> variance) {
-  const Mean centre = mean(x);
-  if (!centre.finite) {
-    std::fill(variance.begin(), variance.end(), std::numeric_limits<double>::quiet_NaN());
-    return;
-  }
-  const AlignedArray sum = aligned_array(x.size() + 1);
-  sum[0] = 0.0;
+double haar_variance(std::span<const double> x, std::span<double> variance) {
+  const std::size_t near = near_levels_of(x.size(), variance.size());
+  const std::size_t row = std::size_t{1} << near;
+  const double centre = x.size() < short_record ? mean(x).value : near_mean(x);
   std::fill(variance.begin(), variance.end(), 0.0);
-  const bool far = x.size() >= long_record && variance.size() > near;
-  const std::span<double> at_once = far ? variance.first(near) : variance;
-  // Tile by tile, so that all levels read the newest part of the running sum from the cache.
-  for (std::size_t i = 1, next; i <= x.size(); i = next) {
-    next = std::min((i / tile::size + 1) * tile::size, x.size() + 1);
-    running_sum_clone(x.data() + i - 1, next - i, centre.value, sum[i - 1], sum.get() + i);
-    add_squares(sum.get(), i, next, at_once);
+  Kept kept = near_levels(x, centre, row, variance.first(std::min(near, variance.size())));
+  if (!std::isfinite(kept.last)) {
+    std::fill(variance.begin(), variance.end(), std::numeric_limits<double>::quiet_NaN());
+    return std::numeric_limits<double>::quiet_NaN();
   }
-  if (far) add_far_squares(sum.get(), x.size(), variance.subspan(near));
+  if (variance.size() > near) far_levels({x, centre, row, std::move(kept.starts)}, variance.subspan(near));
   scale_by_level(variance);
-  for (std::size_t k = 0; k < variance.size(); ++k)
-    variance[k] /= static_cast<double>(x.size() - (std::size_t{1} << (k + 1)) + 1);
+  const double n = static_cast<double>(x.size());
+  for (std::size_t k = 0; k < variance.size(); ++k) variance[k] /= n - std::ldexp(1.0, static_cast<int>(k) + 1) + 1.0;
+  const double first = static_cast<double>(x.size() / 2), second = n - first;
+  // The means of the two halves are N/2 samples apart.
+  return ((kept.last - kept.half) / second - kept.half / first) / (n / 2.0);
 }
 
 }  // namespace gmwm

@@ -46,12 +46,9 @@ GMWM_CLONES Lengths orthogonalise(double* columns, std::size_t n, std::size_t k,
   return {before, std::sqrt(product(q, q, n))};
 }
 
-// Projects columns out of a vector, one after the other (modified Gram-Schmidt); writes the coefficients to z.
-GMWM_CLONES void take_out(const double* columns, std::size_t n, std::size_t count, double* vector, double* z) {
-  for (std::size_t k = 0; k < count; ++k) {
-    z[k] = product(columns + k * n, vector, n);
-    subtract(vector, z[k], columns + k * n, n);
-  }
+// Projects columns out of a vector, one after the other (modified Gram-Schmidt).
+GMWM_CLONES void take_out(const double* columns, std::size_t n, std::size_t count, double* vector) {
+  for (std::size_t k = 0; k < count; ++k) subtract(vector, product(columns + k * n, vector, n), columns + k * n, n);
 }
 
 }  // namespace
@@ -64,33 +61,42 @@ NonNegative::NonNegative(std::span<const double> target)
   target_norm_ = std::sqrt(objective_);
 }
 
-// Gram-Schmidt, each column twice: the passive columns may be nearly parallel (neighbours on a curve). Returns false,
-// and removes the column from the passive set, if a column depends on the previous ones.
+// Gram-Schmidt, each column twice: the passive columns may be nearly parallel (neighbours on a curve). Each column only
+// depends on the columns before it, so the first columns that are the same as in the last call are not computed again.
+// Returns false, and removes the column from the passive set, if a column depends on the previous ones.
 bool NonNegative::least_squares(std::span<const double* const> columns) {
   const std::size_t n = target_.size();
   const std::size_t m = passive_.size();
-  q_.resize(m * n);
-  r_.assign(m * m, 0.0);
-  z_.assign(m, 0.0);
-  for (std::size_t k = 0; k < m; ++k) {
-    double* q = q_.data() + k * n;
+  if (a_.size() < m * n) {
+    a_.resize(m * n), q_.resize(m * n), r_.resize(m * (m + 1) / 2), along_.resize(m), left_.resize((m + 1) * n);
+    std::copy(target_.begin(), target_.end(), left_.begin());
+  }
+  std::size_t k = 0;
+  while (k < known_ && k < m && std::equal(&a_[k * n], &a_[k * n] + n, columns[passive_[k]])) ++k;
+  for (known_ = k; k < m; known_ = ++k) {
     const double* a = columns[passive_[k]];
+    double *q = &q_[k * n], *r = &r_[k * (k + 1) / 2], *left = &left_[(k + 1) * n];
+    std::copy(a, a + n, &a_[k * n]);
     std::copy(a, a + n, q);
-    const auto [before, norm] = orthogonalise(q_.data(), n, k, r_.data() + k * m);
+    std::fill(r, r + k, 0.0);
+    const auto [before, norm] = orthogonalise(q_.data(), n, k, r);
     if (!(norm > 1e-12 * before)) {
       blocked_[passive_[k]] = 1;
       passive_.erase(passive_.begin() + static_cast<std::ptrdiff_t>(k));
       return false;
     }
-    r_[k * m + k] = norm;
+    r[k] = norm;
     for (std::size_t t = 0; t < n; ++t) q[t] /= norm;
+    std::copy(left - n, left, left);
+    along_[k] = dot(q, left, n);
+    for (std::size_t t = 0; t < n; ++t) left[t] -= along_[k] * q[t];
   }
-  // Project the target step by step (modified Gram-Schmidt), then solve the triangular system.
-  residual_ = target_;
-  take_out(q_.data(), n, m, residual_.data(), z_.data());
-  for (std::size_t k = m; k-- > 0;) {
-    z_[k] /= r_[k * m + k];
-    for (std::size_t i = 0; i < k; ++i) z_[i] -= r_[k * m + i] * z_[k];
+  std::copy(&left_[m * n], &left_[m * n] + n, residual_.begin());
+  z_.assign(along_.begin(), along_.begin() + static_cast<std::ptrdiff_t>(m));
+  for (k = m; k-- > 0;) {
+    const double* r = &r_[k * (k + 1) / 2];
+    z_[k] /= r[k];
+    for (std::size_t i = 0; i < k; ++i) z_[i] -= r[i] * z_[k];
   }
   return true;
 }
@@ -155,8 +161,7 @@ void NonNegative::solve(std::span<const double* const> columns, std::vector<doub
 }
 
 void NonNegative::project_out(std::span<double> vector) const {
-  std::vector<double> coefficients(passive_.size());
-  take_out(q_.data(), target_.size(), passive_.size(), vector.data(), coefficients.data());
+  take_out(q_.data(), target_.size(), passive_.size(), vector.data());
 }
 
 }  // namespace gmwm

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <vector>
 
 namespace {
@@ -73,8 +74,9 @@ void test_curve(const Tabulated& t, gmwm::Curve& curve) {
   std::vector<double> direction(dim), z(dim, 1.0);
   for (std::size_t j = 0; j < dim; ++j) direction[j] = std::sin(1.7 * static_cast<double>(j + 1));
   std::vector<gmwm::Peak> peaks;
+  gmwm::Curve::Scratch scratch;
   const gmwm::Range range{17.3, 203.8};
-  const double bound = curve.steepest(direction, range, 0, peaks);
+  const double bound = curve.steepest(direction, range, 0, peaks, scratch);
   double found = 0;
   for (double s = range.low; s <= range.high; s += 0.01) {
     const auto exact = Tabulated::exact(t.coordinate(s));
@@ -91,7 +93,7 @@ void test_search(const Tabulated& t, const gmwm::Curve& curve) {
   for (std::size_t j = 0; j < dim; ++j)
     target[j] = 3 * first[j] + 2 * second[j] + 0.5 * fixed[j] + 0.05 * std::cos(9.0 * static_cast<double>(j));
   for (const std::size_t count : {1u, 2u}) {
-    gmwm::Cone cone(target, fixed, z, curve);
+    gmwm::Cone cone(target, fixed, z, std::make_shared<const gmwm::Curve>(curve));
     const gmwm::Certified found = cone.search(count, 1e-4, 20000, {});
     const double objective = found.best.front().objective;
     check(found.bound <= objective && found.bound >= 0.999 * objective, "the search closes its gap");

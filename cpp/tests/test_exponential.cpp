@@ -82,7 +82,7 @@ void test_search() {
   const double low = std::log(1e-7), high = std::log(40.0);
   const gmwm::ExponentialBranch branch{low, high, 1e-7, 1e-8, 1, true, true};
   const gmwm::ExponentialCurve curve(h, std::vector{branch}, 1.0, false);
-  const gmwm::SearchLimits limits{1e-4, 1e-5, 1e-12, 1e-10, 1e-6, 0.05, 2, 12, 8, 5, {1e-2, 1e-3}};
+  const gmwm::SearchLimits limits{1e-4, 1e-5, 1e-12, 1e-10, 1e-6, 0.05, 8, 5, {1e-2, 1e-3}};
   const gmwm::ExponentialSearch search(curve, limits, target, white, root, 1e-15);
   const std::size_t cells = 790;
   const double step = (high - low) / static_cast<double>(cells);
@@ -95,8 +95,8 @@ void test_search() {
     if (i < cells) curve.shape(0, nodes[i] + step / 2, &middles[i * levels]);
   }
   const std::vector<double> positive(levels, 1.0);
-  const gmwm::Solved best =
-      search.solve({owner, nodes, spacing, values, slopes, middles}, positive, 2, 2000, std::vector<double>{});
+  const gmwm::WeightedTable table({owner, nodes, spacing, values, slopes, middles}, root, positive, 2, 12);
+  const gmwm::Solved best = search.solve(table, 2, 2000, std::vector<double>{});
   CHECK(best.places.size() == 2 && best.objective < 1e-24 && best.bound <= best.objective + 1e-12);
   if (best.places.size() != 2) return;
   CHECK_CLOSE(curve.parameter(0, best.places[0].u), 0.01, 1e-9);
@@ -143,7 +143,7 @@ void test_weights() {
   const std::vector<double> h{1, 2, 4, 8, 16, 32};
   const double low = std::log(1e-5), high = std::log(40.0);
   const gmwm::ExponentialCurve curve(h, std::vector{gmwm::ExponentialBranch{low, high, 1e-5, 1e-8, 1, true, true}}, 1, false);
-  const gmwm::SearchLimits limits{1e-4, 1e-5, 1e-12, 1e-10, 1e-6, 0.05, 2, 12, 8, 5, {1e-2, 1e-3}};
+  const gmwm::SearchLimits limits{1e-4, 1e-5, 1e-12, 1e-10, 1e-6, 0.05, 8, 5, {1e-2, 1e-3}};
   gmwm::Setting setting = white_and_exponential(h);
   gmwm::Reweighting alone(setting, curve, limits);
   const std::vector<double> white = alone.variances({{1.0}, {{0.1, 0.0}}});

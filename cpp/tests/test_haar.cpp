@@ -163,7 +163,7 @@ __attribute__((target("arch=x86-64-v3"))) void squares_v3(const double* p, std::
   gmwm::tile::levels_of_tile(p, n, j, s);
 }
 __attribute__((target("arch=x86-64-v4"))) void squares_v4(const double* p, std::size_t n, std::size_t j, double* s) {
-  gmwm::tile::levels_of_tile(p, n, j, s);
+  gmwm::tile::levels_of_tile<gmwm::WidePack>(p, n, j, s);
 }
 
 void clones_agree() {
@@ -184,22 +184,55 @@ void clones_agree() {
 void clones_agree() { CHECK(std::strcmp(gmwm::running_clone(), "portable") == 0); }
 #endif
 
-// Far levels of a long record have code of their own. Its ends lie within a row, at its end, and at its beginning.
+// Far levels of a long record have code of their own. The record ends within a row of 2^14 samples, at its end, at its
+// beginning, within the columns that are processed together, and between two of them.
 void far_levels_are_sums_over_the_whole_running_sum() {
-  for (const std::size_t n : {(std::size_t{1} << 22) + 12345, (std::size_t{1} << 22) + 16383, std::size_t{1} << 22}) {
-    std::vector<double> x(n);
-    std::uint64_t state = 1;
-    for (double& v : x) {
-      state = state * 6364136223846793005u + 1442695040888963407u;
-      v = static_cast<double>(state >> 11) * 0x1p-53 - 0.5;
-    }
-    const std::size_t levels = 22;
-    std::vector<double> variance(levels), sums(levels, 0.0), total(n + 1, 0.0);
-    gmwm::haar_variance(x, variance);
+  constexpr std::size_t row = std::size_t{1} << 14, shortest = std::size_t{1} << 18;
+  for (const std::size_t n : {shortest, shortest + 1, shortest + 63, shortest + 64, 2 * shortest - 1, 5 * row * 7 + 12345,
+                              63 * row, 64 * row - 1, 64 * row, 100 * row + 128, 300 * row + 16383}) {
+    const Values x = signal(n % 2 == 0 ? Kind::white : Kind::walk, n, 9810.0);
+    const std::size_t levels = top_level(n);
+    Values variance(levels), sums(levels), total(n + 1), fewer(levels - 1);
+    const double rise = gmwm::haar_variance(x, variance);
+    gmwm::haar_variance(x, fewer);
     gmwm::running_sum(x, gmwm::mean(x).value, total);
     gmwm::haar_sums_of_squares(total, 0, n, sums);
+    // The rounding error of level 1 of a random walk is 6e-11 at 10^6 samples, see haar.hpp.
+    const double tolerance = n % 2 == 0 ? 1e-12 : 2e-10;
     for (std::size_t k = 0; k < levels; ++k)
-      CHECK_CLOSE(variance[k], sums[k] / static_cast<double>(n - (std::size_t{1} << (k + 1)) + 1), 1e-12);
+      CHECK_CLOSE(variance[k], sums[k] / static_cast<double>(n - (std::size_t{1} << (k + 1)) + 1), tolerance);
+    for (std::size_t k = 0; k + 1 < levels; ++k) CHECK_CLOSE(fewer[k], variance[k], 1e-13);
+    const double half = static_cast<double>(n / 2), rest = static_cast<double>(n) - half;
+    const double expected = ((total[n] - total[n / 2]) / rest - total[n / 2] / half) / (static_cast<double>(n) / 2.0);
+    CHECK(std::abs(rise - expected) < 1e-12 * (std::abs(expected) + 1e-3));
+  }
+}
+
+// The running sum of a long record is relative to a value near the mean, from some of the samples.
+void a_long_record_keeps_its_digits() {
+  const std::size_t n = 300'000;
+  for (const Kind kind : {Kind::white, Kind::walk, Kind::drift}) {
+    const Values x = signal(kind, n, 9810.0);
+    Values variance(top_level(n));
+    gmwm::haar_variance(x, variance);
+    for (const std::size_t j : {1u, 2u, 5u, 9u}) {
+      const double count = static_cast<double>(n - (std::size_t{1} << j) + 1);
+      CHECK_CLOSE(variance[j - 1], sum_of_squares(x, j, 0, n) / count, kind == Kind::drift ? 1e-6 : 1e-10);
+    }
+    const Values constant(n, 9810.1);
+    gmwm::haar_variance(constant, variance);
+    for (const double v : variance) CHECK(v == 0.0);
+  }
+}
+
+void the_rise_is_that_of_a_line() {
+  for (const std::size_t n : {std::size_t{9}, std::size_t{5000}, std::size_t{400'001}}) {
+    Values x(n), variance(top_level(n));
+    for (std::size_t t = 0; t < n; ++t) x[t] = 9810.0 + 0.25 * static_cast<double>(t);
+    CHECK_CLOSE(gmwm::haar_variance(x, variance), 0.25, 1e-12);
+    x[n / 3] = std::numeric_limits<double>::infinity();
+    CHECK(std::isnan(gmwm::haar_variance(x, variance)));
+    for (const double v : variance) CHECK(std::isnan(v));
   }
 }
 
@@ -216,5 +249,7 @@ int main() {
   buffers_are_aligned();
   clones_agree();
   far_levels_are_sums_over_the_whole_running_sum();
+  a_long_record_keeps_its_digits();
+  the_rise_is_that_of_a_line();
   return check::result("haar");
 }

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from html import escape
+from importlib import metadata
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+
+
+@cache
+def version() -> str:
+    """Return the version of the installed package. Each look-up parses its metadata, which takes 1 ms."""
+    return metadata.version("gmwm")
 
 
 def counted(number: int, noun: str) -> str:

@@ -18,7 +18,7 @@ from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError, OptionError
 from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase, begins_of, times_of
-from gmwm.units import SI_UNIT, Quantity, parse_unit
+from gmwm.units import SI_UNIT, Quantity, parse_unit, require_measurable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ class Signal:
     Raises
     ------
     DataError
-        If the values are not finite numbers, or the segments or starts do not fit the values.
+        If a value is not finite or above 1e12 rad/s or m/s², or the segments or starts do not fit the values.
     OptionError
         If the rate is not a positive number.
     """
@@ -88,6 +88,7 @@ class Signal:
         gaps_known: bool | None = None,
     ) -> None:
         vector = as_vector(values, axis or "the signal", at_least=1)
+        require_measurable(vector, unit, axis)
         if vector.flags.writeable:
             vector = freeze(vector.view())
         ranges = tuple((int(a), int(b)) for a, b in segments) or ((0, vector.size),)

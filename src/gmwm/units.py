@@ -11,7 +11,11 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from gmwm.errors import UnitError
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import MISSING_SAMPLES, Vector
+from gmwm.errors import DataError, UnitError
 
 __all__ = ["Unit", "datasheet_units", "find_unit", "parse_unit", "unit_names"]
 
@@ -68,6 +72,35 @@ _UNITS = (
 
 SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}
 """The SI unit of each quantity."""
+
+IMPOSSIBLE = 1e12
+"""Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors
+measure up to 2e6 m/s², and 32-bit counts without a scale reach 2e9."""
+
+
+def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
+    """Return a mask of the values (rad/s or m/s²) that no sensor can measure; None if there is no such value.
+
+    >>> beyond_sensors(np.array([0.1, -3.4e38, 9.8]))
+    array([False,  True, False])
+    """
+    if values.size == 0 or (values.max() <= IMPOSSIBLE and values.min() >= -IMPOSSIBLE):
+        return None
+    beyond = np.abs(values) > IMPOSSIBLE
+    return beyond if beyond.any() else None
+
+
+def require_measurable(values: Vector, unit: str, axis: str) -> None:
+    """Raise a DataError if the unit is rad/s or m/s² and no sensor can have measured a value."""
+    beyond = beyond_sensors(values) if unit in SI_UNIT.values() else None
+    if beyond is not None:
+        index, name = int(np.argmax(beyond)), axis or "the signal"
+        raise DataError(
+            f"{name} has values that no sensor measures, the first at index {index}: {values[index]:.3g} {unit}",
+            argument=name,
+            got=float(values[index]),
+            advice=MISSING_SAMPLES,
+        )
 
 
 def _key(text: str) -> str:

@@ -8,7 +8,8 @@ import pytest
 import gmwm
 from gmwm import SIN, WN
 from gmwm.calibration.summary_text import HELD
-from gmwm.calibration.tables import in_order, merged
+from gmwm.calibration.tables import in_order, merged, number
+from gmwm.datasheets import Entry
 from gmwm.outliers import excess_text
 from gmwm.plots.imu import imu_figure
 from gmwm.remarks import Quantity, Remark, Severity
@@ -23,6 +24,14 @@ def words(calibration):
 
 def test_it_fits_eighty_columns(calibration):
     assert max(map(len, calibration.summary().splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "text"),
+    [(0.0, -1.0, 2.0, "-1 … 2"), (0.0, 0.0, 0.0, "0"), (1e-308, 0.0, 1e3, "0 … 1000"), (2.0, 1.9, 2.1, "2 ± 5 %")],
+)
+def test_a_number_of_any_size_has_an_interval(value, low, high, text):
+    assert number(Entry(symbol="N", title="a number", value=value, low=low, high=high, unit="1")) == text
 
 
 def test_wide_tables_are_cut_to_fewer_axes(calibration):

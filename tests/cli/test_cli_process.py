@@ -11,6 +11,7 @@ from rich.text import Text
 from typer.main import get_command
 
 import gmwm as library
+from gmwm.cli.commands import NAMES
 from gmwm.cli.main import accept_all_characters, app
 from gmwm.processes import registry
 
@@ -80,9 +81,18 @@ def test_help_of_fit_knows_every_process(gmwm):
         assert f"{name} {process.title}" in words
 
 
-def test_start_up_is_light():
-    heavy = ("polars", "matplotlib", "scipy.optimize", "scipy.stats", "scipy.signal", "rich.progress")
-    code = f"import sys, gmwm.cli.main; print([m for m in {heavy} if m in sys.modules])"
+@pytest.mark.parametrize(
+    ("modules", "heavy"),
+    [
+        (["gmwm.cli.main"], ["numpy", "gmwm.calibration", "gmwm.cli.calibrate"]),
+        (
+            [f"gmwm.cli.{name}" for name in NAMES],
+            ["polars", "matplotlib", "scipy.optimize", "scipy.stats", "scipy.signal", "rich.progress", "dash"],
+        ),
+    ],
+)
+def test_start_up_is_light(modules, heavy):
+    code = f"import sys, {', '.join(modules)}; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

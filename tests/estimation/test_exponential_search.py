@@ -131,16 +131,26 @@ def test_the_kernel_refuses_what_does_not_fit_together():
     branch = np.array([[0.0, 1.0, 1e-3, 1e-8, 1.0, 0.0, 0.0]])
     with pytest.raises(ValueError, match="length of the target"):
         _core.ExponentialSearch(
-            numbers, np.ones((1, 2)), root, 0.0, numbers, branch, 1.0, False, np.ones(10), np.ones(2)
+            numbers, np.ones((1, 2)), root, 0.0, numbers, branch, 1.0, False, np.ones(8), np.ones(2)
         )
     with pytest.raises(ValueError, match="branch"):
         _core.ExponentialSearch(
-            numbers, np.ones((1, 3)), root, 0.0, numbers, branch[:, :5].copy(), 1.0, False, np.ones(10), np.ones(2)
+            numbers, np.ones((1, 3)), root, 0.0, numbers, branch[:, :5].copy(), 1.0, False, np.ones(8), np.ones(2)
         )
     search = _core.ExponentialSearch(
-        numbers, np.ones((1, 3)), root, 0.0, numbers, branch, 1.0, False, np.ones(10), np.ones(2)
+        numbers, np.ones((1, 3)), root, 0.0, numbers, branch, 1.0, False, np.ones(8), np.ones(2)
     )
     with pytest.raises(ValueError, match="no such branch"):
         search.follow(np.array([1]), np.array([0.5]), False)
+    rows, owner = np.ones((2, 3)), np.zeros(2, dtype=np.int64)
+    with pytest.raises(ValueError, match="as many owners"):
+        _core.WeightedTable(root, numbers, owner, np.arange(3.0), np.ones(1), rows, rows, rows[:1], 2.0, 12)
+    with pytest.raises(ValueError, match="one after the other"):
+        _core.WeightedTable(root, numbers, owner + 1, np.arange(2.0), np.ones(1), rows, rows, rows[:1], 2.0, 12)
+    table = _core.WeightedTable(root, numbers, owner, np.arange(2.0), np.ones(1), rows, rows, rows[:1], 2.0, 12)
+    with pytest.raises(ValueError, match="on the curve"):
+        search.solve(table, 1, 10, np.array([1.5]))
+    with pytest.raises(ValueError, match="levels and the branches"):
+        search.solve(table, 0, 10, np.empty(0))
     with pytest.raises(ValueError, match="out must have"):
         _core.exponential_shapes(numbers, numbers, np.empty((3, 2)))

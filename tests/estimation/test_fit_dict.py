@@ -118,6 +118,15 @@ def test_values_that_are_not_a_fit_are_refused(fits, changes, fact):
         Fit.from_dict(broken(values, **changes))
 
 
+@pytest.mark.parametrize("name", ["variance", "lower", "upper", "counts"])
+@pytest.mark.parametrize("change", [lambda one: one[:1], lambda one: [one], lambda one: [*one, one[-1]]])
+def test_a_curve_has_one_number_for_each_level(fits, name, change):
+    values = fits["GM + WN + RW"].to_dict()
+    curve = values["wavelet_variance"]
+    with raises(ReadError, name):
+        Fit.from_dict({**values, "wavelet_variance": {**curve, name: change(curve[name])}})
+
+
 @pytest.mark.parametrize("values", [[], "text", 3, None, {}])
 def test_other_things_are_refused(values):
     with raises(ReadError, "fit", advises=["to_dict()"]):

@@ -204,17 +204,6 @@ def asked_for(within):
     return UnitOptions(CalibrationOptions(within=within), ReadOptions())
 
 
-def test_worker_processes_of_its_own_find_the_same(few, tmp_path):
-    pytest.importorskip("distributed")
-    one, other = tmp_path / "here", tmp_path / "there"
-    fleet(few, one, within=WITHIN, workers=0)
-    found = fleet(few, other, within=WITHIN, workers=1)
-    assert found.done == 6
-    for unit in found:
-        assert (one / "units" / f"{unit}.json").read_bytes() == (other / "units" / f"{unit}.json").read_bytes()
-    assert (one / "fleet.parquet").read_bytes() == (other / "fleet.parquet").read_bytes()
-
-
 # --- what is kept, and what is done anew ------------------------------------------------------------
 
 

@@ -61,7 +61,7 @@ def test_order_and_units_do_not_matter(fitted):
     turned = fit_joint("shared(RW) + WN", dict(reversed(x.items())), RATE)
     assert turned.objective == pytest.approx(fitted.objective, rel=1e-6)
     assert np.allclose(turned.covariances["RW"][::-1, ::-1], fitted.covariances["RW"], rtol=1e-5, atol=1e-8)
-    for unit in (1e-12, 1e12):
+    for unit in (1e-12, 1e9):
         scaled = fit_joint("WN + shared(RW)", {axis: unit * v for axis, v in x.items()}, RATE)
         assert scaled.objective == pytest.approx(fitted.objective, rel=1e-6)
         assert np.allclose(scaled.covariances["RW"], unit**2 * fitted.covariances["RW"], rtol=1e-5)

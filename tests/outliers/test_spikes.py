@@ -106,3 +106,10 @@ def test_without_spikes_it_is_the_same_signal():
     assert repaired(signal, find_spikes(signal)) is signal
     for odd in (np.zeros(1000), np.arange(8.0), np.arange(1000.0)):
         assert len(find_spikes(Signal(odd, RATE))) == 0
+
+
+@pytest.mark.parametrize("size", [1e13, 1e17, 3.4e38, 1e150])
+def test_a_spike_of_any_size_is_found(size):
+    x = clean(n=20_000)
+    x[500] = size
+    assert find_spikes(Signal(x, RATE)).indices.tolist() == [500]

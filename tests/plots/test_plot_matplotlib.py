@@ -128,7 +128,7 @@ def test_a_failed_write_leaves_the_old_file(wv, tmp_path, monkeypatch):
     def fail(*args, **kwargs):
         raise OSError("disk full")
 
-    monkeypatch.setattr(MatplotlibFigure, "savefig", fail)
+    monkeypatch.setattr(MatplotlibFigure, "draw", fail)
     with pytest.raises(OSError, match="disk full"):
         plot_wavelet_variance(wv, path=path)
     assert path.read_bytes() == b"old"

@@ -70,6 +70,18 @@ def test_the_declared_rate_decides_between_rounding_and_regular_losses(tmp_path)
     assert codes(gmwm.read(path, rate=100).remarks) == ["unit-named"]
 
 
+@pytest.mark.parametrize("jitter", [0.0, 1e-4])
+@pytest.mark.parametrize("every", [3, 5, 30, 50, 99])
+def test_the_declared_rate_decides_for_any_share_of_regular_losses(tmp_path, every, jitter):
+    rows = np.delete(np.arange(10_000), np.s_[every - 1 :: every])
+    times = rows / 100 + np.random.default_rng(1).normal(0, jitter, rows.size)
+    path = table(tmp_path / "static.csv", times)
+    lost = np.count_nonzero(np.diff(rows) > 1)
+    assert len(gmwm.read(path, rate=100).time_base.gaps) == lost
+    source = gmwm.stream(path, rate=100, chunk=97)
+    assert (sum(map(len, source)), len(source.time_base.gaps)) == (rows.size, lost)
+
+
 @pytest.mark.parametrize("value", [1e17, 3.4e38, -1e300])
 def test_values_of_no_sensor_are_lost_samples(tmp_path, value):
     values = np.random.default_rng(1).normal(size=1000)
@@ -156,6 +168,15 @@ def test_an_archive_with_damaged_names_is_refused_or_read(tmp_path):
         archive.writestr("static.txt", rows)
     path.write_bytes(path.read_bytes().replace(b"xstatic.csv", b"\0static.csv"))
     with contextlib.suppress(ReadError):
+        gmwm.read(path)
+
+
+def test_an_archive_whose_names_are_not_text_is_an_error(tmp_path):
+    rows = "time [s],gyro_x [deg/s]\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(100))
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("stätic.csv", rows)
+    path.write_bytes(path.read_bytes().replace("ä".encode(), b"\xff\xff", 1))
+    with raises(PackedError, code="damaged"):
         gmwm.read(path)
 
 

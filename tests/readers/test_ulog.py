@@ -182,6 +182,15 @@ def test_what_is_wrong_is_told(file, content, code, facts, capsys):
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.parametrize("place", [1, 16, 58])
+def test_appended_data_before_their_message_are_refused(file, place):
+    whole = bytearray(combined())
+    struct.pack_into("<Q", whole, 16 + 3 + 16, place)
+    file.write_bytes(whole)
+    with raises(ReadError, "appended data", code="damaged"):
+        read(file)
+
+
 def test_few_samples_and_foreign_files(file):
     file.write_bytes(combined(1))
     with raises(DataError, "log.ulg", "1 sample", "at least 8"):

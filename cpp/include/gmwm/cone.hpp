@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -42,7 +43,9 @@ struct Certified {
 class Cone {
  public:
   // fixed: rows of length dim, about unit norm; positive: z with <z, .> > 0 on the whole cone.
-  Cone(std::span<const double> target, std::span<const double> fixed, std::span<const double> positive, Curve curve);
+  // Several cones can share a curve.
+  Cone(std::span<const double> target, std::span<const double> fixed, std::span<const double> positive,
+       std::shared_ptr<const Curve> curve);
 
   // The convex relaxation: any number of curve points at any positions.
   Relaxed relax();
@@ -80,7 +83,9 @@ class Cone {
   std::vector<double> target_;
   std::vector<double> fixed_;
   std::vector<double> positive_;
-  Curve curve_;
+  std::shared_ptr<const Curve> shared_;
+  const Curve& curve_;
+  Curve::Scratch scratch_;
   NonNegative nonnegative_;
   std::vector<Peak> peaks_;
   std::vector<double> columns_;

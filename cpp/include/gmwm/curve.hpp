@@ -35,16 +35,21 @@ class Curve {
   // g and, if requested, its first two derivatives at s.
   void at(double s, double* value, double* slope = nullptr, double* curvature = nullptr) const;
 
+  // Scratch space of `steepest`, for repeated calls.
+  struct Scratch {
+    std::vector<double> p, d, most;
+  };
+
   // An upper bound of <direction, g(s)> / <z, g(s)> over s in [low, high], including the margins, or 0 if it is
   // negative; and the largest local maxima of <direction, g(s)> above `threshold`, at most one for each run of rising
   // cells.
-  double steepest(std::span<const double> direction, Range range, double threshold, std::vector<Peak>& peaks);
+  double steepest(std::span<const double> direction, Range range, double threshold, std::vector<Peak>& peaks,
+                  Scratch& scratch) const;
 
  private:
   struct Cell {
     double p0, p1, d0, d1;  // values and slopes of a cubic at both ends
     double operator()(double t) const;
-    double control_maximum() const;
     Peak maximum(double from, double to) const;
   };
 
@@ -55,7 +60,6 @@ class Curve {
   std::vector<double> margins_;
   std::vector<double> least_;  // lower bound of <z, g> in each cell
   std::vector<Range> branches_;
-  std::vector<double> p_, d_;
 };
 
 }  // namespace gmwm

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -24,6 +25,44 @@ struct Place {
   double u;
 };
 
+// An upper triangular root of a weighting matrix (dim x dim).
+class Root {
+ public:
+  explicit Root(std::span<const double> rows, std::size_t dim);
+
+  // Multiplies rows of length dim by the root.
+  void weigh(const double* rows, std::size_t count, double* out) const;
+
+ private:
+  std::size_t dim_;
+  std::vector<double> columns_;   // columns of the root, each padded with zeros
+  std::vector<double> diagonal_;  // the root if it is diagonal, otherwise empty
+};
+
+// The table under weights: unit vectors, and bounds of their interpolation error. It depends on neither the data nor the
+// fixed processes, so that the searches for several models with the same weights share it.
+class WeightedTable {
+ public:
+  // `positive`: a vector whose inner product with every weighted wavelet variance is positive. Errors of a cell are
+  // bounded by `safety` times the largest one at the midpoints of this cell and of as many `neighbours` on each side.
+  WeightedTable(const ExponentialTable& table, std::span<const double> root, std::span<const double> positive,
+                double safety, std::size_t neighbours);
+
+  std::size_t nodes() const { return nodes_.size(); }
+  std::size_t dim() const { return curve_->dim(); }
+  std::size_t branches() const { return static_cast<std::size_t>(owner_.back()) + 1; }
+  const std::shared_ptr<const Curve>& curve() const { return curve_; }
+  const std::vector<double>& positive() const { return positive_; }
+
+  // The place of a position, counted in cells.
+  Place located(double position) const;
+
+ private:
+  std::vector<std::int64_t> owner_;
+  std::vector<double> nodes_, spacing_, positive_;
+  std::shared_ptr<const Curve> curve_;
+};
+
 struct Optimum {
   double objective = 0;
   std::vector<Place> places;
@@ -39,8 +78,7 @@ struct Solved : Optimum {
 // How exactly the optimum is found; the Python module of the search states the values and their sources.
 struct SearchLimits {
   double gap = 0, table_error = 0, settled = 0, flat = 0, acts_as = 0, followed = 0;
-  double safety = 0;
-  std::size_t neighbours = 0, polishes = 0, newton_steps = 0;
+  std::size_t polishes = 0, newton_steps = 0;
   std::vector<double> widths;
 };
 
@@ -52,8 +90,7 @@ class ExponentialSearch {
                     std::span<const double> fixed, std::span<const double> root, double rounding);
 
   // The global optimum with at most k places, by at most `most` nodes; `starts`: positions of additional searches.
-  Solved solve(const ExponentialTable& table, std::span<const double> positive, std::size_t k, std::size_t most,
-               std::span<const double> starts) const;
+  Solved solve(const WeightedTable& table, std::size_t k, std::size_t most, std::span<const double> starts) const;
 
   // The local optimum next to the optimum of a problem with other weights.
   Optimum followed(const std::vector<Place>& places) const;
@@ -67,7 +104,6 @@ class ExponentialSearch {
  private:
   struct Piece;
 
-  void weighted(const double* row, double* out) const;
   bool as_low(double objective, double least, double share) const;
   Optimum at(std::vector<Place> places) const;
   Optimum polished(std::vector<Place> places) const;
@@ -79,8 +115,7 @@ class ExponentialSearch {
   SearchLimits limits_;
   std::size_t dim_;
   std::vector<double> target_, fixed_;
-  std::vector<double> columns_;   // columns of the root, each padded with zeros
-  std::vector<double> diagonal_;  // the root if it is diagonal, otherwise empty
+  Root root_;
   double rounding_;
 };
 

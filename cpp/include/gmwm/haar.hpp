@@ -9,7 +9,7 @@
 // samples it is 1e-14 relative for white noise, 6e-11 at level 1 of a random walk (less at the other levels),
 // and 8e-6 at level 1 of a drift without noise, whose running sum grows with N².
 //
-// The three steps are separate functions, so that threads can share one running sum, each with its own range of t.
+// The steps are also separate functions, so that threads can share one running sum, each with its own range of t.
 #pragma once
 
 #include <cstddef>
@@ -37,7 +37,11 @@ void running_sum(std::span<const double> x, double mean, std::span<double> sum);
 void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::size_t end, std::span<double> sums);
 
 // variance[j - 1] = mean of W_{j,t}² over the N - 2^j + 1 coefficients, for j = 1 … variance.size();
-// 2^variance.size() <= x.size(). All NaN if a value of x is not finite.
-void haar_variance(std::span<const double> x, std::span<double> variance);
+// 2^variance.size() <= x.size(). Returns the mean rise per sample, from the means of the two halves of x. All are NaN if
+// a value of x is not finite, or if a sum of values overflows.
+//
+// The running sum of a long record is not stored. Near levels use a window of it. For far levels, the samples are read
+// again, in columns of a matrix whose rows are as long as the window.
+double haar_variance(std::span<const double> x, std::span<double> variance);
 
 }  // namespace gmwm

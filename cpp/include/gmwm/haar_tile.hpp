@@ -43,19 +43,37 @@ GMWM_INLINE void running_sum(const double* x, std::size_t n, double mean, double
   for (; k < n; ++k) out[k] = sum += x[k] - mean;
 }
 
+// Values that are needed next, and are requested from memory while a tile is processed: value i of the tile stands for
+// the value at[i + (i >> shift) * skip]. These are consecutive values, or columns of a matrix with rows far apart.
+struct Ahead {
+  const double* at = nullptr;
+  unsigned shift = 63;
+  std::size_t skip = 0;
+};
+
+GMWM_INLINE void request(const Ahead& ahead, std::size_t i) {
+#if defined(__GNUC__)
+  __builtin_prefetch(ahead.at + (i >> ahead.shift) * ahead.skip + i, 0, 2);
+#else
+  (void)ahead, (void)i;
+#endif
+}
+
 // Adds to sums[k], k < K, the sum over i < n of (p[i] - 2 p[i - h_k] + p[i - 2 h_k])², h_k = h 2^k.
-template <std::size_t K>
-GMWM_INLINE void second_differences(const double* p, std::size_t n, std::size_t h, double* sums) {
-  const Pack two = Pack::of(2.0);
-  Pack acc[K] = {};
+template <std::size_t K, class Values, bool requests = false>
+GMWM_INLINE void second_differences(const double* p, std::size_t n, std::size_t h, double* sums,
+                                    const Ahead& ahead = {}) {
+  const Values two = Values::of(2.0);
+  Values acc[K] = {};
   std::size_t i = 0;
-  for (; i + Pack::size <= n; i += Pack::size) {
+  for (; i + Values::size <= n; i += Values::size) {
     const double* at = p + i;
-    const Pack now = Pack::load(at);
-    Pack half = Pack::load(at - h);
+    if constexpr (requests) request(ahead, i);
+    const Values now = Values::load(at);
+    Values half = Values::load(at - h);
     for (std::size_t k = 0; k < K; ++k) {
-      const Pack full = Pack::load(at - (h << (k + 1)));
-      const Pack w = now + full - two * half;
+      const Values full = Values::load(at - (h << (k + 1)));
+      const Values w = now + full - two * half;
       acc[k] = acc[k] + w * w;
       half = full;
     }
@@ -70,16 +88,22 @@ GMWM_INLINE void second_differences(const double* p, std::size_t n, std::size_t 
   }
 }
 
-// Processes levels with half-scales h, 2 h, … of one tile; p[-h 2^levels] must be readable. The differences are not yet
-// divided by 2^j.
-GMWM_INLINE void levels_of_tile(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h = 1) {
+// Processes levels with half-scales h, 2h, … of one tile; p[-h 2^levels] must be readable. The differences are not yet
+// divided by 2^j. `Values` is the vector that suits the processor.
+template <class Values = Pack>
+GMWM_INLINE void levels_of_tile(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h = 1,
+                                const Ahead& ahead = {}) {
   std::size_t k = 0;
-  for (; k + fused <= levels; k += fused) second_differences<fused>(p, n, h << k, sums + k);
+  if (ahead.at != nullptr && levels >= fused) {
+    second_differences<fused, Values, true>(p, n, h, sums, ahead);
+    k = fused;
+  }
+  for (; k + fused <= levels; k += fused) second_differences<fused, Values>(p, n, h << k, sums + k);
   switch (levels - k) {
-    case 4: second_differences<4>(p, n, h << k, sums + k); break;
-    case 3: second_differences<3>(p, n, h << k, sums + k); break;
-    case 2: second_differences<2>(p, n, h << k, sums + k); break;
-    case 1: second_differences<1>(p, n, h << k, sums + k); break;
+    case 4: second_differences<4, Values>(p, n, h << k, sums + k); break;
+    case 3: second_differences<3, Values>(p, n, h << k, sums + k); break;
+    case 2: second_differences<2, Values>(p, n, h << k, sums + k); break;
+    case 1: second_differences<1, Values>(p, n, h << k, sums + k); break;
     default: break;
   }
 }

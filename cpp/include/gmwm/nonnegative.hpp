@@ -32,9 +32,13 @@ class NonNegative {
   double objective_ = 0;
   double target_norm_ = 0;
   std::vector<std::size_t> passive_;
-  std::vector<double> q_;  // orthonormal basis of the passive columns, one after the other
-  std::vector<double> r_;  // upper triangle, column by column
-  std::vector<double> z_;  // unconstrained solution on the passive columns
+  std::size_t known_ = 0;      // number of columns of the last decomposition
+  std::vector<double> a_;      // these columns, one after the other
+  std::vector<double> q_;      // their orthonormal basis
+  std::vector<double> r_;      // upper triangle, column by column
+  std::vector<double> along_;  // coefficients of the target in the basis
+  std::vector<double> left_;   // the target, and what is left of it after each column of the basis
+  std::vector<double> z_;      // unconstrained solution on the passive columns
   std::vector<char> blocked_;
 };
 

@@ -1,4 +1,4 @@
-// A vector of four doubles, for SIMD in the kernels.
+// Vectors of four and of eight doubles, for SIMD in the kernels.
 #pragma once
 
 #include <cstddef>
@@ -40,6 +40,23 @@ struct Pack {
     return {pairs + __builtin_shufflevector(zero, pairs, 0, 1, 5, 5)};
   }
 };
+
+#if GMWM_HAS_CLONES
+// A vector of eight doubles, for the clone x86-64-v4 only, with the operations of the Haar kernel.
+struct WidePack {
+  static constexpr std::size_t size = 8;
+  typedef double Values __attribute__((vector_size(64)));
+  typedef double Memory __attribute__((vector_size(64), aligned(8), may_alias));
+  Values v;
+
+  static GMWM_INLINE WidePack of(double a) { return {Values{a, a, a, a, a, a, a, a}}; }
+  static GMWM_INLINE WidePack load(const double* p) { return {*reinterpret_cast<const Memory*>(p)}; }
+  GMWM_INLINE WidePack operator+(const WidePack& o) const { return {v + o.v}; }
+  GMWM_INLINE WidePack operator-(const WidePack& o) const { return {v - o.v}; }
+  GMWM_INLINE WidePack operator*(const WidePack& o) const { return {v * o.v}; }
+  GMWM_INLINE double total() const { return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7])); }
+};
+#endif
 #else
 struct Pack {
   static constexpr std::size_t size = 4;

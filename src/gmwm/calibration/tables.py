@@ -63,8 +63,10 @@ def number(entry: Entry) -> str:
         return "not determined"
     if entry.upper_only:
         return f"{'≤ ' if low >= 0 else '≤ ±'}{high:.3g}"
-    share = (high - low) / 2 / abs(value)
-    return f"{value:.3g} ± {100 * share:.2g} %" if share <= SEEN else f"{rounded(low)} … {rounded(high)}"
+    half = (high - low) / 2
+    if half > SEEN * abs(value):
+        return f"{rounded(low)} … {rounded(high)}"
+    return f"{value:.3g} ± {100 * half / abs(value):.2g} %" if value else f"{value:.3g}"
 
 
 def with_error(entry: Entry) -> str:

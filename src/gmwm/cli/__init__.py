@@ -6,20 +6,18 @@ def start() -> None:
 
     Ctrl-C during the imports ends the process without a traceback.
     """
-    import gc
     import os
     import signal
 
     # The products here are small, or sums over long recordings: the threads of OpenBLAS only wait for each other, 14 %
     # of the CPU time of `gmwm calibrate`, and the last digit of a sum would depend on their number.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-    # A command makes many small objects and hardly any reference cycles. At the default threshold of 700 objects, the
-    # garbage collector takes 7 % of the time of `gmwm calibrate`.
-    gc.set_threshold(50_000, 20, 50)
     handler = signal.getsignal(signal.SIGINT)
     if handler is signal.default_int_handler:  # otherwise the caller has set it to be ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from gmwm._helpers import spare_garbage_collector
+
+    spare_garbage_collector()
     from gmwm.cli.main import run
 
     signal.signal(signal.SIGINT, handler)

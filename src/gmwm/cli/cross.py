@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, opened
+from gmwm.cli.measuring import Chunked, opened, tell_inspection
 from gmwm.cli.options import RESULT, Efficiency
-from gmwm.cli.output import NewFile, Outcome, progress, tell_inspection, text_file
+from gmwm.cli.output import NewFile, Outcome, progress, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.options import ReadOptions
 from gmwm.remarks import Dialect

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm._helpers import helpers
+from gmwm._threads import processors
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.cli.calibrate import ROBUST, Outliers
 from gmwm.cli.command import command
@@ -124,6 +126,7 @@ def fleet(
 
     fleet.parquet has a row for each unit and axis. In Python, Fleet.load reads the output directory.
     """
+    import gmwm.fleets.unit_job  # noqa: F401  # before the fork, so that no helper needs to import it
     from gmwm.fleets.engine import calibrate_fleet
 
     _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
@@ -133,10 +136,12 @@ def fleet(
         against=against,
         axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
     )  # fmt: skip
+    count = processors() if workers is None else workers
+    beside = helpers(count=count if scheduler is None and count > (workers is None) else 0)
     with _bar() as advance:
         found = calibrate_fleet(
             folder, output, asked, reading, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,
-            progress=advance,
+            progress=advance, helpers=beside,
         )  # fmt: skip
     if not len(found):
         unit, reason = next(iter(found.failed.items()))

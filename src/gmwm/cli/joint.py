@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.cli.command import command
+from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.options import RESULT
-from gmwm.cli.output import NewFile, Outcome, progress, tell_inspection
+from gmwm.cli.output import NewFile, Outcome, progress
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.durations import parse_length
 from gmwm.errors import OptionError

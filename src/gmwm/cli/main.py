@@ -11,82 +11,17 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli import (
-    agree,
-    allan,
-    budget,
-    calibrate,
-    compare,
-    convert,
-    cross,
-    demo,
-    export,
-    fit,
-    fleet,
-    fuse,
-    info,
-    joint,
-    monitor,
-    plan,
-    psd,
-    report,
-    residuals,
-    same,
-    select,
-    simulate,
-    track,
-    watch,
-    wv,
-)
-from gmwm.cli import app as application
-from gmwm.cli.errors import OnceCommand, OneLineErrors, Terminated
-from gmwm.cli.output import one_line
+from gmwm.cli.commands import Program, help_text
+from gmwm.cli.errors import Terminated
 
 app = typer.Typer(
     name="gmwm",
-    cls=OneLineErrors,
+    cls=Program,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-def _help(text: str | None) -> str:
-    """Return a docstring with each paragraph on one line, so that the help wraps at the width of the terminal."""
-    return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
-
-
-for _command, _examples in (
-    (calibrate.calibrate, calibrate.EXAMPLES),
-    (application.app, application.EXAMPLES),
-    (fleet.fleet, fleet.EXAMPLES),
-    (report.report, report.EXAMPLES),
-    (info.info, info.EXAMPLES),
-    (wv.wv, wv.EXAMPLES),
-    (allan.allan, allan.EXAMPLES),
-    (psd.psd, psd.EXAMPLES),
-    (cross.cross, cross.EXAMPLES),
-    (same.same, same.EXAMPLES),
-    (fuse.fuse, fuse.EXAMPLES),
-    (compare.compare, compare.EXAMPLES),
-    (fit.fit, fit.EXAMPLES),
-    (joint.joint, joint.EXAMPLES),
-    (select.select, select.EXAMPLES),
-    (track.track, track.EXAMPLES),
-    (residuals.residuals, residuals.EXAMPLES),
-    (watch.watch, watch.EXAMPLES),
-    (monitor.monitor, monitor.EXAMPLES),
-    (agree.agree, agree.EXAMPLES),
-    (budget.budget, budget.EXAMPLES),
-    (export.export, export.EXAMPLES),
-    (plan.plan, plan.EXAMPLES),
-    (convert.convert, convert.EXAMPLES),
-    (simulate.simulate, simulate.EXAMPLES),
-    (demo.demo, demo.EXAMPLES),
-):
-    _epilog = "\n\n".join(("Examples:", *_examples))
-    app.command(cls=OnceCommand, help=_help(_command.__doc__), epilog=_epilog)(_command)
 
 
 def _print_version(wanted: bool) -> None:
@@ -108,7 +43,7 @@ With --json, a command prints its result as JSON on stdout and everything else o
 
 @app.callback(
     invoke_without_command=True,
-    help=_help(_PURPOSE),
+    help=help_text(_PURPOSE),
     epilog="Start with:  gmwm demo\n\nFor your own file:  gmwm info FILE,  then  gmwm calibrate FILE --output results",
 )
 def _gmwm(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.cli.output import progress, tell
 from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load, names_of
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
@@ -15,6 +16,7 @@ from gmwm.regression.against import NONE, Asked
 
 if TYPE_CHECKING:
     from gmwm.readers.streams import Stream
+    from gmwm.regression.conditions import Conditions
     from gmwm.signals import Imu, Signal
     from gmwm.variance.result import WaveletVariance
 
@@ -166,7 +168,6 @@ def signals_or_curves(
     These are wavelet variances if the recording is read in chunks or --against is given, otherwise signals. The
     remarks of the inspection become warnings of the command.
     """
-    from gmwm.cli.output import tell_inspection
     from gmwm.signals import Imu
 
     if isinstance(recording, Imu):
@@ -239,3 +240,29 @@ def measured_together(
         return wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
 
     return {axis: pooled({name: curve(data[axis]) for name, data in found.items()}) for axis in axes}
+
+
+def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
+    """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings.
+
+    Parameters
+    ----------
+    imu : Imu or Stream
+    against : str
+        Covariates whose effect is removed before the inspection, as for --against.
+
+    Returns
+    -------
+    Conditions
+        The covariates, with the regression of each axis on them.
+    """
+    from gmwm.inspection.api import inspected
+    from gmwm.regression.against import Asked
+    from gmwm.regression.conditions import Conditions
+
+    with progress("inspecting"):
+        conditions = Conditions.of_recording(imu, Asked.of(against))
+        inspection = inspected(imu, conditions)
+    for remark in inspection.remarks:
+        tell(remark)
+    return conditions

@@ -11,20 +11,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import Any, Protocol, TextIO
 
 import typer
 
 from gmwm._files import write_text, written_together
 from gmwm.errors import FitWarning, GmwmError, GmwmWarning, OptionError
-from gmwm.regression.against import NONE
 from gmwm.remarks import Dialect, Remark, Severity, brief
 from gmwm.remarks.rendering import MOST
-
-if TYPE_CHECKING:
-    from gmwm.readers.streams import Stream
-    from gmwm.regression.conditions import Conditions
-    from gmwm.signals import Imu
 
 
 @dataclass(frozen=True)
@@ -315,32 +309,6 @@ def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
 def tell(remark: Remark) -> None:
     """Add a remark to the warnings of the command. `collected_warnings` prints it."""
     warnings.warn(GmwmWarning(remark), stacklevel=2)
-
-
-def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
-    """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings.
-
-    Parameters
-    ----------
-    imu : Imu or Stream
-    against : str
-        Covariates whose effect is removed before the inspection, as for --against.
-
-    Returns
-    -------
-    Conditions
-        The covariates, with the regression of each axis on them.
-    """
-    from gmwm.inspection.api import inspected
-    from gmwm.regression.against import Asked
-    from gmwm.regression.conditions import Conditions
-
-    with progress("inspecting"):
-        conditions = Conditions.of_recording(imu, Asked.of(against))
-        inspection = inspected(imu, conditions)
-    for remark in inspection.remarks:
-        tell(remark)
-    return conditions
 
 
 def one_line(text: str) -> str:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, opened
+from gmwm.cli.measuring import Chunked, opened, tell_inspection
 from gmwm.cli.options import RESULT
-from gmwm.cli.output import NewFile, Outcome, progress, table_text, tell_inspection, text_file
+from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
 from gmwm.options import ReadOptions
 

@@ -10,9 +10,10 @@ import typer
 
 from gmwm._text import p_text
 from gmwm.cli.command import command
+from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
 from gmwm.cli.options import RESULT, Efficiency, Robust, chosen_efficiency
-from gmwm.cli.output import NewFile, Outcome, file_names, table_text, tell_inspection
+from gmwm.cli.output import NewFile, Outcome, file_names, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions

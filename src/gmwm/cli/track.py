@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from gmwm.cli.command import command
+from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, Robust, checked_confidence, chosen_efficiency
-from gmwm.cli.output import NewFile, Outcome, file_names, tell_inspection
+from gmwm.cli.output import NewFile, Outcome, file_names
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.cli.track_output import as_dict, tracks_text
 from gmwm.durations import parse_length

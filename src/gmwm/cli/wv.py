@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, opened, stream_curves
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, opened, stream_curves, tell_inspection
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Robust, TransformName, View, chosen_efficiency
-from gmwm.cli.output import NewFile, Outcome, table_text, tell_inspection, text_file
+from gmwm.cli.output import NewFile, Outcome, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
 from gmwm.options import ReadOptions
 

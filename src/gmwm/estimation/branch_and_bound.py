@@ -108,7 +108,7 @@ class Search:
             curved_class, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter
         )
         self.fixed = problem.fixed
-        self.positive = problem.positive
+        self.positive = problem.weights.positive
 
     def optimum(self, *, certify: bool) -> Found:
         """Return the global optimum on the exact curve, with lower bounds. If `certify`, the search proves the

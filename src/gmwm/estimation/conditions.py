@@ -25,7 +25,7 @@ from gmwm.estimation.problem import Problem, by_kind, searched, unit_shape, weig
 from gmwm.estimation.reweighting import implied_weights
 from gmwm.estimation.solver import Solution, resume, solve
 from gmwm.estimation.varies import Varies, parsed
-from gmwm.estimation.weighting import precision, square_root, weighting_matrix
+from gmwm.estimation.weighting import Weights, precision, square_root, weighting_matrix
 from gmwm.filters import find_filter
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
@@ -102,10 +102,11 @@ class Stack:
             own = self.model.processes[place]
             known += np.concatenate([own.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
         observed = np.concatenate([wv.variance for wv in self.curves]) - known
-        root, unit, target = weighed(observed, matrix)
+        weights = Weights(matrix)
+        unit, target = weighed(observed, weights)
         return Problem(
             model=self.model, levels=self.levels, rate=first.rate, filter=find_filter(first.filter),
-            samples=max(wv.longest for wv in self.curves), observed=observed, matrix=matrix, root=root, unit=unit,
+            samples=max(wv.longest for wv in self.curves), observed=observed, weights=weights, unit=unit,
             target=target, linear=tuple(range(len(self.rows))), curved=curved, free=(), shapes=self.shapes,
         )  # fmt: skip
 

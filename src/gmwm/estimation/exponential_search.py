@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector
-from gmwm.estimation.atoms import NEIGHBOURS, SAFETY, Place
+from gmwm.estimation.atoms import NEIGHBOURS, SAFETY, Grid, Place
 from gmwm.estimation.branch_and_bound import (
     ACTS_AS,
     CERTIFIED_GAP,
@@ -32,10 +32,11 @@ from gmwm.estimation.branch_and_bound import (
     Search,
 )
 from gmwm.estimation.problem import Problem
+from gmwm.estimation.weighting import Weights
 from gmwm.filters import HAAR
 
 _LIMITS = np.array(
-    [CERTIFIED_GAP, TABLE_ERROR, SETTLED, FLAT, ACTS_AS, FOLLOWED, SAFETY, NEIGHBOURS, POLISHES, NEWTON_STEPS]
+    [CERTIFIED_GAP, TABLE_ERROR, SETTLED, FLAT, ACTS_AS, FOLLOWED, POLISHES, NEWTON_STEPS], dtype=np.float64
 )
 
 
@@ -51,6 +52,13 @@ def search_of(problem: Problem) -> Search:
     if closed and all(branch.exponential for branch in kind.search(problem.samples, problem.rate)):
         return ExponentialSearch(problem, kind)
     return Search(problem, kind)
+
+
+def _weighted(grid: Grid, weights: Weights) -> _core.WeightedTable:
+    return _core.WeightedTable(
+        weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
+        grid.middle_values, SAFETY, NEIGHBOURS,
+    )  # fmt: skip
 
 
 class ExponentialSearch(Search):
@@ -73,11 +81,13 @@ class ExponentialSearch(Search):
 
     def optimum(self, *, certify: bool) -> Found:
         """Return the global optimum on the exact curve, with lower bounds and the `ends` of its places."""
-        grid = self.grid
+        weights = self.problem.weights
+        weighted = weights.tables.get(self.grid)
+        if weighted is None:
+            weighted = weights.tables[self.grid] = _weighted(self.grid, weights)
         found, bound, relaxed, table, nodes = self.kernel.solve(
-            grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes, grid.middle_values, self.positive,
-            len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
-        )  # fmt: skip
+            weighted, len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts()
+        )
         return Found(self.found(*found), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
     def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Matrix, Vector
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Design
 from gmwm.estimation.weighting import square_root
 from gmwm.processes.model import Model
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
 
 COLLINEAR = 1e-9
 """Relative singular value of the Jacobian below which the data do not determine a direction of the parameters.
@@ -93,7 +97,17 @@ def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str
     return np.asarray(jacobian[:, [place[name] for name in names]] * values)
 
 
+def slopes_of(fit: Fit) -> Matrix:
+    """Return the derivatives of `relative_jacobian` (J, p) for the estimated parameters of a fit; they are cached."""
+    if "_slopes" not in fit.__dict__:
+        columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
+        fit.__dict__["_slopes"] = freeze(relative_jacobian(fit.model, Design.of(fit.wavelet_variance), columns))
+    found: Matrix = fit.__dict__["_slopes"]
+    return found
+
+
 def sizes_of(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
     """Return the values of the parameters `names`, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
-    values = np.array([model.parameters[name] for name in names], dtype=np.float64)
+    parameters = model.parameters
+    values = np.array([parameters[name] for name in names], dtype=np.float64)
     return np.where(values == 0, NO_COEFFICIENT, values)

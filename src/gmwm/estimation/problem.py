@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Matrix, Vector
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.errors import ModelError
-from gmwm.estimation.weighting import square_root
+from gmwm.estimation.weighting import Weights
 from gmwm.filters import WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -46,8 +46,8 @@ class Problem:
         Wavelet variances of the linear processes for scale coefficient 1.
     observed : (J,) array, in the signal's unit²
         Measured ν̂² minus the wavelet variance of the processes whose parameters are all fixed.
-    root : (J, J) array
-        Matrix L with LᵀL = Ω.
+    weights : Weights
+        Weighting matrix Ω and its root L. Problems that share this object share what depends on Ω only.
     """
 
     model: Model
@@ -56,14 +56,23 @@ class Problem:
     filter: WaveletFilter
     samples: int
     observed: Vector
-    matrix: Matrix
-    root: Matrix
+    weights: Weights
     unit: float
     target: Vector
     linear: tuple[int, ...]
     curved: tuple[int, ...]
     free: tuple[int, ...]
     shapes: Matrix
+
+    @property
+    def matrix(self) -> Matrix:
+        """Weighting matrix Ω (J, J)."""
+        return self.weights.matrix
+
+    @property
+    def root(self) -> Matrix:
+        """Matrix L (J, J) with LᵀL = Ω."""
+        return self.weights.root
 
     @property
     def shaped(self) -> tuple[int, ...]:
@@ -75,15 +84,10 @@ class Problem:
         """Class of the curved processes; None if there are none."""
         return type(self.model.processes[self.curved[0]]) if self.curved else None
 
-    @property
+    @cached_property
     def fixed(self) -> Matrix:
         """Unit vectors a (n linear, J) of the linear processes."""
         return self.weighted(self.shapes)
-
-    @property
-    def positive(self) -> Vector:
-        """Vector L⁻ᵀ √diag Ω (J,), whose inner product with every weighted wavelet variance is positive."""
-        return np.ascontiguousarray(np.linalg.solve(self.root.T, np.sqrt(np.diag(self.matrix))))
 
     @cached_property
     def rounding(self) -> float:
@@ -102,12 +106,13 @@ class Problem:
 
     def under(self, matrix: Matrix) -> Problem:
         """Return the same problem with another weighting matrix Ω."""
-        root, unit, target = weighed(self.observed, matrix)
-        return replace(self, matrix=matrix, root=root, unit=unit, target=target)
+        weights = Weights(matrix)
+        unit, target = weighed(self.observed, weights)
+        return replace(self, weights=weights, unit=unit, target=target)
 
     def observing(self, observed: Vector) -> Problem:
         """Return the same problem for other data."""
-        _, unit, target = weighed(observed, self.matrix)
+        unit, target = weighed(observed, self.weights)
         return replace(self, observed=observed, unit=unit, target=target)
 
     def weighted(self, shapes: Matrix) -> Matrix:
@@ -123,8 +128,8 @@ class Problem:
         return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
 
 
-def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
-    """Return the problem of fitting `model` to `wv` with the weighting matrix Ω.
+def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem:
+    """Return the problem of fitting `model` to `wv` with the weighting matrix Ω, or with shared weights.
 
     Raises
     ------
@@ -151,7 +156,8 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
         known += model.processes[place].wavelet_variance(levels, rate, filter)
     shapes = [unit_shape(model.processes[place], levels, rate, filter) for place in linear]
     observed = wv.variance - known
-    root, unit, target = weighed(observed, matrix)
+    weights = matrix if isinstance(matrix, Weights) else Weights(matrix)
+    unit, target = weighed(observed, weights)
     return Problem(
         model=model,
         levels=levels,
@@ -159,8 +165,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
         filter=filter,
         samples=wv.longest,
         observed=observed,
-        matrix=matrix,
-        root=root,
+        weights=weights,
         unit=unit,
         target=target,
         linear=linear,
@@ -170,13 +175,12 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     )
 
 
-def weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
-    """Return L with LᵀL = Ω, the `unit` of the problem, and the weighted data in this unit."""
-    root = square_root(matrix)
-    weighted = root @ observed
+def weighed(observed: Vector, weights: Weights) -> tuple[float, Vector]:
+    """Return the `unit` of the problem, and the weighted data in this unit."""
+    weighted = weights.root @ observed
     largest = float(np.abs(weighted).max())
     unit = 2.0 ** np.floor(np.log2(largest)) if largest > 0 else 1.0
-    return root, unit, weighted / unit
+    return unit, weighted / unit
 
 
 def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
@@ -187,6 +191,11 @@ def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter:
     ModelError
         If the wavelet variance is zero at every level.
     """
+    return _unit_shape(process, tuple(levels.tolist()), rate, filter)
+
+
+@lru_cache(maxsize=64)
+def _unit_shape(process: Process, levels: tuple[int, ...], rate: float, filter: WaveletFilter) -> Vector:
     shape = np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
     if not np.any(shape > 0):
         raise ModelError(
@@ -196,7 +205,7 @@ def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter:
             if filter.vanishing_moments > 1
             else "Leave it out of the model.",
         )
-    return shape
+    return freeze(shape)
 
 
 def to_find(process: Process) -> tuple[int, ...]:

@@ -229,7 +229,10 @@ def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighti
             raise _no_noise(model)
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         solution = resume(problem, solution)
-    return Settled(problem, solve(problem, certify=False, near=solution)), freeze(wavelet)
+    solution = solve(problem, certify=False, near=solution)
+    # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
+    problem.weights.tables.clear()
+    return Settled(problem, solution), freeze(wavelet)
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:

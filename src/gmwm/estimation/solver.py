@@ -348,16 +348,15 @@ def estimated(problem: Problem, solution: Solution, slope: float | None) -> Mode
     for place, scale in zip(problem.linear, solution.scales, strict=True):
         processes[place] = _with_scale(processes[place], float(scale), slope)
     for place, term in zip(problem.shaped, solution.terms, strict=True):
-        process = processes[place]
-        names = [p.name for p in process.nonlinear_parameters()]
-        shaped = process.with_values(**dict(zip(names, term.values, strict=True)))
-        processes[place] = _with_scale(shaped, term.scale, slope)
+        names = [p.name for p in processes[place].nonlinear_parameters()]
+        shape = dict(zip(names, term.values, strict=True))
+        processes[place] = _with_scale(processes[place], term.scale, slope, **shape)
     return Model(tuple(processes))
 
 
-def _with_scale(process: Process, scale: float, slope: float | None) -> Process:
+def _with_scale(process: Process, scale: float, slope: float | None, **shape: float) -> Process:
     parameter = process.scale_parameter()
     value = process.value_from(scale)
     if parameter.domain == "real" and slope is not None and slope < 0:
         value = -value
-    return process.with_values(**{parameter.name: value})
+    return process.with_values(**shape, **{parameter.name: value})

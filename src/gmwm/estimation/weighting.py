@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.mixture import smoothed
 from gmwm.errors import DataError, ModelError, OptionError
@@ -152,6 +155,25 @@ def precision(covariance: Matrix) -> Matrix:
     share = np.maximum(share, share[-1] * share.size * np.finfo(float).eps)
     inverse = (axes / share) @ axes.T / scale[:, None] / scale[None, :]
     return np.asarray((inverse + inverse.T) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Weighting matrix Ω (J, J), and what depends on it only."""
+
+    matrix: Matrix
+    tables: dict[object, _core.WeightedTable] = field(default_factory=dict)
+    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.Grid`."""
+
+    @cached_property
+    def root(self) -> Matrix:
+        """Matrix L (J, J) with LᵀL = Ω; see `square_root`."""
+        return square_root(self.matrix)
+
+    @cached_property
+    def positive(self) -> Vector:
+        """Vector L⁻ᵀ √diag Ω (J,), whose inner product with every weighted wavelet variance is positive."""
+        return np.ascontiguousarray(np.linalg.solve(self.root.T, np.sqrt(np.diag(self.matrix))))
 
 
 def square_root(matrix: Matrix) -> Matrix:

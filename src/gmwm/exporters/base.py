@@ -11,9 +11,9 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import metadata
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
+from gmwm._text import version
 from gmwm.datasheets.effective import Use
 from gmwm.errors import DataError, GmwmError, OptionError
 from gmwm.exporters.biases import stated, unknown
@@ -143,7 +143,7 @@ def find_exporter(format: str) -> Exporter:
 
 def title_line(exporter: Exporter) -> str:
     """Return the first line of the head of a file, with the program that reads the file and the version of gmwm."""
-    return f"Noise of an IMU for {exporter.title}. Written by gmwm {metadata.version('gmwm')}."
+    return f"Noise of an IMU for {exporter.title}. Written by gmwm {version()}."
 
 
 @dataclass(frozen=True)

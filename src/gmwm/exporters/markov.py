@@ -6,12 +6,13 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Vector
+from gmwm._arrays import Vector, freeze
 from gmwm._text import duration_text
 from gmwm.datasheets.effective import WALK, counted
 from gmwm.datasheets.equivalent_terms import translated
@@ -104,7 +105,7 @@ class _Slow:
 
     def unit(self, time: float) -> Vector:
         """Return the Allan variance (n,) of a Gauss-Markov process with variance 1 and a correlation time (s)."""
-        return GM(beta=1 / time, sigma2=1.0).allan_variance(self.clusters, self.axis.fit.wavelet_variance.rate)
+        return _unit(time, self.clusters.tobytes(), self.axis.fit.wavelet_variance.rate)
 
     def fitted(self, time: float) -> tuple[float, float]:
         """Return the best variance of the bias for a correlation time, and the weighted sum of squares of the fit."""
@@ -118,6 +119,12 @@ class _Slow:
         slow terms."""
         ratio = (variance * self.unit(time) + self.white) / (self.slow + self.white)
         return float(np.max(np.abs(np.sqrt(ratio) - 1)))
+
+
+@lru_cache(maxsize=4096)
+def _unit(time: float, clusters: bytes, rate: float) -> Vector:
+    """Compute `_Slow.unit`, which several axes and formats need for the same correlation times."""
+    return freeze(GM(beta=1 / time, sigma2=1.0).allan_variance(np.frombuffer(clusters, dtype=np.int64), rate))
 
 
 def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) -> dict[str, Bias]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from gmwm._text import version
 from gmwm.datasheets.effective import Use
 from gmwm.errors import DataError
 from gmwm.exporters.base import Exporter, ExportOptions, register
@@ -37,7 +37,7 @@ class JsonNumbers(Exporter):
         content = {
             "format": FORMAT,
             "version": VERSION,
-            "gmwm": metadata.version("gmwm"),
+            "gmwm": version(),
             "source": calibration.source,
             "about": "SI units. Continuous time, except the parameters (per sample, beta in 1/s) and the matrices F, "
             "Q, H, R, P0 (steps of one sample). Each axis by itself, without inflation. filter: N and K for the "

@@ -100,7 +100,9 @@ def plain(text: str) -> str:
     text = re.sub(r"√(\w+)", r"sqrt(\1)", text).replace("√", "sqrt")
     for sign, written in _ASCII.items():
         text = text.replace(sign, written)
-    text = "".join(c if c.isprintable() else " " for c in text).encode("ascii", "replace").decode("ascii")
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else " " for c in text)
+    text = text.encode("ascii", "replace").decode("ascii")
     # A backslash at the end of a line would continue a C++ comment on the next line.
     return " ".join(text.replace("\\", "/").replace("*/", "* /").split())
 

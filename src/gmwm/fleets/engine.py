@@ -6,18 +6,19 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import fields
-from importlib.util import find_spec
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from gmwm._helpers import Helpers
 from gmwm._threads import processors
 from gmwm.axis_names import AXES
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.errors import GmwmWarning, OptionError
 from gmwm.fleets.discovery import FleetUnits, Recordings, find_units
+from gmwm.fleets.processes import Processes
 from gmwm.fleets.result import Fleet
 from gmwm.fleets.rows import Row, failed_row
 from gmwm.fleets.storage import TABLE, UNITS, finished_rows, foreign_units, remove_unit, write_facts, write_unit
@@ -90,9 +91,8 @@ def fleet(
         Address of a Dask scheduler, or a client. The workers need gmwm and access to the recordings under the same
         paths. The settings of the scheduler decide after how many lost workers a unit fails.
     workers : int, optional
-        Number of processes to start on this machine; by default one for each processor if Dask is installed. A script
-        must then call this function under `if __name__ == "__main__":`. With 0, all units are calibrated in the present
-        process.
+        Number of processes to start on this machine; by default one for each processor. A script must then call this
+        function under `if __name__ == "__main__":`. With 0, all units are calibrated in the present process.
     retries : int
         Number of retries after an error of the operating system.
     progress : function of (done, all, text), optional
@@ -108,7 +108,7 @@ def fleet(
     OptionError, UnitError, ModelError
         If an option has an invalid value. The error is raised before any calibration.
     MissingDependencyError
-        If a scheduler or workers are given and Dask is not installed.
+        If a scheduler is given and Dask is not installed.
 
     Warns
     -----
@@ -152,8 +152,9 @@ def calibrate_fleet(
     workers: int | None = None,
     retries: int = 2,
     progress: Progress | None = None,
+    helpers: Helpers | None = None,
 ) -> Fleet:
-    """Calibrate a fleet; see `fleet`. The options are already checked."""
+    """Calibrate a fleet; see `fleet`. The options are already checked. Helpers that are idle calibrate units."""
     _check_axes(options.wanted)
     if reading.format is not None:
         find_reader(Path(), reading.format)
@@ -166,7 +167,7 @@ def calibrate_fleet(
     run = _Run(folder, found, progress)
     jobs = run.jobs(unit_options)
     # Nothing is written before the connection to the scheduler is established.
-    with _outcomes(jobs, scheduler, workers, retries) as outcomes:
+    with _outcomes(jobs, scheduler, workers, retries, helpers=helpers) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
         if others := foreign_units(folder, found.paths):
             where = str(folder / UNITS)
@@ -247,23 +248,27 @@ class _Run:
 
 @contextmanager
 def _outcomes(
-    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int
+    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int, *, helpers: Helpers | None
 ) -> Iterator[Iterable[Outcome]]:
-    """Provide an iterator over the outcomes of the jobs, which run in this process or on a cluster."""
-    alone = (
-        scheduler is None and workers is None and (len(jobs) < 2 or processors() == 1 or not find_spec("distributed"))
-    )
-    if not jobs or workers == 0 or alone:
+    """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
+    count = min(processors() if workers is None else workers, len(jobs))
+    here = count == 0 or (count == 1 and workers is None)
+    if not jobs or (scheduler is None and here):
         yield in_process(jobs, retries)
+        return
+    # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
+    jobs = [replace(job, threads=1) for job in jobs]
+    if scheduler is None:
+        with Processes(count, () if helpers is None else helpers.taken()) as processes:
+            yield processes.outcomes(jobs, retries)
         return
     from gmwm.streaming.scheduling import connected, library
 
     library()
     with ExitStack() as stack:
         stack.enter_context(allowing_lost_workers(retries))
-        client = stack.enter_context(connected(scheduler, workers))
-        # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
-        outcomes = on_cluster([Job(job.unit, job.path, job.options, threads=1) for job in jobs], client, retries)
+        client = stack.enter_context(connected(scheduler))
+        outcomes = on_cluster(jobs, client, retries)
         # The iterator is closed before the client, so that jobs that have not started are cancelled.
         stack.callback(outcomes.close)
         yield outcomes

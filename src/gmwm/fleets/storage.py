@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from gmwm._files import read_json, write_text
-from gmwm._text import printable
+from gmwm._text import printable, version
 from gmwm.calibration.document import FORMAT as CALIBRATION
 from gmwm.calibration.document import VERSION as CALIBRATION_VERSION
 from gmwm.calibration.recording_info import Recording
@@ -85,7 +84,7 @@ def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
     content = {
         "format": FORMAT,
         "version": VERSION,
-        "gmwm": metadata.version("gmwm"),
+        "gmwm": version(),
         **options.to_dict(),
         "units": {unit: str(path) for unit, path in found.paths.items()},
         "topics": dict(found.topics),

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from gmwm._text import counted
 from gmwm.calibration import Calibration
 from gmwm.calibration.api import calibrate_recording
 from gmwm.calibration.document import as_text
@@ -85,6 +86,14 @@ def calibrate_unit(job: Job) -> Outcome:
         return Outcome(job.unit, reason=error.strerror or str(error), passing=_is_passing(error))
     except Exception as error:  # an unexpected error of one unit must not stop the others
         return Outcome(job.unit, reason=f"{type(error).__name__}: {error}")
+
+
+def lost(job: Job, deaths: int) -> Outcome:
+    """Return the outcome of a job whose process ended each time, although no other job was running."""
+    return Outcome(
+        job.unit,
+        reason=f"its worker process died {counted(deaths, 'time')} without another job; it may need more memory",
+    )
 
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:

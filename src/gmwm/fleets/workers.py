@@ -7,9 +7,8 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from gmwm._text import counted
 from gmwm.errors import GmwmError
-from gmwm.fleets.unit_job import Job, Outcome, calibrate_unit
+from gmwm.fleets.unit_job import Job, Outcome, calibrate_unit, lost
 
 if TYPE_CHECKING:
     from distributed import Future
@@ -55,11 +54,7 @@ def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outc
 
 
 def _lost(job: Job, error: Exception) -> Outcome:
-    deaths = getattr(error, "allowed_failures", 0) + 1
-    return Outcome(
-        job.unit,
-        reason=f"its worker process died {counted(deaths, 'time')} without another job; it may need more memory",
-    )
+    return lost(job, getattr(error, "allowed_failures", 0) + 1)
 
 
 def _through(

@@ -19,7 +19,7 @@ from gmwm.covariance import Design
 from gmwm.estimation.linearised import COLLINEAR
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import estimated, solve
-from gmwm.estimation.weighting import square_root
+from gmwm.estimation.weighting import Weights
 from gmwm.filters import WaveletFilter
 from gmwm.inference.asymptotic import noise_covariance
 from gmwm.inference.bootstrap import DRAWS, bootstrap
@@ -77,13 +77,15 @@ def wic(
     return Criterion(loss=float(fit.objective), optimism=optimism(fit, wavelet), method=method)
 
 
-def optimism(fit: Fit, wavelet: Matrix) -> float:
+def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float:
     """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory; `wavelet` is the covariance V (J, J) of ν̂².
+
+    `weights` are the weights of the fit, if other fits share them.
 
     D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ.
     """
     wv = fit.wavelet_variance
-    root = square_root(fit.weighting_matrix)
+    root = (Weights(fit.weighting_matrix) if weights is None else weights).root
     design = Design.of(wv)
     pull = fit.weighting_matrix @ (wv.variance - fit.implied)
     slopes, bends = _derivatives(fit, design.levels, rate=design.rate, filter=design.filter, pull=pull)

@@ -13,7 +13,7 @@ from gmwm._text import Summarised, counted
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
 from gmwm.estimation.estimator import refitted
-from gmwm.estimation.linearised import columns_of, relative_jacobian, unexplained
+from gmwm.estimation.linearised import slopes_of, unexplained
 from gmwm.estimation.reweighting import REWEIGHTED
 from gmwm.estimation.weighting import precision, square_root
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
@@ -160,9 +160,8 @@ def usable_in(design: Design) -> NDArray[np.bool_]:
 def _statistic(fit: Fit) -> tuple[float, int]:
     """Return the statistic T, and the number of free parameters that the data determine."""
     wv = fit.wavelet_variance
-    design = Design.of(wv)
-    columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
-    if len(columns) >= len(wv):
-        raise _too_few(fit, len(columns), len(wv))
-    root = square_root(precision(covariance(fit.model, design)))
-    return unexplained(root @ (wv.variance - fit.implied), root @ relative_jacobian(fit.model, design, columns))
+    slopes = slopes_of(fit)
+    if slopes.shape[1] >= len(wv):
+        raise _too_few(fit, slopes.shape[1], len(wv))
+    root = square_root(precision(covariance(fit.model, Design.of(wv))))
+    return unexplained(root @ (wv.variance - fit.implied), root @ slopes)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix
 from gmwm._tables import headed
-from gmwm._text import Named, Summarised
+from gmwm._text import Named, Summarised, p_relation
 from gmwm.errors import MissingTheoryError, OptionError
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.joint.certificate import GAP
@@ -33,16 +33,13 @@ from gmwm.joint.state_space import JointContinuousStateSpace, JointStateSpace, c
 from gmwm.joint.terms import summed, with_kind
 from gmwm.options import as_confidence
 from gmwm.processes.model import Model
+from gmwm.remarks import Remark, texts
 from gmwm.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.likelihood.tracks import Tracks
-
-NOT_CONVERGED = (
-    "The weights depend on the estimates, and this iteration did not converge. gmwm used weights from the data."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,9 +67,8 @@ class SharedTerm:
     def summary(self) -> str:
         """Format the result of the test in one line."""
         found = "shared" if self.pvalue <= 0.05 else "not found to be shared"
-        return f"{self.term} is {found}: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, " + _p(
-            self.pvalue
-        )
+        test = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom, p {p_relation(self.pvalue)}"
+        return f"{self.term} is {found}: {test}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -177,6 +173,11 @@ class JointFit(Summarised):
         """Whether the weights are the inverse of the covariance under the fitted model. If estimate and weights do not
         agree after twelve iterations, the weights are inverse variances that are estimated from the data."""
         return self.settled.converged
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """A remark if the weights did not converge."""
+        return () if self.converged else (Remark.of("weights-not-converged", ", ".join(self.axes)),)
 
     @property
     def proved(self) -> bool:
@@ -429,6 +430,7 @@ class JointFit(Summarised):
             "proved": self.proved,
             "relaxed_bound": self.relaxed_bound,
             "converged": self.converged,
+            "remarks": [remark.to_dict() for remark in self.remarks],
             "parameters": dict(self.parameters),
             "parameter_errors": {name: _number(value) for name, value in self.parameter_errors.items()},
             "terms": {
@@ -469,8 +471,8 @@ class JointFit(Summarised):
                     limits = f"{low[a, b]:+.2f} … {high[a, b]:+.2f}"
                     pairs.append([f"{self.axes[a]}, {self.axes[b]}", f"{self.correlation[term][a, b]:+.2f}", limits])
             lines += ["", *headed(pairs)]
-        if not self.converged:
-            lines += ["", NOT_CONVERGED]
+        if self.remarks:
+            lines += ["", *texts(self.remarks)]
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
         tests += [self.shared(term).summary() for term in self._testable]
         if self.lower_bound is not None:
@@ -486,7 +488,3 @@ class JointFit(Summarised):
 
 def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _p(value: float) -> str:
-    return f"p = {value:.2g}" if value >= 1e-4 else "p < 0.0001"

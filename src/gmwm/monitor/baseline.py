@@ -99,8 +99,9 @@ class Baseline:
             whitener.restart()
             errors.append(whitener.update(values))
         largest = max((float(np.max(np.abs(e))) for e in errors if e.size), default=0.0)
-        ratios, shapes = _mean_squares(errors)
-        scatter = _block_means(errors)
+        sums = _Sums(errors)
+        ratios, shapes = _mean_squares(sums)
+        scatter = _block_means(sums)
         if not ratios.size or not scatter:
             total = sum(e.size for e in errors)
             raise DataError(
@@ -185,14 +186,27 @@ def longest_run(values: Vector) -> int:
     return int(np.max(np.diff(np.concatenate([[-1], places, [values.size - 1]]))))
 
 
-def _mean_squares(errors: Sequence[Vector]) -> tuple[Vector, Vector]:
+class _Sums:
+    """Sums of innovations over blocks of 2^level samples of each segment. Each level follows from the one before."""
+
+    def __init__(self, errors: Sequence[Vector]) -> None:
+        self._levels = [list(errors)]
+
+    def __getitem__(self, level: int) -> list[Vector]:
+        while len(self._levels) <= level:
+            fine = self._levels[-1]
+            self._levels.append([one[0 : one.size & ~1 : 2] + one[1::2] for one in fine])
+        return self._levels[level]
+
+
+def _mean_squares(sums: _Sums) -> tuple[Vector, Vector]:
     """Return the mean of the mean squares of blocks at each level, and the shapes of their Gamma distributions."""
     ratios: list[float] = []
     shapes: list[float] = []
     while True:
         level = len(ratios) + 1
         base, m = window(level)
-        blocks = np.concatenate([_blocks(_sums(e, base), m, level) for e in errors])
+        blocks = np.concatenate([_blocks(one, m, level) for one in sums[base]])
         if blocks.size < LEAST_BLOCKS:
             return np.array(ratios), np.array(shapes)
         mean = float(np.mean(blocks))
@@ -212,13 +226,6 @@ def _shapes(blocks: Vector) -> Iterator[float]:
         blocks, together = 0.5 * (blocks[0:even:2] + blocks[1:even:2]), 2 * together
 
 
-def _sums(e: Vector, level: int) -> Vector:
-    """Return the sums of innovations over blocks of 2^level samples."""
-    width = 1 << level
-    count = e.size // width
-    return np.asarray(e[: count * width].reshape(count, width).sum(axis=1))
-
-
 def _blocks(sums: Vector, m: int, level: int) -> Vector:
     """Return the mean squares of the standardised Haar coefficients in the blocks of a level.
 
@@ -231,11 +238,11 @@ def _blocks(sums: Vector, m: int, level: int) -> Vector:
     return np.asarray(w[: count * BLOCKS * m].reshape(count, BLOCKS * m).mean(axis=1))
 
 
-def _block_means(errors: Sequence[Vector]) -> tuple[float, ...]:
+def _block_means(sums: _Sums) -> tuple[float, ...]:
     scatter: list[float] = []
     while True:
         level = len(scatter)
-        z = np.concatenate([_sums(e, level) for e in errors]) / 2.0 ** (level / 2.0)
+        z = np.concatenate(sums[level]) / 2.0 ** (level / 2.0)
         if z.size < LEAST_MEANS:
             # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
             # too.

@@ -246,6 +246,7 @@ class Whitener:
         self.information = np.diag([DIFFUSE] * diffuse + [1.0] * (m - diffuse)) if m else np.zeros((0, 0))
         self.moments = np.zeros(m)
         self._rows: Matrix | None = None
+        self._peaks = np.zeros(0)
 
     def update(self, x: Vector) -> Vector:
         """Return the standardised innovations (n,) of the next samples (n,), which are in the unit of the model."""
@@ -270,28 +271,27 @@ class Whitener:
 
     def _correct(self, e: Vector) -> None:
         """Subtract the contribution of the initial state from innovations within a frame, in place."""
-        if self._rows is None:
-            self._rows = self._responses()
-        first = self.count % FRAME
+        rows, first = self._frame(), self.count % FRAME
         self.information, self.moments = self.information.copy(), self.moments.copy()
         # The sample that first determines a diffuse level has an innovation of infinite variance, which is not used.
-        _core.least_squares_innovations(
-            self._rows[first : first + e.size], 1e-3 / DIFFUSE, self.information, self.moments, e
-        )
+        _core.least_squares_innovations(rows[first : first + e.size], 1e-3 / DIFFUSE, self.information, self.moments, e)
         self.count += e.size
         if self.count % FRAME == 0:
             self._next_frame()
 
     def _next_frame(self) -> None:
-        self.power = self.gain.frame_step @ self.power
-        self._rows = self._responses()
+        power = self.gain.frame_step @ self.power
+        # The effect of a constant level is soon the same in every frame.
+        if not np.array_equal(power, self.power):
+            self.power, self._rows = power, None
+        self._frame()
         # Components of the initial state whose effect has decayed are integrated out.
-        covariance = np.linalg.inv(self.information)
+        covariance = np.linalg.inv(self.information) if self.columns > 1 else 1 / self.information
         mean = covariance @ self.moments
         # The effect of a constant level never decays, even if the level is well determined.
-        size = np.max(self._rows**2, axis=0) * (np.diag(covariance) + mean**2)
+        size = self._peaks * (covariance.diagonal() + mean**2)
         kept = size > FORGOTTEN
-        if np.all(kept):
+        if kept.all():
             return
         self.columns = int(np.count_nonzero(kept))
         part = covariance[np.ix_(kept, kept)]
@@ -300,12 +300,15 @@ class Whitener:
         # A fixed memory layout is needed, because the order of sums in matrix products depends on it.
         self.power, self._rows = np.ascontiguousarray(self.power[:, kept]), None
 
-    def _responses(self) -> Matrix:
+    def _frame(self) -> Matrix:
         """Return the responses (FRAME, m) of the innovations of this frame to the components of the initial state."""
-        # Larger products would start BLAS threads, which is slower here.
-        rows = max(SMALL // max(self.power.size, 1), 1)
-        parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
-        return np.concatenate(parts)
+        if self._rows is None:
+            # Larger products would start BLAS threads, which is slower here.
+            rows = max(SMALL // max(self.power.size, 1), 1)
+            parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
+            self._rows = np.concatenate(parts)
+            self._peaks = np.max(self._rows**2, axis=0)
+        return self._rows
 
     def gap(self, samples: int | None) -> None:
         """Continue after missing samples; `samples` is None if their number is unknown."""

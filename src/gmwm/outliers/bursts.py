@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
-from gmwm._arrays import Vector, as_rate, as_vector, freeze, row_medians
+from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm.resolution import Sample, step_of
 from gmwm.signals import Signal
 from gmwm.variance.panels import Panels, panel_length
@@ -150,9 +150,9 @@ class BurstFinder:
     def _add(self, panel: Vector) -> None:
         step = step_of(self._sample.values()) or 0.0
         for level in coefficients(panel, self.rate, step):
-            found, w = _bursts(level, small=False), level.w
+            found = _bursts(level, small=False)
             occupied, count = int(np.sum(found.last - found.first + 1)), found.first.size
-            sums = float(np.dot(w, w)), float(found.energy.sum()), w.size, occupied, count
+            sums = level.energy, float(found.energy.sum()), level.size, occupied, count
             self._sums[:, level.number - 1] += sums
 
 
@@ -193,13 +193,47 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
 
 
 class Coefficients(NamedTuple):
-    """The coefficients `w` of a panel at one level, half a scale apart, their absolute values, and the local standard
-    deviation at each coefficient; None if one of these is zero."""
+    """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst.
+
+    Attributes
+    ----------
+    number : int
+        The level.
+    path : (n + 2,) array
+        Sums of the samples up to each half scale. The coefficients are its second differences times `unit`.
+    unit : float
+    at, w : (k,) arrays
+        Indices and values of the coefficients that exceed `_SMALL` local standard deviations.
+    piece : int
+        Number of coefficients with the same local standard deviation.
+    spread : (m,) array
+        The local standard deviations.
+    energy : float
+        Sum of the squares of all coefficients.
+    """
 
     number: int
+    path: Vector
+    unit: float
+    at: Indices
     w: Vector
-    size: Vector
-    spread: Vector | None
+    piece: int
+    spread: Vector
+    energy: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.path.size - 2
+
+    def limit(self, at: Indices) -> Vector:
+        """Return the local standard deviation at some coefficients."""
+        return np.asarray(self.spread[np.minimum(at // self.piece, self.spread.size - 1)])
+
+    def relative(self, first: int, last: int) -> Vector:
+        """Return the absolute values of consecutive coefficients, in local standard deviations."""
+        size = np.abs(np.diff(self.path[first : last + 2], 2)) * self.unit
+        return np.asarray(size / self.limit(np.arange(first, first + size.size)))
 
 
 def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficients]:
@@ -216,15 +250,15 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficien
     """
     path = _core.running_sum(panel)
     for k in range(_levels(rate)):
-        w = np.diff(np.diff(path))
-        if w.size < _PIECES // 2:
+        if path.size - 2 < _PIECES // 2:
             return
-        w *= 0.5 ** (k + 1)
-        size, piece = np.abs(w), max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k))
-        spread = np.maximum(_local_spread(size, piece), _ROUNDING * step * 2.0 ** (-0.5 * (k + 1)))
-        local = np.repeat(spread, piece)[: w.size] if spread.size > 1 else np.broadcast_to(spread, w.shape)
-        yield Coefficients(k + 1, w, size, local if spread.min() > 0 else None)
-        path = path[::2]
+        unit, piece = 0.5 ** (k + 1), max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k))
+        least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
+        at, w, spread, energy = _core.large_coefficients(path, unit, piece, least=least, limit=_SMALL)
+        yield Coefficients(
+            number=k + 1, path=path, unit=unit, at=at, w=w, piece=piece, spread=spread, energy=energy
+        )  # fmt: skip
+        path = np.ascontiguousarray(path[::2])
 
 
 def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
@@ -269,46 +303,35 @@ _NO_BURSTS = _Found(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np
 
 def _bursts(level: Coefficients, small: bool) -> _Found:
     """Return the bursts among the coefficients of one level of a panel."""
-    w, size, limit = level.w, level.size, level.spread
-    if limit is None:
+    if level.at.size < FEW:
         return _NO_BURSTS
-    large = LARGE
+    at, w, ratio, large = level.at, level.w, np.abs(level.w) / level.limit(level.at), LARGE
     if small:
         # At this share of large coefficients, `FEWEST` of them are neighbours by chance in one panel of ten thousand.
-        share = (_FALSE / (w.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
-        large = min(LARGE, max(_SMALL, float(np.quantile(size / limit, 1 - share))))
-    at = np.flatnonzero(size > large * limit)
+        share = (_FALSE / (level.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
+        ranked = np.append(np.sort(ratio)[::-1], _SMALL)
+        large = min(LARGE, float(np.interp(share * (level.size - 1), np.arange(ranked.size), ranked)))
+    kept = ratio > large
+    at, w, ratio = at[kept], w[kept], ratio[kept]
     if at.size < FEW:
         return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     counts = np.diff(np.append(begins, at.size))
-    positive = np.add.reduceat((w[at] > 0).astype(np.int64), begins)
-    huge = np.maximum.reduceat(size[at] / limit[at], begins) > HUGE
+    positive = np.add.reduceat((w > 0).astype(np.int64), begins)
+    huge = np.maximum.reduceat(ratio, begins) > HUGE
     kept = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
     if small:
         for k in np.flatnonzero(kept).tolist():
-            kept[k] = _is_alone(size, at[begins[k]], at[begins[k] + counts[k] - 1] + 1, limit)
-    energy = np.add.reduceat(w[at] ** 2, begins)
+            kept[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
+    energy = np.add.reduceat(w**2, begins)
     return _Found(at[begins[kept]], at[(begins + counts - 1)[kept]], energy[kept])
 
 
-def _is_alone(size: Vector, first: int, last: int, limit: Vector) -> bool:
+def _is_alone(level: Coefficients, first: int, last: int) -> bool:
     """Return whether the noise next to a burst is not larger than usual. If the variance of the noise varies, it
     usually is larger next to large coefficients."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)
     beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
-    relative = [size[max(a, 0) : max(b, 0)] / limit[max(a, 0) : max(b, 0)] for a, b in beside]
+    relative = [level.relative(max(a, 0), max(b, 0)) for a, b in beside]
     return all(float(np.median(part)) < _ALONE * _QUARTILE for part in relative if part.size >= APART)
-
-
-def _local_spread(size: Vector, piece: int) -> Vector:
-    """Return the standard deviation of each piece of `piece` coefficients, from the median of their sizes. It is at
-    least the median over all pieces."""
-    whole = size.size // piece
-    if whole < 2:
-        return np.array([float(np.median(size)) / _QUARTILE])
-    local = row_medians(size[: whole * piece].reshape(whole, piece)) / _QUARTILE
-    if whole * piece < size.size:
-        local = np.append(local, local[-1])
-    return np.asarray(np.maximum(local, np.median(local)))

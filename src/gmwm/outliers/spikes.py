@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm import _core
 from gmwm._arrays import Vector, freeze, row_medians
 from gmwm.errors import DataError, OptionError
 from gmwm.filling import drawn
@@ -128,15 +129,11 @@ def find_spikes(x: Signal) -> Spikes:
     scale, length, tail, _ = _bulk(values, x.rate, step, most=_BULK, right=None, reach=_REACHES[0])
     if not scale.min() > 0:
         return none
-    # A spike differs from the mean of its two neighbours by its size, or by half of its size next to another spike.
-    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    limit = _of_each_sample(scale, length, values.size)
-    large = np.ones(values.size, dtype=np.bool_)
-    large[1:-1] = bend > 0.5 * LEAST * limit[1:-1]
-    # The middle one of three equal spikes does not differ from its neighbours.
-    large[1:-1] |= large[:-2] | large[2:]
-    candidates = np.flatnonzero(large)
-    deviation = np.abs(_residuals(values, values, candidates, _REACHES[0])) / limit[candidates]
+    # A spike differs from the mean of its two neighbours by its size, or by half of its size next to another spike. The
+    # middle one of three equal spikes does not differ from its neighbours, so they are candidates too.
+    candidates = _core.bent_samples(values, 0.5 * LEAST * scale, length)
+    deviation = np.abs(_core.neighbour_residuals(values, values, candidates, _REACHES[0]))
+    deviation /= _at(candidates, scale, length)
     threshold = _threshold(deviation, values.size, tail)
     found = candidates[deviation >= threshold]
     if not 0 < found.size <= MOST * values.size:
@@ -149,15 +146,15 @@ def find_spikes(x: Signal) -> Spikes:
         scale, length, tail, usual = _bulk(filled, x.rate, step, most=_PRECISE, right=right, reach=reach)
         if not scale.min() > 0:
             return none
-        limit = _of_each_sample(scale, length, values.size)
-        deviations = np.abs(_residuals(values, filled, candidates, reach)) / limit[candidates]
+        limit = _at(candidates, scale, length)
+        deviations = np.abs(_core.neighbour_residuals(values, filled, candidates, reach)) / limit
         threshold = _threshold(deviations, values.size, tail, FALSE)
         clear = np.flatnonzero(_clear(candidates, _crowded(candidates[deviations >= threshold], values.size)))
         spiky = clear[_surplus(deviations[clear], threshold, values.size, usual)]
-        before, found, deviation = found.size, candidates[spiky], deviations[spiky]
+        before, found, deviation, limit = found.size, candidates[spiky], deviations[spiky], limit[spiky]
         if abs(found.size - before) <= _SETTLED * before:
             break
-    kept = _returns(values, filled, found, np.minimum(threshold, deviation) * limit[found])
+    kept = _returns(values, filled, found, np.minimum(threshold, deviation) * limit)
     return Spikes(indices=found[kept], deviations=deviation[kept])
 
 
@@ -201,24 +198,11 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
 # --- detection --------------------------------------------------------------------------------------------
 
 
-def _residuals(values: Vector, others: Vector, at: NDArray[np.int64], reach: int) -> Vector:
-    """Return the difference between each sample at some positions and the median of its neighbours among `others`,
-    `reach` on each side."""
-    # Near an end, the neighbours are the nearest 2 `reach` samples.
-    centre = np.clip(at, reach, values.size - reach - 1)
-    window = np.arange(-reach, reach + 1)
-    around = others[centre[:, None] + window[window != 0]]
-    for k in np.flatnonzero(centre != at):
-        nearest = centre[k] + window
-        around[k] = others[nearest[nearest != at[k]]]
-    return np.asarray(values[at] - row_medians(around))
-
-
 def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
     """Return the number of neighbours on each side whose median predicts a sample best."""
     places, _ = _sampled(values.size, _BULK)
     places = places[right[places]]
-    errors = [np.median(np.abs(_residuals(values, values, places, reach))) for reach in _REACHES]
+    errors = [np.median(np.abs(_core.neighbour_residuals(values, values, places, reach))) for reach in _REACHES]
     return _REACHES[int(np.argmin(errors))]
 
 
@@ -239,7 +223,7 @@ def _bulk(
     At most about `most` residuals are used. The tails are estimated from the samples that are `right`.
     """
     places, stride = _sampled(values.size, most)
-    residual = np.abs(_residuals(values, values, places, reach))
+    residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
     local = row_medians(residual[: count * piece].reshape(count, piece)) / _QUARTILE
@@ -252,11 +236,10 @@ def _bulk(
     return local, piece * stride, _freedom(relative, 3.0), _freedom(relative, 0.0)
 
 
-def _of_each_sample(scale: Vector, length: int, samples: int) -> Vector:
-    """Return for each sample the standard deviation of its block. The samples after the last block belong to the last
-    block."""
-    begins = np.minimum(np.arange(scale.size) * length, samples)
-    return np.repeat(scale, np.diff(np.append(begins, samples)))
+def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
+    """Return the standard deviation at some positions, from that of each block. The samples after the last block belong
+    to the last block."""
+    return np.asarray(scale[np.minimum(places // length, scale.size - 1)])
 
 
 def _freedom(relative: Vector, errors: float) -> float:
@@ -320,7 +303,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
         surplus = here.size - expected
         if np.isinf(high) or surplus > 2 * np.sqrt(expected) + 1:
             chosen[rng.permutation(here)[: round(surplus)]] = True
-        elif low < threshold:
+        elif low < threshold or low == high:  # equal where a bin is below the resolution of the deviations
             break
         low, high = low - _BIN, low
     return chosen
@@ -360,9 +343,16 @@ def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vecto
 
 
 def _filled(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
-    """Interpolate the values at some positions from all others. Return also a mask of the others."""
+    """Interpolate the values at some positions, in ascending order, from all others. Return also a mask of the
+    others."""
     good = np.ones(values.size, dtype=np.bool_)
     good[at] = False
     filled = values.copy()
-    filled[at] = np.interp(at, np.flatnonzero(good), values[good])
+    # The nearest other sample on each side of a run of positions; at an end of the signal, the one on its other side.
+    begins = np.flatnonzero(np.diff(at, prepend=-2) > 1)
+    sizes = np.diff(np.append(begins, at.size))
+    before, after = at[begins] - 1, at[begins] + sizes
+    before, after = np.where(before < 0, after, before), np.where(after == values.size, before, after)
+    slope = (values[after] - values[before]) / np.maximum(after - before, 1)
+    filled[at] = np.repeat(slope, sizes) * (at - np.repeat(before, sizes)) + np.repeat(values[before], sizes)
     return filled, good

@@ -14,6 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axes._secondary_axes import SecondaryAxis
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
@@ -25,6 +26,7 @@ from gmwm._files import write_bytes
 from gmwm.errors import OptionError
 from gmwm.plots.figure import Axis, Band, Figure, Foot, Mark, Panel, Stroke, Symbol, Tick
 from gmwm.plots.legend import EDGE, MILLIMETRE, folded, legend_below, legend_inside
+from gmwm.plots.png import png
 from gmwm.plots.style import GRID
 
 if TYPE_CHECKING:
@@ -101,6 +103,8 @@ def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
 
 def rendered(picture: MatplotlibFigure, suffix: str) -> bytes:
     """Return the content of a file with the suffix ".png", ".pdf" or ".svg"."""
+    if suffix == ".png" and isinstance(picture, Picture) and to_rgba(picture.get_facecolor())[3] == 1:
+        return png(picture, PRINT_DPI)
     # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
     # reproducible.
     settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}

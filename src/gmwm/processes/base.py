@@ -11,6 +11,7 @@ import math
 from abc import ABC
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -134,16 +135,14 @@ class Process(ABC):
 
     def __post_init__(self) -> None:
         for parameter in self.parameters:
-            value = parameter.checked(getattr(self, parameter.name), self.name)
-            object.__setattr__(self, parameter.name, value)
+            object.__setattr__(self, parameter.name, parameter.checked(getattr(self, parameter.name), self.name))
 
     # --- values ---------------------------------------------------------------------------------------
 
     @property
     def values(self) -> dict[str, float | None]:
         """Value of each parameter, fixed or not; None if it is to be estimated."""
-        given = {p.name: getattr(self, p.name) for p in self.parameters}
-        return {name: v.value if isinstance(v, Fixed) else v for name, v in given.items()}
+        return {p.name: v.value if isinstance(v := getattr(self, p.name), Fixed) else v for p in self.parameters}
 
     def is_fixed(self, name: str) -> bool:
         """Whether the parameter `name` is fixed."""
@@ -192,11 +191,13 @@ class Process(ABC):
         return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {known}", argument=name, got=name)
 
     @classmethod
+    @cache
     def scale_parameter(cls) -> Parameter:
         """Return the parameter that scales the wavelet variance."""
         return next(p for p in cls.parameters if p.scale_power is not None)
 
     @classmethod
+    @cache
     def nonlinear_parameters(cls) -> tuple[Parameter, ...]:
         """Return the q parameters that change the shape of the wavelet variance."""
         return tuple(p for p in cls.parameters if p.scale_power is None)

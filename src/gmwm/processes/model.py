@@ -19,7 +19,7 @@ from gmwm.errors import ModelError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.kalman_methods import KalmanMethods
-from gmwm.processes.parameter import Fixed, Value
+from gmwm.processes.parameter import Value
 from gmwm.processes.validation import as_paths, as_rng, shape_of_paths
 from gmwm.signals import Signal
 from gmwm.statespace import StateSpace
@@ -188,11 +188,12 @@ class Model(KalmanMethods):
     def sorted(self, rate: float) -> Model:
         """Return a copy with repeated terms in ascending order of correlation time; other terms stay in place."""
         rate, ordered = as_rate(rate), list(self.processes)
-        for name in {p.name for p in ordered}:
+        for name in (name for name, count in Counter(p.name for p in ordered).items() if count > 1):
             at = [k for k, p in enumerate(ordered) if p.name == name]
             for k, process in zip(at, sorted((ordered[k] for k in at), key=lambda p: _order(p, rate)), strict=True):
                 ordered[k] = process
-        return Model(tuple(ordered))
+        same = all(process is other for process, other in zip(ordered, self.processes, strict=True))
+        return self if same else Model(tuple(ordered))
 
     # --- theory ---------------------------------------------------------------------------------------
 
@@ -547,7 +548,8 @@ def _check_repeats(processes: tuple[Process, ...]) -> None:
                 instead=process.instead_of_repeats(count),
                 count=count,
             )
-    for a, b in combinations(processes, 2):
+    fixed = [p for p in processes if all(p.is_fixed(q.name) for q in p.nonlinear_parameters())]
+    for a, b in combinations(fixed, 2):
         if type(a) is type(b) and _hold_the_same_shape(a, b):
             held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
             raise ModelError(
@@ -560,7 +562,7 @@ def _check_repeats(processes: tuple[Process, ...]) -> None:
 def _hold_the_same_shape(a: Process, b: Process) -> bool:
     shapes = [p.name for p in a.nonlinear_parameters()]
     scale = a.scale_parameter().name
-    held = all(isinstance(getattr(a, name), Fixed) and getattr(a, name) == getattr(b, name) for name in shapes)
+    held = all(getattr(a, name) == getattr(b, name) for name in shapes)
     return held and not (a.is_fixed(scale) and b.is_fixed(scale))
 
 

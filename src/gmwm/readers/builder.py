@@ -16,13 +16,13 @@ from gmwm.chunks import Samples
 from gmwm.errors import DataError
 from gmwm.readers.base import Rows
 from gmwm.readers.interpretation import TEMPERATURE, Interpretation, RowSource
-from gmwm.readers.lost_samples import about_lost, as_floats, beyond_sensors, gaps_of, sift
+from gmwm.readers.lost_samples import about_lost, as_floats, gaps_of, sift
 from gmwm.readers.running_clock import KnownClock, RunningClock, Settled
 from gmwm.readers.temperature import with_temperature
 from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
-from gmwm.units import SI_UNIT
+from gmwm.units import SI_UNIT, beyond_sensors
 
 
 @dataclass(frozen=True, eq=False)

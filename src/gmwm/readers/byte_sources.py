@@ -140,7 +140,7 @@ class MemberSource(FileSource):
             raise PackedError(f"{self} is encrypted", code="encrypted", advice="Unpack it with its password first.")
         try:
             return _bounded(archive.open(info), str(self), info.compress_size, archive)
-        except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError) as error:
+        except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError, ValueError) as error:
             archive.close()
             raise PackedError(
                 f"{self} cannot be unpacked ({error})",

@@ -18,7 +18,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import ReadError
 from gmwm.readers.loss_levels import Rows
 from gmwm.readers.rate_check import require_one_rate, require_order
-from gmwm.readers.sampling_interval import Found, find_losses, resolution_of
+from gmwm.readers.sampling_interval import RATE_TOLERANCE, Found, find_losses, resolution_of
 from gmwm.readers.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
 from gmwm.readers.time_stamps import Timing, about_stamps, as_stamps, require_countable
 from gmwm.remarks import Quantity, Remark
@@ -28,9 +28,6 @@ from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 BLOCK, MARGIN = 1 << 20, 1 << 16
 """Number of rows of a block, and of the rows on each side that are analysed with it. A change of the rate is found if
 it lasts for 3/64 of all these rows, which is less than one side."""
-_RATE_TOLERANCE = 1e-2
-"""Largest relative difference at which a declared rate agrees with the rate of the time stamps. The clock of a MEMS
-gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
 """Relative differences between the declared rate and the rate of the time stamps above which gmwm gives a remark, or a
 warning. The error of a crystal is 1e-4 or less."""
@@ -387,10 +384,10 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
     ReadError
         If they differ by more; the advice names the unit in which they would agree.
     """
-    if abs(measured / rate - 1) <= _RATE_TOLERANCE:
+    if abs(measured / rate - 1) <= RATE_TOLERANCE:
         return
     known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
-    agreeing = (u for u, n in known.items() if abs(measured * n / TIME_UNITS[unit] / rate - 1) <= _RATE_TOLERANCE)
+    agreeing = (u for u, n in known.items() if abs(measured * n / TIME_UNITS[unit] / rate - 1) <= RATE_TOLERANCE)
     likely = next(agreeing, "")
     advice = "To use the time stamps, leave {--rate} out; to leave them out, pass {--columns=time:none}."
     if likely:

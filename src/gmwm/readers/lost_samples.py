@@ -23,13 +23,11 @@ from gmwm._arrays import Vector
 from gmwm.readers.base import Rows
 from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase
+from gmwm.units import IMPOSSIBLE
 
 CUT = -1
 """Key of a Boolean column among the rows: the recording is split before a marked row, and the number of missing samples
 is unknown."""
-IMPOSSIBLE = 1e12
-"""Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors
-measure up to 2e6 m/s², and 32-bit counts without a scale reach 2e9."""
 MISSING = int(np.iinfo(np.int64).min)
 """Value of a missing integer. It is also the missing time of NumPy (NaT)."""
 
@@ -138,18 +136,6 @@ def as_floats(column: NDArray[np.generic]) -> Vector:
     if column.dtype.kind != "f" and (missing := is_missing(column)) is not None:
         floats[missing] = np.nan
     return floats
-
-
-def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
-    """Return a mask of the values (rad/s or m/s²) that no sensor can measure; None if there is no such value.
-
-    >>> beyond_sensors(np.array([0.1, -3.4e38, 9.8]))
-    array([False,  True, False])
-    """
-    if values.size == 0 or (values.max() <= IMPOSSIBLE and values.min() >= -IMPOSSIBLE):
-        return None
-    beyond = np.abs(values) > IMPOSSIBLE
-    return beyond if beyond.any() else None
 
 
 def about_lost(base: TimeBase, impossible: int) -> Iterator[Remark]:

@@ -62,8 +62,14 @@ _PER_DOUBLING = 0.03
 """Increase of the coherence above which a block with twice the rows is preferred."""
 _BLOCKS = 12
 """Smallest number of blocks into which the recording is divided in the search for a better block length."""
+RATE_TOLERANCE = 1e-2
+"""Largest relative difference at which a declared rate agrees with the rate of the time stamps. The clock of a MEMS
+gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
 _AGREES = 0.02
 """Largest relative difference at which an interval agrees with the declared interval."""
+_BESIDE = 0.1
+"""Largest relative difference between the declared interval and an interval without a lost sample, with its jitter. The
+median of all intervals may be between two values."""
 _SLIPS = 5
 """Smallest number of regular steps that are taken as rounding at another rate instead of losses."""
 
@@ -107,12 +113,22 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     mean = _windowed_mean(ticks, burst)
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
-    if line is not None and (resolution < _COARSE * line or np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line)):
+    contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE
+    if declared is not None and contradicts:
+        steps = np.diff(ticks)
+        near = steps[np.abs(steps / declared - 1) < _BESIDE]
+        single = float(np.median(near)) if near.size else single
+    uniform = line is not None and (
+        resolution < _COARSE * line or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line))
+    )
+    if line is not None and uniform and not contradicts:
         return Found(line, none, none, 1)
     regular = _regular(ticks, single, resolution, mean)
     agrees = declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES
-    if agrees and regular is not None and (line is None or abs(line / regular.interval - 1) > 2 * _AGREES):
-        return regular  # the declared rate decides between rounding and regular losses
+    if agrees and regular is not None and (line is None or contradicts):
+        return regular  # the declared rate decides between jitter or rounding, and regular losses
+    if line is not None and uniform:
+        return Found(line, none, none, 1)
     if regular is not None and resolution >= _COARSE * single and _is_rounding(regular, resolution, single):
         regular = None
     if line is not None and (regular is None or _are_slips(regular)):

@@ -123,7 +123,10 @@ class Log:
                 # After a crash, data are appended at this place, and the message before it is not complete.
                 if begin + end < self._bounds[0]:
                     break
-                at = self._bounds.pop(0) - begin
+                bound = self._bounds.pop(0) - begin
+                if bound < at:  # the same messages would be read again and again
+                    raise self._damaged("appended data begin before the messages in front of them")
+                at = bound
                 continue
             if last > end:
                 break

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from gmwm._tables import headed
-from gmwm._text import Summarised, listed, rounded
+from gmwm._text import Summarised, listed, p_relation, rounded
 from gmwm.datasheets import Entry
 from gmwm.datasheets.entry import significant
 from gmwm.estimation.recordings import Deviations, stepped
@@ -209,12 +209,12 @@ class Replicates(Summarised):
         few = "yes" if len(self.recordings) < FEW else "no"
         if pvalue > SIZE:
             return Remark.of(
-                "recordings-agree", self.axis, count=len(self.recordings), numbers=self._within(), p=p_text(pvalue),
-                few=few, size=SIZE,
+                "recordings-agree", self.axis, count=len(self.recordings), numbers=self._within(),
+                p=f"p {p_relation(pvalue)}", few=few, size=SIZE,
             )  # fmt: skip
         return Remark.of(
-            "recordings-differ", self.axis, count=len(self.recordings), numbers=self._spreads(), p=p_text(pvalue),
-            few=few, size=SIZE,
+            "recordings-differ", self.axis, count=len(self.recordings), numbers=self._spreads(),
+            p=f"p {p_relation(pvalue)}", few=few, size=SIZE,
         )  # fmt: skip
 
     def _within(self) -> str:
@@ -245,8 +245,8 @@ class Replicates(Summarised):
             lines += ["", *headed(self.table())]
         lines += ["", *wrap(
             "spread: standard deviation between recordings without estimation errors, with 95 % limits. Test of equal "
-            f"parameters: {p_text(self.parameter_pvalue)}; of equal curves, without a model: "
-            f"{p_text(self.model_free_pvalue)}.", WIDTH,
+            f"parameters: p {p_relation(self.parameter_pvalue)}; of equal curves, without a model: "
+            f"p {p_relation(self.model_free_pvalue)}.", WIDTH,
         )]  # fmt: skip
         return "\n".join(lines)
 
@@ -291,15 +291,6 @@ class Replicates(Summarised):
 FEW = 4
 """With fewer recordings than this, an interval is hardly narrower than with one recording, because the spread between
 recordings is not well determined (docs/validation/recordings.md)."""
-
-
-def p_text(pvalue: float) -> str:
-    """Format a p-value with "p =" or "p <".
-
-    >>> p_text(0.234), p_text(1e-9)
-    ('p = 0.23', 'p < 0.001')
-    """
-    return f"p = {pvalue:.2g}" if pvalue >= 0.001 else "p < 0.001"
 
 
 def _percent(share: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import metadata
+from gmwm._text import version
 
 METHOD = (
     "J. Balamuta, S. Guerrier, R. Molinari and W. Yang, A Computationally Efficient Framework for Automatic Inertial "
@@ -28,9 +28,8 @@ _BIBTEX = """@software{{gmwm,
 
 def citation() -> dict[str, str]:
     """Return the citations of the software and of the method as text, and both as BibTeX."""
-    version = metadata.version("gmwm")
     software = (
         f"The gmwm developers, gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet "
-        f"Moments, version {version}."
+        f"Moments, version {version()}."
     )
-    return {"software": software, "method": METHOD, "bibtex": _BIBTEX.format(version=version)}
+    return {"software": software, "method": METHOD, "bibtex": _BIBTEX.format(version=version())}

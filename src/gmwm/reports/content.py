@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gmwm._text import version
 from gmwm.axis_names import by_sensor
 from gmwm.calibration.findings import SIZE, rejected
 from gmwm.calibration.summary_text import rows_of
@@ -119,7 +119,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "left_out": left,
         "citation": citation(),
         "pictures": pictures,
-        "gmwm": metadata.version("gmwm"),
+        "gmwm": version(),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -70,8 +70,7 @@ def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
 
     return (
         _variants(lambda view, units: fit_panel(found.fit, view=view, units=units)),
-        # Distances have no unit, so one figure for each view is enough.
-        {key: picture for key, picture in _variants(distances).items() if key.endswith("-si")},
+        _variants(distances, systems=("si",)),  # distances have no unit
     )
 
 
@@ -88,7 +87,7 @@ def spectrum_pictures(found: AxisCalibration) -> Variants:
     def panel(view: ViewName, units: UnitSystem) -> Panel:
         return spectrum_panel(spectrum, model=model, units=units)
 
-    return {key: picture for key, picture in _variants(panel).items() if key.startswith("wavelet-")}
+    return _variants(panel, views=("wavelet",))
 
 
 def regression_pictures(found: Regression) -> Variants:
@@ -97,7 +96,7 @@ def regression_pictures(found: Regression) -> Variants:
     def panel(view: ViewName, units: UnitSystem) -> Panel:
         return regression_panel(found, units=units)
 
-    return {key: picture for key, picture in _variants(panel).items() if key.startswith("wavelet-")}
+    return _variants(panel, views=("wavelet",))
 
 
 def recordings_pictures(found: Replicates) -> Variants:
@@ -106,17 +105,20 @@ def recordings_pictures(found: Replicates) -> Variants:
     return {"wavelet-si": plotly_panel(replace(panel, title=""))}
 
 
-def _variants(panel: Callable[[ViewName, UnitSystem], Panel]) -> Variants:
+def _variants(
+    panel: Callable[[ViewName, UnitSystem], Panel],
+    *,
+    views: Sequence[ViewName] = VIEWS,
+    systems: Sequence[UnitSystem] = SYSTEMS,
+) -> Variants:
     """Return a figure in every view and unit system for which `panel` raises no error."""
-    return {f"{view}-{units}": picture for view, units, picture in _drawn(panel)}
-
-
-def _drawn(panel: Callable[[ViewName, UnitSystem], Panel]) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    for view in VIEWS:
-        for units in SYSTEMS:
+    found: Variants = {}
+    for view in views:
+        for units in systems:
             try:
                 drawn = panel(view, units)
             except OptionError:  # This filter has no Allan deviation, or this signal has no datasheet unit.
                 continue
             # The figure has no title, because the page has a heading for it.
-            yield view, units, plotly_panel(replace(drawn, title=""))
+            found[f"{view}-{units}"] = plotly_panel(replace(drawn, title=""))
+    return found

@@ -5,12 +5,11 @@ from __future__ import annotations
 import base64
 import io
 import os
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from gmwm._files import write_text
-from gmwm._text import duration_text
+from gmwm._text import duration_text, version
 from gmwm.errors import OptionError
 from gmwm.monitor import Trace
 from gmwm.reports.write import environment, part
@@ -36,7 +35,7 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
     models = [["Axis", "Model"], *([axis, model.structure] for axis, model in one.models.items())]
     return {
         "title": "Monitor of a sensor at rest",
-        "gmwm": metadata.version("gmwm"),
+        "gmwm": version(),
         "state": "bad" if trace.events else "good",
         "headline": trace.summary(),
         "facts": facts,

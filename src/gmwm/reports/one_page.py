@@ -5,11 +5,10 @@ from __future__ import annotations
 import base64
 import io
 import re
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gmwm._text import counted
+from gmwm._text import counted, version
 from gmwm.calibration.findings import equality_remarks, unusable
 from gmwm.calibration.tables import with_error
 from gmwm.plots.labels import axis_title
@@ -65,8 +64,8 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
         "bias": len(kept) == len(heads),
         "confidence": f"{100 * calibration.settings.confidence:g} %",
         "cautions": _cautions(calibration, dialect),
-        "facts": [*_facts(calibration).items(), ("Made with", f"gmwm {metadata.version('gmwm')}")],
-        "gmwm": metadata.version("gmwm"),
+        "facts": [*_facts(calibration).items(), ("Made with", f"gmwm {version()}")],
+        "gmwm": version(),
     }
 
 

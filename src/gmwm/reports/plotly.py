@@ -104,11 +104,14 @@ class Scale:
 
     def of(self, values: Vector) -> list[float | None]:
         """Return the positions of values for JSON; None for values that are not finite."""
-        return [_json(value) for value in self.place(values).tolist()]
+        return _json(self.place(values))
 
 
-def _json(value: float) -> float | None:
-    return _short(value) if math.isfinite(value) else None
+def _json(values: Vector) -> list[float | None]:
+    """Return values with `DIGITS` significant digits; None for values that are not finite."""
+    # One format for all values takes half of the time of a format for each.
+    texts = (f"%.{DIGITS - 1}e " * values.size % tuple(values.tolist())).split()
+    return [value if math.isfinite(value) else None for value in map(float, texts)]
 
 
 def _short(value: float) -> float:
@@ -171,7 +174,7 @@ def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
         rows.append(f"{safe(band.label)}: %{{customdata[0]:.4~g}} … %{{customdata[1]:.4~g}}")
     found: dict[str, Any] = {"hovertemplate": "<br>".join(rows) + "<extra></extra>"}
     if more:
-        found["customdata"] = [[_json(number) for number in row] for row in np.column_stack(more).tolist()]
+        found["customdata"] = [list(row) for row in zip(*map(_json, more), strict=True)]
     return found
 
 

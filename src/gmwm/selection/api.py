@@ -308,7 +308,7 @@ def _ranked(
         within=general,
         general=explored.general,
         weighting=weighting,
-        weighting_matrix=explored.matrix,
+        weighting_matrix=explored.weights.matrix,
         wavelet=explored.wavelet,
         confidence=options.confidence,
     )
@@ -366,10 +366,10 @@ def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list
     for fit in explored.fits:
         if id(fit) not in known:
             if variances is None:
-                known[id(fit)] = optimism(fit, explored.wavelet)
+                known[id(fit)] = optimism(fit, explored.wavelet, explored.weights)
             else:
                 implied = implied_by_refits(*problem_of(fit), variances)
-                known[id(fit)] = covariance_trace(variances, implied, explored.matrix)
+                known[id(fit)] = covariance_trace(variances, implied, explored.weights.matrix)
     return [Criterion(loss=float(fit.objective), optimism=known[id(fit)], method=method) for fit in explored.fits]
 
 
@@ -443,7 +443,7 @@ def _equivalent(
             if difference > SURELY:
                 continue
             # A model with a clearly larger criterion is not equivalent, even if it is simpler.
-            if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.matrix, explored.wavelet):
+            if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.weights, explored.wavelet):
                 continue
             if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
                 continue

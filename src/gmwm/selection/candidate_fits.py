@@ -17,9 +17,9 @@ from gmwm.estimation.problem import Problem, pose, to_find
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, nearly_settled
 from gmwm.estimation.solver import Solution, solve
-from gmwm.estimation.weighting import precision
+from gmwm.estimation.weighting import Weights, precision
 from gmwm.processes.model import Model
-from gmwm.selection.structure import freedom, of_lower_order, structure_of, without_values
+from gmwm.selection.structure import freedom, names_of, of_lower_order, structure_of, without_values
 from gmwm.variance.pooling import without
 from gmwm.variance.result import WaveletVariance
 
@@ -44,15 +44,17 @@ class Explored:
     general : Fit
         Fit of the largest model that has at most as many parameters as there are levels. Its Ω and V are used for all
         candidates.
-    matrix, wavelet : (J, J) arrays
-        Weighting matrix Ω, and covariance V of the measured wavelet variance ν̂².
+    weights : Weights
+        Weighting matrix Ω (J, J).
+    wavelet : (J, J) array
+        Covariance V of the measured wavelet variance ν̂².
     fits : tuple of Fit
         Fit of each candidate. A candidate with terms that are estimated as zero may share the fit of a smaller
         candidate.
     """
 
     general: Fit
-    matrix: Matrix
+    weights: Weights
     wavelet: Matrix
     fits: tuple[Fit, ...]
 
@@ -81,8 +83,8 @@ def explore(
     """
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
-    matrix = settled.problem.matrix
-    search = _Exploration(wv, matrix, weighting)
+    weights = Weights(settled.problem.matrix)
+    search = _Exploration(wv, weights, weighting)
     search.take(largest, settled.problem, settled.solution)
     order = sorted(range(len(candidates)), key=lambda k: -len(candidates[k].processes))
     for done, k in enumerate(order):
@@ -91,7 +93,7 @@ def explore(
             progress(done + 1, len(candidates))
     search.mend()
     fits = tuple(search.fit(model) for model in candidates)
-    return Explored(as_fit(settled, wv, weighting), matrix, wavelet, fits)
+    return Explored(as_fit(settled, wv, weighting), weights, wavelet, fits)
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
@@ -118,10 +120,10 @@ def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: 
 
 def _explored_again(explored: Explored, candidates: Sequence[Model], wv: WaveletVariance, weighting: str) -> list[Fit]:
     """Fit the candidates to other data with the weighting matrix of `explored`."""
-    matrix = explored.matrix
-    if len(wv) < len(matrix):
-        matrix = _inverse(explored.wavelet[: len(wv), : len(wv)], weighting)
-    search = _Exploration(wv, matrix, weighting)
+    weights = explored.weights
+    if len(wv) < len(explored.wavelet):
+        weights = Weights(_inverse(explored.wavelet[: len(wv), : len(wv)], weighting))
+    search = _Exploration(wv, weights, weighting)
     fitting = [model for model in candidates if freedom(model) <= len(wv)]
     for model in sorted(fitting, key=lambda model: -len(model.processes)):
         search.add(model)
@@ -147,8 +149,8 @@ class _Solved:
 class _Exploration:
     """Solutions for one weighting matrix Ω, by structure of the model."""
 
-    def __init__(self, wv: WaveletVariance, matrix: Matrix, weighting: str) -> None:
-        self.wv, self.matrix, self.weighting = wv, matrix, weighting
+    def __init__(self, wv: WaveletVariance, weights: Weights, weighting: str) -> None:
+        self.wv, self.weights, self.weighting = wv, weights, weighting
         self.solved: dict[frozenset[tuple[str, int]], _Solved] = {}
         self.fits: dict[int, Fit] = {}
 
@@ -171,7 +173,7 @@ class _Exploration:
             if known.shown and known.shown <= structure <= known.structure:
                 self.solved[_key(structure)] = replace(self.solved[_key(known.shown)], structure=structure)
                 return
-        problem = pose(without_values(model), self.wv, self.matrix)
+        problem = pose(without_values(model), self.wv, self.weights)
         self.take(model, problem, solve(problem, certify=False))
 
     def mend(self) -> None:
@@ -202,7 +204,7 @@ class _Exploration:
         free = {*old.linear, *old.shaped}
         places = sorted([*linear, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
         model = Model(tuple(old.model.processes[k] for k in places))
-        problem = pose(without_values(model), self.wv, self.matrix)
+        problem = pose(without_values(model), self.wv, self.weights)
         scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
         terms = tuple(t for t in found.solution.terms if t.scale > 0)
         solution = replace(found.solution, scales=scales, terms=terms)
@@ -214,8 +216,7 @@ def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
     structure = structure_of(model)
     zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
     zero += [k for k, term in zip(problem.shaped, solution.terms, strict=True) if term.scale == 0]
-    bare = without_values(problem.model).processes
-    return structure - Counter(str(bare[k]) for k in zero)
+    return structure - names_of(problem.model.processes[k] for k in zero)
 
 
 def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
@@ -232,7 +233,7 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
     can. The rows of these processes are the estimated shape and its derivatives.
     """
     wv = explored.general.wavelet_variance
-    problem = pose(without_values(explored.general.model), wv, explored.matrix)
+    problem = pose(without_values(explored.general.model), wv, explored.weights)
     rows = [problem.shapes, *_ways(explored.general, problem)]
     if problem.curved_class is not None:
         rows.append(

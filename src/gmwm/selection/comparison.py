@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.covariance import Design
 from gmwm.estimation.result import Fit
-from gmwm.estimation.weighting import square_root
+from gmwm.estimation.weighting import Weights
 from gmwm.selection.equivalence import axes_of
 from gmwm.selection.ranking import Candidate, Comparison, Ranking
 
@@ -20,20 +19,19 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
     the wavelet variance ν² of the model can change with its parameters. The variance of the difference of two losses is
     then 2 tr[(AW)²] + 4 aᵀWa, with A = P₁ − P₂ and W = LVLᵀ. a = r₁ − r₂ is the difference of the weighted residuals.
     """
-    error = difference_error(first.fit, second.fit, ranking.weighting_matrix, ranking.wavelet)
+    error = difference_error(first.fit, second.fit, Weights(ranking.weighting_matrix), ranking.wavelet)
     difference = first.wic.value - second.wic.value
     return Comparison(first=first, second=second, difference=difference, error=error)
 
 
-def difference_error(first: Fit, second: Fit, matrix: Matrix, wavelet: Matrix) -> float:
+def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
     """Compute the standard error of the difference between the losses of two fits.
 
-    `matrix` is Ω (J, J) and `wavelet` is V (J, J) of the ranking; see `compared`.
+    `weights` has Ω (J, J) and `wavelet` is V (J, J) of the ranking; see `compared`.
     """
-    root = square_root(matrix)
+    root = weights.root
     scatter = root @ wavelet @ root.T
-    design = Design.of(first.wavelet_variance)
-    axes = [axes_of(fit, root, design) for fit in (first, second)]
+    axes = [axes_of(fit, root) for fit in (first, second)]
     shape = axes[1] @ axes[1].T - axes[0] @ axes[0].T
     residuals = [root @ (fit.wavelet_variance.variance - fit.implied) for fit in (first, second)]
     pull = residuals[0] - residuals[1]

@@ -25,12 +25,12 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design
 from gmwm.errors import GmwmError
 from gmwm.estimation.estimator import as_fit
-from gmwm.estimation.linearised import COLLINEAR, columns_of, relative_jacobian
+from gmwm.estimation.linearised import COLLINEAR, slopes_of
 from gmwm.estimation.problem import pose
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, drawn_covariance
 from gmwm.estimation.solver import solve
-from gmwm.estimation.weighting import precision, square_root
+from gmwm.estimation.weighting import Weights, precision
 from gmwm.inference.criterion import optimism
 from gmwm.selection.candidate_fits import Explored
 from gmwm.selection.structure import without_values
@@ -58,15 +58,17 @@ class Hypothesis:
         The fits of all candidates.
     fit : Fit
         Fit of the candidate; at first with the Ω that all candidates share.
-    matrix, wavelet : (J, J) arrays
-        Ω and V of the candidate: V is the covariance of ν̂² under the fit, and Ω is V⁻¹ or diag(1 / V_jj).
+    weights : Weights
+        Ω of the candidate, which is V⁻¹ or diag(1 / V_jj).
+    wavelet : (J, J) array
+        Covariance V of ν̂² under the fit.
     draws, seed : int
         Number of simulated recordings, and seed of the random numbers.
     """
 
     explored: Explored
     fit: Fit
-    matrix: Matrix
+    weights: Weights
     wavelet: Matrix
     draws: int
     seed: int
@@ -82,7 +84,7 @@ class Hypothesis:
             return None
         if fit.weighting != "optimal":
             matrix = np.diag(1 / np.diag(wavelet))
-        return cls(explored=explored, fit=fit, matrix=matrix, wavelet=wavelet, draws=draws, seed=seed)
+        return cls(explored=explored, fit=fit, weights=Weights(matrix), wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
         """Return whether the loss of the candidate exceeds the loss of a rival by far more than chance explains.
@@ -94,7 +96,7 @@ class Hypothesis:
         losses = []
         for fit in (self.fit, rival):
             left = self.root @ (fit.wavelet_variance.variance - fit.implied)
-            axes = self.axes if fit is self.fit else axes_of(fit, self.root, Design.of(fit.wavelet_variance))
+            axes = self.axes if fit is self.fit else axes_of(fit, self.root)
             losses.append(float(left @ left - np.sum((axes.T @ left) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
@@ -102,7 +104,8 @@ class Hypothesis:
     def excess(self, rival: Fit) -> float:
         """Return the criterion of the candidate minus the criterion of a rival, after fitting both with the candidate's
         Ω."""
-        criteria = [fit.objective + optimism(fit, self.wavelet) for fit in (self.again, self._fitted(rival))]
+        own, other = self.again, self._fitted(rival)
+        criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (own, other)]
         return criteria[0] - criteria[1]
 
     @cached_property
@@ -116,18 +119,18 @@ class Hypothesis:
 
     def _fitted(self, fit: Fit) -> Fit:
         wv = fit.wavelet_variance
-        problem = pose(without_values(fit.model), wv, self.matrix)
+        problem = pose(without_values(fit.model), wv, self.weights)
         return as_fit(Settled(problem, solve(problem, certify=False)), wv, fit.weighting)
 
-    @cached_property
+    @property
     def root(self) -> Matrix:
         """Square root L of the weighting matrix, LᵀL = Ω."""
-        return square_root(self.matrix)
+        return self.weights.root
 
     @cached_property
     def axes(self) -> Matrix:
         """Orthonormal directions (J, p) in which the weighted wavelet variance of the candidate can change."""
-        return axes_of(self.fit, self.root, Design.of(self.fit.wavelet_variance))
+        return axes_of(self.fit, self.root)
 
     @cached_property
     def errors(self) -> Matrix:
@@ -241,11 +244,10 @@ def factor_of(wavelet: Matrix) -> Matrix:
     return np.asarray(deviation[:, None] * axes * np.sqrt(np.maximum(share, 0)))
 
 
-def axes_of(fit: Fit, root: Matrix, design: Design) -> Matrix:
+def axes_of(fit: Fit, root: Matrix) -> Matrix:
     """Return orthonormal directions (J, p) in which the weighted wavelet variance of a fit can change with its
     parameters."""
-    columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
-    slopes = root @ relative_jacobian(fit.model, design, columns)
+    slopes = root @ slopes_of(fit)
     length = np.linalg.norm(slopes, axis=0)
     if not np.any(length > 0):
         return np.empty((root.shape[0], 0))

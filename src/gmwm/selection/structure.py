@@ -26,9 +26,20 @@ MOST_CANDIDATES = 5000
 
 def without_values(model: Model) -> Model:
     """Return a model without its values except fixed ones, because candidates do not share starting values."""
-    return Model(
-        tuple(p.with_values(**{q.name: None for q in p.parameters if not p.is_fixed(q.name)}) for p in model.processes)
-    )
+    bare = tuple(map(_bare, model.processes))
+    return model if bare == model.processes else Model(bare)
+
+
+@lru_cache(maxsize=1024)
+def _bare(process: Process) -> Process:
+    """Return a process without its values except fixed ones."""
+    return process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
+
+
+@lru_cache(maxsize=1024)
+def _name(process: Process) -> str:
+    """Return the text of a process with its fixed values only."""
+    return str(_bare(process))
 
 
 def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
@@ -100,14 +111,14 @@ def freedom(model: Model) -> int:
     return len(model.names) - len(model.fixed_names)
 
 
-def terms_of(processes: Iterable[Process]) -> Counter[str]:
-    """Count processes by name and fixed values."""
-    return Counter(str(process) for process in processes)
-
-
 def structure_of(model: Model) -> Counter[str]:
     """Return the structure of a model: its processes with their fixed values only, and how often each occurs."""
-    return terms_of(without_values(model).processes)
+    return names_of(model.processes)
+
+
+def names_of(processes: Iterable[Process]) -> Counter[str]:
+    """Count processes by name and fixed values."""
+    return Counter(map(_name, processes))
 
 
 def shown_by(fit: Fit) -> Counter[str]:
@@ -115,13 +126,12 @@ def shown_by(fit: Fit) -> Counter[str]:
 
     Terms that are zero are left out. A term that acts as another process counts as this process.
     """
-    bare = without_values(fit.model)
     shown, acted = Counter[str](), set[str]()
-    for term, process in zip(bare.terms, bare.processes, strict=True):
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         if term in fit.diagnostics.acts_as:
             acted.add(fit.diagnostics.acts_as[term])
         elif term not in fit.diagnostics.not_supported:
-            shown[str(process)] += 1
+            shown[_name(process)] += 1
     # Several terms that act as the same process, such as white noise, count as one term.
     return shown | Counter(acted)
 

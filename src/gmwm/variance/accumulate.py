@@ -22,7 +22,7 @@ from gmwm.variance.result import WaveletVariance
 from gmwm.variance.rise import RiseSums
 from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.second_pass import SecondPass, sum_request
-from gmwm.variance.segment_state import SegmentState
+from gmwm.variance.segment_state import SegmentState, as_count
 from gmwm.variance.sketch import SKETCH_COLLECTOR, Counts, Sketches
 from gmwm.variance.sketched import SketchCoefficients
 from gmwm.variance.winsorised_mean import ThinnedValues
@@ -287,16 +287,16 @@ class WaveletAccumulator(SegmentedAccumulator):
             )  # fmt: skip
             made._squares = np.array(values["squares"], dtype=np.float64).reshape(made.levels)
             made._counts = np.array(values["counts"], dtype=np.int64).reshape(made.levels)
-            made._lengths = [int(length) for length in values["lengths"]]
+            made._lengths = [as_count(length) for length in values["lengths"]]
             made._rises = float(values["rises"])
-            made.filled, made._line = int(values["filled"]), RiseSums(*map(float, values["line"]))
+            made.filled, made._line = as_count(values["filled"]), RiseSums(*map(float, values["line"]))
             if made.robust:
                 made._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
             some = np.array(values["some"], dtype=np.float64)
-            made._thinned = ThinnedValues(int(values["every"]), int(values["some_first"]), some)
+            made._thinned = ThinnedValues(as_count(values["every"], 1), as_count(values["some_first"]), some)
             made._first = SegmentState.restored("first_", made.exact, values)
             made._last = SegmentState.restored("last_", made.exact, values)
-            made._count = sum(made._lengths) + sum(part.count for part in made._open())
+            made._count = as_count(sum(made._lengths) + sum(part.count for part in made._open()))
         except KeyError as error:
             raise ReadError(
                 f"this is not the state of an accumulator: {error.args[0]!r} is missing",

@@ -208,17 +208,18 @@ def signal_wavelet_variance(
         )
     levels = as_level_count(levels, deepest, n)
 
-    slope = _slope(segments)
     numbers = np.arange(1, levels + 1, dtype=np.int64)
     counts, eta = pooled_counts(lengths, numbers, wavelet, transform)
     diagnostics: dict[str, Any] = {}
     if robust:
+        _slope(segments)  # raises an error if a value is not finite
         found = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
         variance, diagnostics["robust"] = found.variance, found.diagnostics
         slope = _slope([_clipped(segment) for segment in segments])
         eta = eta * efficiency
     else:
-        variance = _classical(segments, wavelet, transform, levels)
+        variance, rises = _classical(segments, wavelet, transform, levels)
+        slope = _slope(segments, rises)
     if not np.all(np.isfinite(variance)):
         raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     filled = 0 if signal is None else signal.filled
@@ -254,26 +255,33 @@ def variances_alone(
     The estimates are robust if an efficiency is given, and classical if it is None.
     """
     if efficiency is None:
-        return _classical(segments, filter, transform, levels)
+        return _classical(segments, filter, transform, levels)[0]
     return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
 
 
-def _classical(segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Compute the mean square, at each level, over all coefficients of all segments."""
-    alone = _core.haar_variance if _by_running_sum(filter, transform) else partial(_by_pyramid, filter, transform)
-    if len(segments) == 1:
-        return alone(segments[0], levels)
-    total, counts = np.zeros(levels), np.zeros(levels)
+def _classical(
+    segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
+) -> tuple[Vector, list[float]]:
+    """Compute the mean square, at each level, over all coefficients of all segments.
+
+    The kernel of the Haar filter also returns the mean rise of each segment with two samples or more.
+    """
     numbers = np.arange(1, levels + 1, dtype=np.int64)
+    found, rises = [], []
     for segment, reach in _reaching(segments, filter, transform, levels):
-        own = coefficient_counts(segment.size, numbers[:reach], filter, transform)
-        total[:reach] += own * alone(segment, reach)
-        counts[:reach] += own
-    return np.asarray(total / counts)
-
-
-def _by_pyramid(filter: WaveletFilter, transform: Transform, values: Vector, levels: int) -> Vector:
-    return variances(values, filter, transform, levels)
+        if _by_running_sum(filter, transform):
+            variance, rise = _core.haar_variance(segment, reach)
+            rises.append(rise)
+        else:
+            variance = variances(segment, filter, transform, reach)
+        found.append((variance, coefficient_counts(segment.size, numbers[:reach], filter, transform)))
+    if len(segments) == 1:
+        return found[0][0], rises
+    total, counts = np.zeros(levels), np.zeros(levels)
+    for variance, own in found:
+        total[: own.size] += own * variance
+        counts[: own.size] += own
+    return np.asarray(total / counts), rises
 
 
 def _robust(
@@ -309,18 +317,19 @@ def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: 
     return PlainCoefficients(inner_coefficients(values, filter, transform, levels), [rounding] * levels)
 
 
-def _slope(segments: Sequence[Vector]) -> float:
+def _slope(segments: Sequence[Vector], rises: Sequence[float] = ()) -> float:
     """Return the mean slope of a signal (unit per sample). Raises DataError if a value is not finite.
 
     Segments are weighted by the squares of their lengths. This is a compromise: the optimal weights are the lengths for
-    a random walk, and the cubes of the lengths for white noise.
+    a random walk, and the cubes of the lengths for white noise. `rises` are the slopes of the segments with two samples
+    or more, if they are known. Such a slope is not finite if a value is not, or if a sum of values overflows.
     """
     long = [segment for segment in segments if segment.size > 1]
+    known = rises or [math.nan] * len(long)
+    slopes = [rise if math.isfinite(rise) else _rise(values) for rise, values in zip(known, long, strict=True)]
     if len(long) == 1:
-        return _rise(long[0])
-    return float(
-        np.average([_rise(segment) for segment in long], weights=[float(segment.size) ** 2 for segment in long])
-    )
+        return slopes[0]
+    return float(np.average(slopes, weights=[float(segment.size) ** 2 for segment in long]))
 
 
 def _rise(values: Vector) -> float:

@@ -118,6 +118,9 @@ class WaveletVariance(Summarised):
 
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
+            if getattr(self, name).shape != (self.levels.size,):
+                expected, got = f"one number for each of {self.levels.size} levels", getattr(self, name).shape
+                raise DataError(argument=name, expected=expected, got=got)
             freeze(getattr(self, name))
         if self.excess is not None:
             if self.excess.shape != (len(self), len(self)):

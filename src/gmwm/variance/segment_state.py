@@ -15,6 +15,10 @@ from gmwm.variance.blocks import STEPS, Blocks, blocks_of
 from gmwm.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
 from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
+LONGEST = 1 << 61
+"""Largest number of samples of a stored state, so that the sum with the index of the first sample is a 64-bit
+integer."""
+
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
@@ -198,7 +202,7 @@ class SegmentState:
             further = zip(whole.levels[exact:], whole.resolutions[exact:].tolist(), strict=True)
             known = [*further, *((Sketch(), 0.0) for _ in blocks)]
             blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
-        start, count = int(values[f"{prefix}start"]), int(values[f"{prefix}count"])
+        start, count = (as_count(values[prefix + name]) for name in ("start", "count"))
         return cls(
             exact=exact,
             start=start,
@@ -210,6 +214,14 @@ class SegmentState:
             blocks=tuple(blocks),
             statistics=statistics,
         )
+
+
+def as_count(value: Any, least: int = 0) -> int:
+    """Return a stored number of samples; raise a ValueError if no recording has that number."""
+    count = int(value)
+    if not least <= count <= LONGEST:
+        raise ValueError(f"a number of samples must be from {least} to {LONGEST}")
+    return count
 
 
 def _measured(

@@ -1,0 +1,70 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/tuple.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "arrays.hpp"
+#include "gmwm/outliers.hpp"
+
+namespace nb = nanobind;
+using namespace gmwm_bind;
+using namespace nb::literals;
+
+namespace {
+
+using Indices = Input<std::int64_t, 1>;
+
+std::tuple<Output<std::int64_t>, Result, Result, double> large_coefficients(const Vector& path, double scale,
+                                                                            std::size_t piece, double least,
+                                                                            double limit) {
+  if (path.size() < 3 || piece == 0) throw nb::value_error("path must have 3 values or more, and piece be positive");
+  gmwm::LargeCoefficients found;
+  {
+    const nb::gil_scoped_release release;
+    found = gmwm::large_coefficients(view(path), scale, piece, least, limit);
+  }
+  return {to_numpy(std::move(found.at)), to_numpy(std::move(found.w)), to_numpy(std::move(found.spread)), found.energy};
+}
+
+Result neighbour_residuals(const Vector& x, const Vector& others, const Indices& at, std::size_t reach) {
+  const std::size_t n = x.size();
+  if (others.size() != n || reach == 0 || n <= 2 * reach)
+    throw nb::value_error("x and others must have the same size, more than 2 reach, reach > 0");
+  for (const std::int64_t place : view(at))
+    if (place < 0 || place >= static_cast<std::int64_t>(n)) throw nb::value_error("a place is outside the samples");
+  std::vector<double> out(at.size());
+  {
+    const nb::gil_scoped_release release;
+    gmwm::neighbour_residuals(view(x), view(others), view(at), reach, out);
+  }
+  return to_numpy(std::move(out));
+}
+
+Output<std::int64_t> bent_samples(const Vector& x, const Vector& limits, std::size_t length) {
+  if (x.size() < 2 || limits.size() == 0 || length == 0)
+    throw nb::value_error("x must have 2 samples or more, and there must be a limit and a length");
+  std::vector<std::int64_t> found;
+  {
+    const nb::gil_scoped_release release;
+    found = gmwm::bent_samples(view(x), view(limits), length);
+  }
+  return to_numpy(std::move(found));
+}
+
+}  // namespace
+
+void bind_outliers(nb::module_& m) {
+  m.def("large_coefficients", &large_coefficients, "path"_a.noconvert(), "scale"_a, "piece"_a, "least"_a, "limit"_a,
+        "Indices and values of the second differences of a path, times scale, beyond limit local standard deviations; "
+        "the standard deviation of each piece; and the sum of all squares.");
+  m.def("neighbour_residuals", &neighbour_residuals, "x"_a.noconvert(), "others"_a.noconvert(), "at"_a.noconvert(),
+        "reach"_a, "Samples at some places minus the median of their neighbours among others, reach on each side.");
+  m.def("bent_samples", &bent_samples, "x"_a.noconvert(), "limits"_a.noconvert(), "length"_a,
+        "Indices of samples farther from the mean of their neighbours than the limit of their block, and of those "
+        "beside them.");
+}

@@ -1,0 +1,177 @@
+#include "gmwm/outliers.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "gmwm/buffer.hpp"
+#include "gmwm/clones.hpp"
+
+namespace gmwm {
+
+namespace {
+
+constexpr double quartile = 0.6744897501960817;
+// Values that are compared before a branch.
+constexpr std::size_t tile = 64;
+// Half the width of the interval in which the median of a piece is expected, relative to the median of the piece before
+// and to 1 / sqrt(n). It is four standard deviations of the difference of the medians for correlated coefficients.
+constexpr double width = 8.0;
+
+double second_difference(const double* p, std::size_t i, double scale) {
+  return scale * ((p[i + 2] - p[i + 1]) - (p[i + 1] - p[i]));
+}
+
+// Their absolute values, and the sum of their squares.
+GMWM_CLONES double second_differences(const double* p, std::size_t n, double scale, double* size) {
+  for (std::size_t i = 0; i < n; ++i) size[i] = std::abs(scale * ((p[i + 2] - p[i + 1]) - (p[i + 1] - p[i])));
+  double part[8] = {}, energy = 0.0;
+  std::size_t i = 0;
+  for (; i + 8 <= n; i += 8)
+    for (std::size_t k = 0; k < 8; ++k) part[k] += size[i + k] * size[i + k];
+  for (; i < n; ++i) energy += size[i] * size[i];
+  for (const double one : part) energy += one;
+  return energy;
+}
+
+GMWM_INLINE std::size_t count_below(const double* x, std::size_t n, double limit) {
+  double count = 0.0;
+  for (std::size_t i = 0; i < n; ++i) count += x[i] <= limit ? 1.0 : 0.0;
+  return static_cast<std::size_t>(count);
+}
+
+GMWM_CLONES std::size_t count_up_to(const double* x, std::size_t n, double limit) { return count_below(x, n, limit); }
+
+// Copies the values in (low, high] to `between`, which has room for all, and returns their number and that of the values
+// up to `low`. Without branches, because half of the values are up to `low`.
+GMWM_CLONES void split(const double* x, std::size_t n, double low, double high, double* between, std::size_t* counts) {
+  std::size_t inside = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    between[inside] = x[i];
+    inside += static_cast<std::size_t>((x[i] > low) & (x[i] <= high));
+  }
+  counts[0] = count_below(x, n, low);
+  counts[1] = inside;
+}
+
+double middle(std::span<double> values, std::size_t below, std::size_t total) {
+  // The value of rank total / 2 of all, of which `below` are smaller than these.
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(total / 2 - below);
+  std::nth_element(values.begin(), at, values.end());
+  return total % 2 != 0 ? *at : (*std::max_element(values.begin(), at) + *at) / 2;
+}
+
+// The median of |w| of a piece, selected among the few values in an interval about a guess.
+double median_near(std::span<const double> size, double guess, std::vector<double>& scratch) {
+  const std::size_t n = size.size();
+  const double margin = width / std::sqrt(static_cast<double>(n));
+  if (margin < 0.25 && guess > 0.0) {
+    std::size_t counts[2];
+    scratch.resize(n + 1);
+    split(size.data(), n, guess * (1.0 - margin), guess * (1.0 + margin), scratch.data(), counts);
+    const auto [below, inside] = counts;
+    // Both middle values must be in the interval.
+    if (below + 1 <= n / 2 && below + inside > n / 2) return middle(std::span{scratch}.first(inside), below, n);
+  }
+  scratch.assign(size.begin(), size.end());
+  return median(scratch);
+}
+
+void sort_two(double& a, double& b) {
+  const double low = std::min(a, b), high = std::max(a, b);
+  a = low;
+  b = high;
+}
+
+double median_of_six(double a, double b, double c, double d, double e, double f) {
+  // The two middle values: of two sorted triples, the maximum of the lower half and the minimum of the upper half.
+  sort_two(a, b);
+  sort_two(b, c);
+  sort_two(a, b);
+  sort_two(d, e);
+  sort_two(e, f);
+  sort_two(d, e);
+  // The three smallest of all are min(a, f), min(b, e), min(c, d).
+  const double low = std::max({std::min(a, f), std::min(b, e), std::min(c, d)});
+  const double high = std::min({std::max(a, f), std::max(b, e), std::max(c, d)});
+  return (low + high) / 2;
+}
+
+}  // namespace
+
+double median(std::span<double> values) { return middle(values, 0, values.size()); }
+
+LargeCoefficients large_coefficients(std::span<const double> path, double scale, std::size_t piece, double least,
+                                     double limit) {
+  const std::size_t n = path.size() - 2;
+  std::vector<double> scratch;
+  const AlignedArray sizes = aligned_array(n);
+  const std::span<const double> size(sizes.get(), n);
+  LargeCoefficients found;
+  found.energy = second_differences(path.data(), n, scale, sizes.get());
+  const std::size_t whole = n / piece, pieces = whole < 2 ? 1 : whole + (whole * piece < n ? 1 : 0);
+  if (whole < 2) piece = n;
+  double guess = 0.0;
+  for (std::size_t k = 0; k < std::max<std::size_t>(whole, 1) && found.spread.size() < pieces; ++k) {
+    guess = median_near(size.subspan(k * piece, piece), guess, scratch);
+    found.spread.push_back(guess / quartile);
+  }
+  if (found.spread.size() < pieces) found.spread.push_back(found.spread.back());
+  scratch = found.spread;
+  const double usual = std::max(median(scratch), least);
+  for (double& one : found.spread) one = std::max(one, usual);
+  if (!(usual > 0.0)) return found;
+  for (std::size_t k = 0; k < pieces; ++k) {
+    const double edge = limit * found.spread[k];
+    const std::size_t last = std::min((k + 1) * piece, n);
+    for (std::size_t i = k * piece; i < last; i += tile) {
+      const std::size_t end = std::min(i + tile, last);
+      if (count_up_to(size.data() + i, end - i, edge) == end - i) continue;
+      for (std::size_t t = i; t < end; ++t)
+        if (size[t] > edge) {
+          found.at.push_back(static_cast<std::int64_t>(t));
+          found.w.push_back(second_difference(path.data(), t, scale));
+        }
+    }
+  }
+  return found;
+}
+
+void neighbour_residuals(std::span<const double> x, std::span<const double> others, std::span<const std::int64_t> at,
+                         std::size_t reach, std::span<double> out) {
+  std::vector<double> around(2 * reach);
+  for (std::size_t k = 0; k < at.size(); ++k) {
+    const auto place = static_cast<std::size_t>(at[k]);
+    const std::size_t centre = std::clamp(place, reach, x.size() - reach - 1);
+    const double* o = others.data() + centre;
+    if (reach == 3 && centre == place) {
+      out[k] = x[place] - median_of_six(o[-3], o[-2], o[-1], o[1], o[2], o[3]);
+      continue;
+    }
+    std::size_t count = 0;
+    for (std::size_t i = centre - reach; i <= centre + reach; ++i)
+      if (i != place) around[count++] = others[i];
+    out[k] = x[place] - median(around);
+  }
+}
+
+std::vector<std::int64_t> bent_samples(std::span<const double> x, std::span<const double> limits, std::size_t length) {
+  const std::size_t n = x.size(), last = n - 1;
+  std::vector<std::int64_t> found;
+  std::size_t next = 0;  // the first sample that is not among those found, nor before them
+  const auto add = [&](std::size_t i) {
+    for (std::size_t k = std::max(next, i - std::min<std::size_t>(i, 1)); k <= std::min(i + 1, last); ++k)
+      found.push_back(static_cast<std::int64_t>(k));
+    next = std::min(i + 1, last) + 1;
+  };
+  add(0);
+  for (std::size_t block = 0; block < limits.size(); ++block) {
+    const std::size_t stop = block + 1 < limits.size() ? std::min((block + 1) * length, last) : last;
+    const double limit = limits[block];
+    for (std::size_t t = std::max<std::size_t>(block * length, 1); t < stop; ++t)
+      if (std::abs(x[t] - 0.5 * (x[t - 1] + x[t + 1])) > limit) add(t);
+  }
+  if (n > 1) add(last);
+  return found;
+}
+
+}  // namespace gmwm
