@@ -9,6 +9,7 @@
 #include <memory>
 #include <new>
 
+#include "gmwm/bits.hpp"
 #include "gmwm/clones.hpp"
 
 namespace gmwm {
@@ -38,7 +39,7 @@ struct Keys {
 constexpr std::uint32_t none = std::numeric_limits<std::uint32_t>::max();
 
 GMWM_INLINE void key(double w, std::uint32_t& bin, std::uint64_t& word) {
-  const std::uint64_t bits = std::bit_cast<std::uint64_t>(std::abs(w));
+  const std::uint64_t bits = bit_cast<std::uint64_t>(std::abs(w));
   bin = static_cast<std::uint32_t>(bits >> below_bin);
   word = (bits >> below_sum & rest) | one;
 }

@@ -71,7 +71,7 @@ void values_fall_where_they_belong() {
   x.insert(x.end(), {0.0, -0.0, infinity, -infinity, std::numeric_limits<double>::quiet_NaN(),
                      std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min()});
   CHECK(as_map(gmwm::sketch_values(x)) == definition(x));
-  CHECK(as_map(gmwm::sketch_values({x.data(), 0})).empty());
+  CHECK(as_map(gmwm::sketch_values(std::span(x).first(0))).empty());
   // The scratch that calls share was left blank.
   CHECK(as_map(gmwm::sketch_values({x.data(), 3})) == definition({x.data(), 3}));
 }

@@ -7,11 +7,11 @@
 #pragma once
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 
+#include "gmwm/bits.hpp"
 #include "gmwm/clones.hpp"
 
 namespace gmwm {
@@ -28,7 +28,7 @@ GMWM_INLINE double expm1_below(double z) {
   p = p * r + 1.0 / 479001600, p = p * r + 1.0 / 39916800, p = p * r + 1.0 / 3628800, p = p * r + 1.0 / 362880;
   p = p * r + 1.0 / 40320, p = p * r + 1.0 / 5040, p = p * r + 1.0 / 720, p = p * r + 1.0 / 120;
   p = p * r + 1.0 / 24, p = p * r + 1.0 / 6, p = p * r + 0.5, p = p * r + 1.0;
-  const double power = std::bit_cast<double>((std::bit_cast<std::int64_t>(shifted) + 1023) << 52);
+  const double power = bit_cast<double>((bit_cast<std::int64_t>(shifted) + 1023) << 52);
   return power * (p * r) + (power - 1);
 }
 
