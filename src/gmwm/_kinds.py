@@ -26,6 +26,8 @@ _WORDS: Mapping[Any, str] = {
 _KINDS: dict[type, Mapping[str, Any]] = {}
 _POSITIVE = ("rate", "samples")
 _SHARES = ("confidence", "efficiency")
+LARGEST = 1e150
+"""Largest finite number in a document. The square of a larger number overflows."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
 
     An integer is allowed for a float. Arrays must not contain NaN, unless the class has the attribute `marks_with_nan`.
     All arrays of an object must have the same length. The confidence, the efficiency and the fields that the attribute
-    `shares` of the class lists must be between 0 and 1.
+    `shares` of the class lists must be between 0 and 1. No finite number may exceed `LARGEST`.
 
     Parameters
     ----------
@@ -109,6 +111,8 @@ def _require(value: Any, kind: Any, key: str, document: Document) -> None:
         raise document.error(f"{key} must be {_words(kind)}; got {shown}")
     if isinstance(value, Remark):  # checked when it was read
         return
+    if _is_too_large(value):
+        raise document.error(f"{key} has a number above {LARGEST:g}")
     if is_dataclass(value):  # a datasheet is a mapping too
         require_kinds(value, key, document)
     elif isinstance(value, Mapping):
@@ -119,6 +123,14 @@ def _require(value: Any, kind: Any, key: str, document: Document) -> None:
         inners = get_args(_alone(kind))
         for place, item in enumerate(value):
             _require(item, inners[0] if inners[-1] is ... else inners[place], f"{key}[{place}]", document)
+
+
+def _is_too_large(value: Any) -> bool:
+    """Return whether a number, or a number of an array, is finite and larger than `LARGEST`."""
+    if isinstance(value, np.ndarray):
+        sizes = np.abs(value)
+        return bool(np.any((sizes > LARGEST) & (sizes != np.inf)))
+    return isinstance(value, int | float) and LARGEST < abs(value) != float("inf")
 
 
 def _is(value: Any, kind: Any) -> bool:

@@ -127,6 +127,16 @@ def test_a_curve_has_one_number_for_each_level(fits, name, change):
         Fit.from_dict({**values, "wavelet_variance": {**curve, name: change(curve[name])}})
 
 
+@pytest.mark.parametrize("number", [1e308, -1e200, 10**400])
+@pytest.mark.parametrize("name", ["model_error", "rate", "variance", "samples", "filled", "rise"])
+def test_a_number_whose_square_overflows_is_refused(fits, name, number):
+    values = fits["GM + WN + RW"].to_dict()
+    curve = values["wavelet_variance"]
+    changed = [*curve[name][:-1], number] if name == "variance" else number
+    with raises(ReadError):
+        Fit.from_dict({**values, "wavelet_variance": {**curve, name: changed}})
+
+
 @pytest.mark.parametrize("values", [[], "text", 3, None, {}])
 def test_other_things_are_refused(values):
     with raises(ReadError, "fit", advises=["to_dict()"]):

@@ -122,6 +122,16 @@ def test_flipped_bytes_are_errors_or_numbers(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("value", [np.nan, 1e300, 0.5])
+def test_numbers_that_their_type_cannot_hold_are_refused(tmp_path, value):
+    values = np.full((100, 1), 3.0)
+    values[40] = value
+    scipy.io.savemat(path := tmp_path / "static.mat", {"gyro_x": values})
+    path.write_bytes(path.read_bytes().replace(struct.pack("<4I", 6, 8, 6, 0), struct.pack("<4I", 6, 8, 12, 0)))
+    with raises(ReadError, "gyro_x", "its type", code="damaged"):
+        read(path, 100.0)
+
+
 def test_a_bomb_is_not_unpacked(tmp_path):
     packed = zlib.compress(bytes(256 << 20), 9)
     path = saved(tmp_path, "5", gyro=VALUES[:, :3])

@@ -152,7 +152,15 @@ def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, p
             code="damaged",
             advice="Copy the file again.",
         )
-    return values.reshape(shape, order="F").astype(f"{order}{kind}", copy=False)
+    with np.errstate(invalid="ignore", over="ignore"):  # a number that the type cannot hold is an error below
+        found = values.astype(f"{order}{kind}", copy=False)
+    if found.dtype.kind in "iu" and not np.array_equal(found, values):
+        raise ReadError(
+            f"{path} is damaged: {name} has numbers that its type cannot hold",
+            code="damaged",
+            advice="Copy the file again.",
+        )
+    return found.reshape(shape, order="F")
 
 
 def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
@@ -173,7 +181,12 @@ def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
 
 
 def _integers(element: _Element, order: str, path: Path) -> list[int]:
-    return [int(value) for value in _stored(element, order, path)]
+    values = _stored(element, order, path)
+    if values.dtype.kind not in "iu":
+        raise ReadError(
+            f"{path} is damaged: sizes that are not whole numbers", code="damaged", advice="Copy the file again."
+        )
+    return [int(value) for value in values]
 
 
 def _text(data: memoryview) -> str:
