@@ -112,10 +112,6 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE
-    if declared is not None and contradicts:
-        steps = np.diff(ticks)
-        near = steps[np.abs(steps / declared - 1) < _BESIDE]
-        single = float(np.median(near)) if near.size else single
     uniform = line is not None and (
         resolution < _COARSE * line or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line))
     )
@@ -123,6 +119,10 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
         return Found(line, none, none, 1)
     single, burst = _typical(ticks), _burst(ticks)
     mean = _windowed_mean(ticks, burst)
+    if declared is not None and contradicts:
+        steps = np.diff(ticks)
+        near = steps[np.abs(steps / declared - 1) < _BESIDE]
+        single = float(np.median(near)) if near.size else single
     regular = _regular(ticks, single, resolution, mean)
     agrees = declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES
     if agrees and regular is not None and (line is None or contradicts):
