@@ -71,6 +71,20 @@ Result haar_sums_of_squares(const Vector& running_sum, std::size_t levels, std::
   return to_numpy(std::move(sums), levels);
 }
 
+std::pair<Result, Result> haar_panel(const Vector& before, const Vector& x, double reference, std::size_t levels,
+                                     std::size_t first, std::size_t step) {
+  const std::size_t n = x.shape(0);
+  if (n == 0 || step == 0) throw std::invalid_argument("x must not be empty, and step must be positive");
+  if (levels > 0) checked_levels(levels, before.shape(0) + n);
+  const std::size_t count = first > n ? 0 : (n - first) / step + 1;
+  gmwm::AlignedArray squares = gmwm::aligned_array(levels), sums = gmwm::aligned_array(count + 1);
+  {
+    const nb::gil_scoped_release release;
+    gmwm::haar_panel(view(before), view(x), reference, {first, step, {sums.get(), count + 1}}, {squares.get(), levels});
+  }
+  return {to_numpy(std::move(squares), levels), to_numpy(std::move(sums), count + 1)};
+}
+
 std::pair<Result, double> haar_variance(const Vector& x, std::size_t levels) {
   checked_levels(levels, x.shape(0));
   gmwm::AlignedArray variance = gmwm::aligned_array(levels);
@@ -94,6 +108,10 @@ void bind_haar(nb::module_& m) {
           "Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.");
   m.def("haar_sums_of_squares", &haar_sums_of_squares, "running_sum"_a.noconvert(), "levels"_a, "begin"_a, "end"_a,
           "Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.");
+  m.def("haar_panel", &haar_panel, "before"_a.noconvert(), "x"_a.noconvert(), "reference"_a, "levels"_a, "first"_a,
+          "step"_a, "Sum of the squared Haar coefficients of levels 1 ... levels that end in x, which follows `before`; and "
+          "the sums of the first `first` + k `step` values of x, k = 0, 1, ..., and of all. `before` and these sums are "
+          "relative to reference.");
   m.def("haar_variance", &haar_variance, "x"_a.noconvert(), "levels"_a,
           "Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of "
           "values is not finite.");

@@ -22,6 +22,10 @@ GMWM_CLONES void running_sum_clone(const double* x, std::size_t n, double mean, 
   tile::running_sum(x, n, mean, base, out);
 }
 
+GMWM_CLONES void shifted_clone(const double* x, std::size_t n, double reference, double* out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = x[i] - reference;
+}
+
 // Levels with half-scales h, 2h, … of a tile, see tile::levels_of_tile. The loader selects a version as it selects a
 // clone. Only the version for AVX-512 has registers for the wider vectors, which take a fifth less time.
 #if GMWM_HAS_CLONES
@@ -222,6 +226,39 @@ void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::s
   }
   scale_by_level({squares.data(), sums.size()});
   for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += squares[k];
+}
+
+void haar_panel(std::span<const double> before, std::span<const double> x, double reference, const Marks& marks,
+                std::span<double> squares) {
+  const std::size_t m = before.size(), n = m + x.size();
+  const double mean_of_x = x.size() < short_record ? mean(x).value : near_mean(x), centre = mean_of_x - reference;
+  Window window(n, std::size_t{1} << squares.size());
+  const AlignedArray values = aligned_array(tile::size);
+  std::fill(squares.begin(), squares.end(), 0.0);
+  double start = 0.0;  // running sum before x
+  std::size_t k = 0;   // marks that are passed
+  for (std::size_t i = 1, next; i <= n; i = next) {
+    next = std::min(tile::end(i), n + 1);
+    if (i <= m) next = std::min(next, m + 1);
+    double* p = window.at(i);
+    const std::size_t some = next - i;
+    if (i <= m) {
+      running_sum_clone(before.data() + i - 1, some, centre, p[-1], p);
+      start = p[some - 1];
+      continue;
+    }
+    const double* from = x.data() + (i - 1 - m);
+    shifted_clone(from, some, reference, values.get());
+    running_sum_clone(values.get(), some, centre, p[-1], p);
+    add_levels(p, some, tile::active(i, squares.size()), squares.data(), 1, {.at = from + some});
+    for (; k + 1 < marks.sums.size() && m + marks.first + k * marks.step < next; ++k) {
+      const std::size_t passed = marks.first + k * marks.step;
+      // Before the first sample of x, the sum is 0.
+      marks.sums[k] = passed == 0 ? 0.0 : p[m + passed - i] - start + centre * static_cast<double>(passed);
+    }
+    marks.sums.back() = p[some - 1] - start + centre * static_cast<double>(x.size());
+  }
+  scale_by_level(squares);
 }
 
 double haar_variance(std::span<const double> x, std::span<double> variance) {

@@ -208,6 +208,33 @@ void far_levels_are_sums_over_the_whole_running_sum() {
   }
 }
 
+// Panels of any length give the sums of the whole recording; the shortest has one sample, the longest a window that moves.
+void panels_add_up() {
+  const double reference = 9810.0;
+  const std::size_t n = 700'000, levels = 10, reach = (std::size_t{1} << levels) - 1, step = 512;
+  const Values x = signal(Kind::white, n, reference);
+  Values total(n + 1), whole(levels), parts(levels), shifted(x);
+  for (double& v : shifted) v -= reference;
+  gmwm::running_sum(x, gmwm::mean(x).value, total);
+  gmwm::haar_sums_of_squares(total, 0, n, whole);
+  const std::size_t cuts[] = {0, 1, 2, 1000, 1023, 1024, 5000, 9096, 400'000, n};
+  for (std::size_t c = 0; c + 1 < std::size(cuts); ++c) {
+    const std::size_t begin = cuts[c], end = cuts[c + 1], kept = std::min(begin, reach), first = (step - begin % step) % step;
+    const std::size_t marks = first > end - begin ? 0 : (end - begin - first) / step + 1;
+    Values squares(std::min(levels, top_level(kept + end - begin))), sums(marks + 1, -1.0);
+    gmwm::haar_panel(std::span(shifted).subspan(begin - kept, kept), std::span(x).subspan(begin, end - begin), reference,
+                     {first, step, sums}, squares);
+    for (std::size_t k = 0; k < squares.size(); ++k) parts[k] += squares[k];
+    for (std::size_t k = 0; k <= marks; ++k) {
+      const std::size_t count = k == marks ? end - begin : first + k * step;
+      long double expected = 0.0L;
+      for (std::size_t t = begin; t < begin + count; ++t) expected += shifted[t];
+      CHECK(std::abs(sums[k] - static_cast<double>(expected)) < 1e-9);
+    }
+  }
+  for (std::size_t k = 0; k < levels; ++k) CHECK_CLOSE(parts[k], whole[k], 1e-12);
+}
+
 // The running sum of a long record is relative to a value near the mean, from some of the samples.
 void a_long_record_keeps_its_digits() {
   const std::size_t n = 300'000;
@@ -249,6 +276,7 @@ int main() {
   buffers_are_aligned();
   clones_agree();
   far_levels_are_sums_over_the_whole_running_sum();
+  panels_add_up();
   a_long_record_keeps_its_digits();
   the_rise_is_that_of_a_line();
   return check::result("haar");

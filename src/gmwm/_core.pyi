@@ -101,6 +101,11 @@ def haar_sums_of_squares(running_sum: Annotated[NDArray[numpy.float64], dict(sha
     Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.
     """
 
+def haar_panel(before: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], reference: float, levels: int, first: int, step: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """
+    Sum of the squared Haar coefficients of levels 1 ... levels that end in x, which follows `before`; and the sums of the first `first` + k `step` values of x, k = 0, 1, ..., and of all. `before` and these sums are relative to reference.
+    """
+
 def haar_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
     """
     Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of values is not finite.

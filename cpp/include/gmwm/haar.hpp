@@ -36,6 +36,18 @@ void running_sum(std::span<const double> x, double mean, std::span<double> sum);
 // `sum` is the running sum of the whole signal, sum[t + 1] = P_t; end <= sum.size() - 1.
 void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::size_t end, std::span<double> sums);
 
+// Sums of the first samples of a panel: sums[k] = Σ of the first `first` + k `step` values, and the last one that of all.
+struct Marks {
+  std::size_t first, step;
+  std::span<double> sums;  // not empty; all but the last within the panel
+};
+
+// squares[j - 1] = sum of W_{j,t}², for j = 1 … squares.size(), over the coefficients that end in the panel x (not empty).
+// `before` has the samples before the panel, and 2^squares.size() <= before.size() + x.size(). The running sum is not
+// stored. `before` and the marks are relative to `reference`, and x is not.
+void haar_panel(std::span<const double> before, std::span<const double> x, double reference, const Marks& marks,
+                std::span<double> squares);
+
 // variance[j - 1] = mean of W_{j,t}² over the N - 2^j + 1 coefficients, for j = 1 … variance.size();
 // 2^variance.size() <= x.size(). Returns the mean rise per sample, from the means of the two halves of x. All are NaN if
 // a value of x is not finite, or if a sum of values overflows.

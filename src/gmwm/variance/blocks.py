@@ -177,28 +177,21 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 
 
 def blocks_of(
-    values: Vector, start: int, steps: list[int], collector: StatisticsCollector | None = None
+    sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """Build the blocks of a segment that begins at sample `start`, for each step.
+    """Build the blocks of the samples `start` … `stop` − 1, for each step.
 
-    The steps are powers of two times the first step.
+    `sums` are the sums of all samples before each multiple of the first step, and of all samples. The other steps are
+    powers of two times the first step.
     """
-    base, stop = steps[0], start + values.size
-    first, last = -(-start // base), stop // base
-    if first > last:
-        total = float(values.sum())
-        return [Blocks(step, -(-start // step), stop // step, total, part=_empty(collector, step)) for step in steps]
-    begin, end = first * base - start, last * base - start
-    inside = values[begin:end].reshape(-1, base).sum(axis=1)
-    # Sum of all samples before each multiple of the first step:
-    sums = float(values[:begin].sum()) + np.concatenate([[0.0], np.cumsum(inside)])
-    total = float(sums[-1]) + float(values[end:].sum())
+    base, first, total = steps[0], -(-start // steps[0]), float(sums[-1])
+    marks = sums[:-1]
     return [
         _of(
             step,
             start,
             stop=stop,
-            marks=sums[(-first) % (step // base) :: step // base],
+            marks=marks[(-first) % (step // base) :: step // base],
             total=total,
             collector=collector,
         )

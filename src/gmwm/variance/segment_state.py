@@ -59,37 +59,37 @@ class SegmentState:
     def of(cls, x: Vector, start: int, exact: int, levels: int, collector: StatisticsCollector | None = None) -> Self:
         """Build the state of a segment of at least one sample."""
         reference, reach = float(x[0]), (1 << exact) - 1
-        values = x - reference
         steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
-        squares, statistics = _measured(values, exact, 0, collector)
+        nothing = np.empty(0)
+        squares, sums, statistics = _measured(nothing, x, reference, start=start, exact=exact, collector=collector)
         return cls(
             exact=exact,
             start=start,
             count=x.size,
             reference=reference,
-            head=values[:reach].copy(),
-            tail=values[-reach:].copy(),
+            head=x[:reach] - reference,
+            tail=x[-reach:] - reference,
             squares=squares,
-            blocks=tuple(blocks_of(values, start, steps, collector)),
+            blocks=tuple(blocks_of(sums, start, start + x.size, steps=steps, collector=collector)),
             statistics=statistics,
         )
 
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment extended by the samples `x`."""
-        reach, before = (1 << self.exact) - 1, self.tail.size
-        joint = np.empty(before + x.size)
-        joint[:before] = self.tail
-        values = np.subtract(x, self.reference, out=joint[before:])
-        head = self.head if self.head.size == reach else np.concatenate([self.head, values])[:reach]
-        fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], collector)
-        squares, statistics = _measured(joint, self.exact, before, collector)
+        reach = (1 << self.exact) - 1
+        squares, sums, statistics = _measured(
+            self.tail, x, self.reference, start=self.stop, exact=self.exact, collector=collector
+        )
+        steps = [blocks.step for blocks in self.blocks]
+        fresh = blocks_of(sums, self.stop, self.stop + x.size, steps=steps, collector=collector)
+        missing = reach - self.head.size
         return SegmentState(
             exact=self.exact,
             start=self.start,
             count=self.count + x.size,
             reference=self.reference,
-            head=head,
-            tail=joint[-reach:].copy(),
+            head=self.head if missing == 0 else np.concatenate([self.head, x[:missing] - self.reference]),
+            tail=np.concatenate([self.tail[x.size :], x[-reach:] - self.reference])[-reach:],
             squares=self.squares + squares,
             blocks=tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
             statistics=_merged(self.statistics, statistics),
@@ -213,17 +213,24 @@ class SegmentState:
 
 
 def _measured(
-    values: Vector, levels: int, begin: int, collector: StatisticsCollector | None
-) -> tuple[Vector, Statistics | None]:
-    """Compute the sums Σ W² (levels,), and the statistics, of the coefficients that end at sample `begin` or later.
+    before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
+) -> tuple[Vector, Vector, Statistics | None]:
+    """Measure the samples x, which follow `before` and begin at sample `start` of the recording.
 
-    The sums are computed only if the collector needs them or there is no collector.
+    Returns Σ W² (exact,) of the coefficients that end in x; the sums of x − `reference` before each multiple of the
+    smallest step of the blocks, and over all; and the statistics. The sums Σ W² are computed only if the collector
+    needs them or there is no collector. `before` is relative to `reference`.
     """
-    out, total = np.zeros(levels), _core.running_sum(values)
-    reach = min(levels, values.size.bit_length() - 1)
-    if reach > 0 and (collector is None or collector.squares):
-        out[:reach] = _core.haar_sums_of_squares(total, reach, begin, values.size)
-    return out, None if collector is None else collector.haar(total, levels, begin)
+    step = (2 << exact) // STEPS
+    reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0
+    squares = np.zeros(exact)
+    squares[:reach], sums = _core.haar_panel(
+        before, x, reference=reference, levels=reach, first=-start % step, step=step
+    )
+    if collector is None:
+        return squares, sums, None
+    total = _core.running_sum(np.concatenate([before, x - reference]))
+    return squares, sums, collector.haar(total, exact, before.size)
 
 
 def _merged(a: Statistics | None, b: Statistics | None) -> Any:
