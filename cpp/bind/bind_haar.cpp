@@ -1,7 +1,6 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/pair.h>
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -33,15 +32,31 @@ double mean(const Vector& x) {
   return gmwm::mean(view(x)).value;
 }
 
-std::size_t append(const OutVector& buffer, std::size_t used, nb::handle chunk) {
-  Vector x;
-  if (!nb::try_cast<Vector>(chunk, x, false) || x.size() == 0) return used;
-  if (used > buffer.size() || x.size() > buffer.size() - used) return used;
-  if (reinterpret_cast<std::uintptr_t>(x.data()) % alignof(double) != 0) return used;
-  if (!gmwm::mean(view(x)).finite) return used;
-  std::copy_n(x.data(), x.size(), buffer.data() + used);
-  return used + x.size();
-}
+// A buffer of samples, the first of which are used. One call checks and copies a small chunk: in Python, the checks take
+// longer than the sums.
+class Inbox {
+ public:
+  explicit Inbox(nb::object buffer) : array_(nb::borrow(buffer.type())), values_(nb::cast<OutVector>(buffer, false)) {}
+
+  std::size_t used() const { return used_; }
+
+  bool append(nb::handle chunk, std::size_t most) {
+    Vector x;
+    // A subclass of the array can have a mask, and a list is no array.
+    if (!chunk.type().is(array_) || !nb::try_cast<Vector>(chunk, x, false)) return false;
+    const std::size_t n = x.size();
+    if (n == 0 || n > most || n > values_.size() - used_) return false;
+    if (reinterpret_cast<std::uintptr_t>(x.data()) % alignof(double) != 0) return false;
+    if (!gmwm::copy_finite(view(x), values_.data() + used_)) return false;
+    used_ += n;
+    return true;
+  }
+
+ private:
+  nb::object array_;
+  OutVector values_;
+  std::size_t used_ = 0;
+};
 
 Result running_sum(const Vector& x) {
   const std::size_t n = x.shape(0);
@@ -101,9 +116,12 @@ std::pair<Result, double> haar_variance(const Vector& x, std::size_t levels) {
 void bind_haar(nb::module_& m) {
   m.def("clone", &gmwm::running_clone, "Name of the version of the kernels that runs on this processor.");
   m.def("mean", &mean, "x"_a.noconvert(), "Mean of x; NaN if any value is not finite.");
-  m.def("append", &append, "buffer"_a.noconvert(), "used"_a, "chunk"_a,
-        "Copy chunk behind the used values of buffer, and return how many are used then: as many as before if chunk is "
-        "not a vector of finite float64 numbers, or has no room.");
+  nb::class_<Inbox>(m, "Inbox", "A buffer of samples, the first of which are used.")
+      .def(nb::init<nb::object>(), "buffer"_a)
+      .def_prop_ro("used", &Inbox::used, "Number of samples that are used.")
+      .def("append", &Inbox::append, "chunk"_a.none(), "most"_a,
+           "Copy chunk behind the used samples. Return False, and do nothing, if chunk is not an array of one to `most` "
+           "finite float64 numbers, or has no room.");
   m.def("running_sum", &running_sum, "x"_a.noconvert(),
           "Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.");
   m.def("haar_sums_of_squares", &haar_sums_of_squares, "running_sum"_a.noconvert(), "levels"_a, "begin"_a, "end"_a,

@@ -18,6 +18,8 @@ namespace {
 
 GMWM_CLONES double sum_clone(const double* x, std::size_t n, double origin) { return tile::sum(x, n, origin); }
 
+GMWM_CLONES double copy_clone(const double* x, std::size_t n, double* out) { return tile::copied_sum(x, n, out); }
+
 GMWM_CLONES void running_sum_clone(const double* x, std::size_t n, double mean, double base, double* out) {
   tile::running_sum(x, n, mean, base, out);
 }
@@ -210,6 +212,8 @@ Mean mean(std::span<const double> x) {
   for (const double v : x) scaled += v / count;
   return {scaled, true};
 }
+
+bool copy_finite(std::span<const double> x, double* out) { return std::isfinite(copy_clone(x.data(), x.size(), out)); }
 
 void running_sum(std::span<const double> x, double mean, std::span<double> sum) {
   for (std::size_t i = 0; i < x.size(); i += tile::size) {

@@ -93,10 +93,19 @@ def clone() -> str:
 def mean(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
     """Mean of x; NaN if any value is not finite."""
 
-def append(buffer: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], used: int, chunk: object) -> int:
-    """
-    Copy chunk behind the used values of buffer, and return how many are used then: as many as before if chunk is not a vector of finite float64 numbers, or has no room.
-    """
+class Inbox:
+    """A buffer of samples, the first of which are used."""
+
+    def __init__(self, buffer: object) -> None: ...
+
+    @property
+    def used(self) -> int:
+        """Number of samples that are used."""
+
+    def append(self, chunk: object | None, most: int) -> bool:
+        """
+        Copy chunk behind the used samples. Return False, and do nothing, if chunk is not an array of one to `most` finite float64 numbers, or has no room.
+        """
 
 def running_sum(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """

@@ -229,3 +229,29 @@ def test_threads_share_one_running_sum():
     for thread in threads:
         thread.join()
     np.testing.assert_allclose(sum(parts), _core.haar_sums_of_squares(total, levels, 0, n), rtol=1e-13)
+
+
+def test_an_inbox_accepts_small_arrays_of_finite_doubles_only():
+    buffer = np.zeros(10)
+    inbox = _core.Inbox(buffer)
+    assert inbox.append(np.array([1.0, 2.0]), 4)
+    bytes_between = np.frombuffer(b"0" * 17, dtype=np.float64, count=2, offset=1)
+    for chunk in (
+        [3.0], 3.0, None, np.array(3.0), np.ones((1, 1)), np.array([3]), np.array([3.0], dtype=np.float32),
+        np.ma.array([3.0], mask=[True]), np.array([np.nan]), np.array([1.0, np.inf]), np.array([1e308, 1e308]),
+        np.empty(0), np.ones(5), np.ones(4)[::2], bytes_between,
+    ):  # fmt: skip
+        assert not inbox.append(chunk, 4), chunk
+    assert inbox.used == 2
+    assert inbox.append(np.arange(4.0), 4)
+    assert inbox.append(np.arange(4.0), 4)
+    assert not inbox.append(np.ones(1), 4)
+    assert buffer.tolist() == [1.0, 2.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("n", [5000, 300_001])
+def test_the_rise_is_the_difference_of_the_means_of_both_halves(n):
+    x = 9810.0 + np.cumsum(white(n))
+    half = n // 2
+    expected = (x[half:].mean() - x[:half].mean()) / (n / 2)
+    assert _core.haar_variance(x, 5)[1] == pytest.approx(expected, rel=1e-10)

@@ -28,6 +28,9 @@ struct Mean {
 // Mean of x (not empty) in one pass, and whether all values are finite.
 Mean mean(std::span<const double> x);
 
+// Copies x (not empty) to out, and returns whether all values are finite and their sum does not overflow.
+bool copy_finite(std::span<const double> x, double* out);
+
 // sum[k + 1] = sum[k] + x[k] - mean, continuing from sum[0], which the caller sets.
 // Sizes: x n, sum n + 1.
 void running_sum(std::span<const double> x, double mean, std::span<double> sum);

@@ -28,6 +28,21 @@ GMWM_INLINE double sum(const double* x, std::size_t n, double origin) {
   return ((acc[0] + acc[1]) + (acc[2] + acc[3])).total() + rest;
 }
 
+// Copies x to out, and returns the sum, with several partial sums at once.
+GMWM_INLINE double copied_sum(const double* x, std::size_t n, double* out) {
+  Pack acc[4] = {};
+  std::size_t i = 0;
+  for (; i + 4 * Pack::size <= n; i += 4 * Pack::size)
+    for (std::size_t r = 0; r < 4; ++r) {
+      const Pack values = Pack::load(x + i + r * Pack::size);
+      values.store(out + i + r * Pack::size);
+      acc[r] = acc[r] + values;
+    }
+  double rest = 0.0;
+  for (; i < n; ++i) rest += out[i] = x[i];
+  return ((acc[0] + acc[1]) + (acc[2] + acc[3])).total() + rest;
+}
+
 // out[k] = base + Σ_{s<=k} (x[s] - mean). If the values were added one by one, each addition would wait for the
 // previous one. Here, four values are summed first, and only one addition in four depends on the previous one.
 GMWM_INLINE void running_sum(const double* x, std::size_t n, double mean, double base, double* out) {

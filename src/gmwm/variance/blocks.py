@@ -177,7 +177,7 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 
 
 def blocks_of(
-    sums: Vector, start: int, stop: int, steps: list[int], collector: StatisticsCollector | None = None
+    sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
     """Build the blocks of the samples `start` … `stop` − 1, for each step.
 

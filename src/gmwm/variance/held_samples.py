@@ -21,6 +21,11 @@ class HeldSamples:
     buffer : (n,) array, optional
         Chunks with fewer than n samples are copied into it.
 
+    Attributes
+    ----------
+    inbox : _core.Inbox
+        The buffer and the number of samples in it. Chunks can be appended to it directly.
+
     Examples
     --------
     >>> held = HeldSamples()
@@ -34,21 +39,25 @@ class HeldSamples:
     def __init__(self, buffer: Vector | None = None) -> None:
         self._segments: list[list[Vector]] = [[]]
         self._lengths, self._size = [0], 0
-        self._buffer = np.empty(SMALL) if buffer is None else buffer
-        self._small, self._used = self._buffer.size, 0
+        self._small = SMALL if buffer is None else buffer.size
+        self._place(np.empty(SMALL) if buffer is None else buffer)
 
     def __getstate__(self) -> dict[str, Any]:
         self._flush()
-        return {**self.__dict__, "_buffer": np.empty(0)}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_buffer", "inbox")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._place(np.empty(0))
 
     def __len__(self) -> int:
         """Return the number of samples."""
-        return self._size + self._used
+        return self._size + self.inbox.used
 
     @property
     def lengths(self) -> tuple[int, ...]:
         """Number of samples of each segment. Directly after a gap, the last number is 0."""
-        return (*self._lengths[:-1], self._lengths[-1] + self._used)
+        return (*self._lengths[:-1], self._lengths[-1] + self.inbox.used)
 
     @property
     def ended(self) -> bool:
@@ -57,21 +66,14 @@ class HeldSamples:
 
     def add(self, x: Vector) -> None:
         """Add samples to the current segment. A writable array is copied, because its owner can change it."""
-        if self.append(x):
+        if self.inbox.append(x, self._small):
             return
         self._flush()
         if x.size < self._small:
-            self._buffer = np.empty(self._small)
-            self.append(x)
+            self._place(np.empty(self._small))
+            self.inbox.append(x, self._small)
         else:
             self._stored(x.copy() if x.flags.writeable else x)
-
-    def append(self, x: object) -> bool:
-        """Copy samples into the buffer. Return False, and do nothing, if `x` is not a vector of finite numbers, is
-        empty, or has no room there."""
-        used = _core.append(self._buffer, self._used, x)
-        taken, self._used = used > self._used, used
-        return taken
 
     def gap(self) -> None:
         """End the current segment."""
@@ -88,9 +90,14 @@ class HeldSamples:
 
     def _flush(self) -> None:
         """Move the used part of the buffer to the segment, without a copy."""
-        if self._used:
-            self._stored(self._buffer[: self._used])
-            self._buffer, self._used = self._buffer[self._used :], 0
+        used = self.inbox.used
+        if used:
+            self._stored(self._buffer[:used])
+            self._place(self._buffer[used:])
+
+    def _place(self, buffer: Vector) -> None:
+        """Use another buffer for small chunks."""
+        self._buffer, self.inbox = buffer, _core.Inbox(buffer)
 
     def _stored(self, x: Vector) -> None:
         self._segments[-1].append(x)

@@ -79,10 +79,11 @@ class SegmentedAccumulator(OneAtATime):
         self.filled, self._line = 0, RiseSums()
         self._last: SegmentState | None = None
         self._held, self._panel = HeldSamples(), np.empty(0)
+        self._usual = False  # whether a small chunk needs no other checks and fits into the panel
         self._count = 0  # samples in the sums
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "_panel": np.empty(0)}  # its content belongs to no segment
+        return {**super().__getstate__(), "_panel": np.empty(0), "_usual": False}  # no segment uses the panel
 
     @one_at_a_time
     def __len__(self) -> int:
@@ -120,8 +121,7 @@ class SegmentedAccumulator(OneAtATime):
         """
         with self._lock:
             # The checks of a small chunk in Python take three times as long as its sums.
-            usual = self._panel.size and self._collector is None and type(chunk) is np.ndarray and chunk.size < LARGE
-            if not (usual and self._held.append(chunk)):
+            if not (self._usual and self._held.inbox.append(chunk, LARGE - 1)):
                 self._add(chunk)
 
     @one_at_a_time
@@ -238,6 +238,7 @@ class SegmentedAccumulator(OneAtATime):
             self._require_usable(values)
         if not self._panel.size:
             self._panel = np.empty(PANEL)
+        self._usual = self._collector is None
         held, self._held = self._held, HeldSamples(self._panel)  # a segment keeps no sample of the panel
         for k, values in enumerate(parts):
             if k:

@@ -74,7 +74,7 @@ class SegmentState:
             head=x[:reach] - reference,
             tail=x[-reach:] - reference,
             squares=squares,
-            blocks=tuple(blocks_of(sums, start, start + x.size, steps, collector)),
+            blocks=tuple(blocks_of(sums, start, start + x.size, steps=steps, collector=collector)),
             statistics=statistics,
         )
 
@@ -84,7 +84,8 @@ class SegmentState:
         squares, sums, statistics = _measured(
             self.tail, x, self.reference, start=self.stop, exact=self.exact, collector=collector
         )
-        fresh = blocks_of(sums, self.stop, self.stop + x.size, [blocks.step for blocks in self.blocks], collector)
+        steps = [blocks.step for blocks in self.blocks]
+        fresh = blocks_of(sums, self.stop, self.stop + x.size, steps=steps, collector=collector)
         missing = reach - self.head.size
         return SegmentState(
             exact=self.exact,
@@ -213,14 +214,6 @@ class SegmentState:
             blocks=tuple(blocks),
             statistics=statistics,
         )
-
-
-def as_count(value: Any, least: int = 0) -> int:
-    """Return a stored number of samples; raise a ValueError if no recording has that number."""
-    count = int(value)
-    if not least <= count <= LONGEST:
-        raise ValueError(f"a number of samples must be from {least} to {LONGEST}")
-    return count
 
 
 def _measured(
