@@ -86,14 +86,14 @@ TARGETS = (
            lambda r: float(r.child(SIX)["seconds"]),
            "the processor time of the next row; the start of Python and the reading of the file come before the fits"),
     Target("the same, processor time", "s", 11, 6, _processor(SIX),
-           "fits and selection of six axes, the search for knocks and lines in the samples, the report and the plots"),
+           "fits and selection of six axes; the file and its samples; the report and the plots; imports"),
     Target("`import gmwm` beyond NumPy", "s", 0.19, 0.08, lambda r: float(r.child(IMPORT)["seconds"]),
            "one small module: a name loads its package when it is used"),
     Target("the same with all public names", "s", 0.19, 0.08, lambda r: float(r.child(NAMES)["seconds"]),
-           "compiled modules that are read from disk, and the definition of classes"),
+           "modules that are read from disk, and the definition of data classes, in about equal parts"),
     Target("`gmwm fleet`, units of 6 × 6·10⁵ samples, two processors", "units/s", 0.18, 1,
            lambda r: r.child(FLEET)["units"] / r.child(FLEET)["seconds"],
-           "the processor time of one unit; units are independent"),
+           "the processor time of one unit, mostly its calibration; the processes share their imports"),
 )  # fmt: skip
 
 

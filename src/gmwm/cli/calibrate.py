@@ -273,6 +273,8 @@ def calibrated(
 
 def calibration_helpers(*, plots: bool) -> Helpers:
     """Fork helpers with the modules that calibrate; they import the modules that draw plots, if these are needed."""
+    import scipy.special  # noqa: F401  # for the tests of each axis
+
     import gmwm.calibration.api  # noqa: F401
 
     return helpers_of(*(("gmwm.plots.imu", "gmwm.plots.matplotlib") if plots else ()))

@@ -126,7 +126,10 @@ def fleet(
 
     fleet.parquet has a row for each unit and axis. In Python, Fleet.load reads the output directory.
     """
-    import gmwm.fleets.unit_job  # noqa: F401  # before the fork, so that no helper needs to import it
+    # Before the fork, so that no helper needs to import it.
+    import scipy.special  # noqa: F401
+
+    import gmwm.fleets.unit_job  # noqa: F401
     from gmwm.fleets.engine import calibrate_fleet
 
     _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
