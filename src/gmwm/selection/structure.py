@@ -112,8 +112,14 @@ def freedom(model: Model) -> int:
 
 
 def structure_of(model: Model) -> Counter[str]:
-    """Return the structure of a model: its processes with their fixed values only, and how often each occurs."""
-    return names_of(model.processes)
+    """Return the structure of a model: its processes with their fixed values only, and how often each occurs.
+
+    A selection asks for each structure about ten times, so it is cached.
+    """
+    if "_structure" not in model.__dict__:
+        model.__dict__["_structure"] = names_of(model.processes)
+    found: Counter[str] = model.__dict__["_structure"]
+    return found
 
 
 def names_of(processes: Iterable[Process]) -> Counter[str]:
