@@ -153,7 +153,8 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
 
 def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
     """Return whether each term of one structure is a term of the other structure with the same or a lower order."""
-    return _matched(_surplus(part, whole), _surplus(whole, part), limits=False)
+    missing = _surplus(part, whole)
+    return not missing or _matched(missing, _surplus(whole, part), limits=False)
 
 
 def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
