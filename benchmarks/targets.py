@@ -78,10 +78,13 @@ TARGETS = (
     Target("confidence intervals of the fit", "", 17, 5, lambda r: r.ratio(INTERVALS),
            "one exact covariance; for a parameter at a limit, some fits with this parameter held"),
     Target("goodness of fit of the fit", "", 5, 2, lambda r: r.ratio(GOODNESS),
-           "one fit with the converged weights, and one exact covariance"),
+           "a fit without the coarsest levels, with a search before and after its weights converge, and one exact "
+           "covariance"),
     Target("model selection, 79 candidates, one axis", "", 185, 60,
            lambda r: r.ratio("selection from a wavelet variance"),
-           "a search for each candidate whose optimum no larger candidate gives, and simulated records for each rival"),
+           "a search for each candidate whose optimum no larger candidate gives, an exact covariance for each "
+           "candidate that is compared with the best one and in each iteration of its test, and Python between these "
+           "calls"),
     Target("`gmwm calibrate`, 6 × 10⁶ samples with filters, a resonance and a line, wall time", "s", 7.2, 3,
            lambda r: float(r.child(SIX)["seconds"]),
            "the processor time of the next row; the start of Python and the reading of the file come before the fits"),

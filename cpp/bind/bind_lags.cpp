@@ -2,6 +2,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <tuple>
 #include <utility>
@@ -85,11 +86,15 @@ std::tuple<LagTable, PieceTable> nodes(Input<std::int64_t, 1> levels, std::int64
 
 using Indices = Input<std::int64_t, 1>;
 
-Result piecewise_exponential(const Vector& fine, const Vector& coarse, const Vector& lag,
-                             const std::tuple<Indices, Indices, Indices, Vector>& table, double decay) {
+using PieceArrays = std::tuple<Indices, Indices, Indices, Vector>;
+
+void require_decay(double decay) {
+  if (!(decay > 0 && decay <= 700)) throw nb::value_error("decay must be positive, and at most 700");
+}
+
+gmwm::Pieces pieces_of(const PieceArrays& table, std::size_t nodes) {
   const auto& [first, pattern, begins, offsets] = table;
   const gmwm::Pieces pieces{view(first), view(pattern), view(begins), view(offsets)};
-  if (!(decay > 0 && decay <= 700)) throw nb::value_error("decay must be positive, and at most 700");
   const std::int64_t patterns = static_cast<std::int64_t>(begins.size()) - 1;
   bool good = first.size() == pattern.size() && patterns >= 0;
   good = good && pieces.begins.front() == 0 && pieces.begins.back() == static_cast<std::int64_t>(offsets.size());
@@ -103,15 +108,26 @@ Result piecewise_exponential(const Vector& fine, const Vector& coarse, const Vec
     good = kind >= 0 && kind < patterns && pieces.first[i] == next;
     if (good) next += pieces.begins[kind + 1] - pieces.begins[kind];
   }
-  if (!good || next != static_cast<std::int64_t>(lag.size()))
+  if (!good || next != static_cast<std::int64_t>(nodes))
     throw nb::value_error("pieces must be patterns of at most 16 nodes, one after the other");
+  return pieces;
+}
+
+Result piecewise_exponential(const Vector& fine, const Vector& coarse, const Vector& lag, const PieceArrays& table,
+                             double decay) {
+  require_decay(decay);
+  const gmwm::Pieces pieces = pieces_of(table, lag.size());
   return evaluated(nodes_of(fine, coarse, lag), [&](const gmwm::Nodes& nodes, std::span<double> out) {
     gmwm::exponential_differences(nodes, pieces, decay, out);
   });
 }
 
-std::tuple<Result, Result> sums(const std::vector<Vector>& shapes, Vector scales, Vector weight, Indices starts) {
-  if (shapes.size() != scales.size()) throw nb::value_error("there must be a scale for each shape");
+using Sums = std::tuple<Result, Result>;
+
+Sums summed(const std::vector<Vector>& shapes, const gmwm::Exponentials& exponentials, const Vector& scales,
+            const Vector& weight, const Indices& starts) {
+  if (shapes.size() + exponentials.decays.size() != scales.size())
+    throw nb::value_error("there must be a scale for each shape");
   std::vector<const double*> pointers;
   for (const Vector& shape : shapes) {
     if (shape.size() != weight.size()) throw nb::value_error("shapes must be as long as weight");
@@ -126,9 +142,27 @@ std::tuple<Result, Result> sums(const std::vector<Vector>& shapes, Vector scales
   std::vector<double> first(starts.size()), second(starts.size());
   {
     nb::gil_scoped_release release;
-    gmwm::node_sums(pointers, view(scales), view(weight), view(starts), {first, second});
+    gmwm::node_sums(pointers, exponentials, view(scales), view(weight), view(starts), {first, second});
   }
   return {to_numpy(std::move(first)), to_numpy(std::move(second))};
+}
+
+Sums sums(const std::vector<Vector>& shapes, Vector scales, Vector weight, Indices starts) {
+  return summed(shapes, {}, scales, weight, starts);
+}
+
+Sums exponential_sums(const std::vector<Vector>& shapes, Vector decays, Vector scales, Vector weight, Indices starts,
+                      Vector fine, Vector coarse, Vector lag, const PieceArrays& table) {
+  for (const double decay : view(decays)) require_decay(decay);
+  const gmwm::Exponentials exponentials{nodes_of(fine, coarse, lag), pieces_of(table, lag.size()), view(decays)};
+  if (weight.size() != lag.size()) throw nb::value_error("weight must be as long as lag");
+  const auto& first = exponentials.pieces.first;
+  for (const std::int64_t start : view(starts))
+    if (start != static_cast<std::int64_t>(lag.size()) && !std::binary_search(first.begin(), first.end(), start))
+      throw nb::value_error("a pair of levels must begin with a piece");
+  if (starts.size() > 0 ? starts.data()[0] != 0 : lag.size() > 0)
+    throw nb::value_error("the first pair of levels must begin with the first node");
+  return summed(shapes, exponentials, scales, weight, starts);
 }
 
 }  // namespace
@@ -143,6 +177,10 @@ void bind_lags(nb::module_& m) {
   m.def("node_sums", &sums, nb::arg("shapes"), nb::arg("scales").noconvert(), nb::arg("weight").noconvert(),
         nb::arg("starts").noconvert(),
         "Sums over the nodes of each pair of levels: Σ weight c and Σ weight c² of c = Σ scale shape.");
+  m.def("exponential_node_sums", &exponential_sums, nb::arg("shapes"), nb::arg("decays").noconvert(),
+        nb::arg("scales").noconvert(), nb::arg("weight").noconvert(), nb::arg("starts").noconvert(),
+        nb::arg("fine").noconvert(), nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), nb::arg("pieces"),
+        "As `node_sums`, with an autocovariance exp(-decay |k|) for each decay, whose scales follow those of the shapes.");
   m.def("piecewise_exponential_differences", &piecewise_exponential, nb::arg("fine").noconvert(),
         nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), nb::arg("pieces"), nb::arg("decay"),
         "As `exponential_differences`, with the exponentials of a piece in common.");

@@ -16,7 +16,7 @@ namespace gmwm {
 
 namespace {
 
-constexpr std::size_t block = Decay::block;
+constexpr std::size_t block = BlockDecay::block;
 
 // d at one of the three offsets, for a block of lags, and whether all or none of the lags are inside the overlap.
 struct Depths {
@@ -34,7 +34,7 @@ GMWM_INLINE void depths(const double* u, double h, double offset, Depths& to) {
 }
 
 // exp(-λ (x + i)) - 1 for i = 0, 1, …, or in reverse order if `back`. No terms cancel: all are negative.
-GMWM_INLINE void successive(const Decay& at, double x, bool back, double* out) {
+GMWM_INLINE void successive(const BlockDecay& at, double x, bool back, double* out) {
   const double first = expm1_below(-at.decay * x);
   for (std::size_t i = 0; i < block; ++i) {
     const double step = at.powers[back ? block - 1 - i : i];
@@ -43,7 +43,7 @@ GMWM_INLINE void successive(const Decay& at, double x, bool back, double* out) {
 }
 
 // As `add_difference`, for lags one sample apart between which d only rises or only falls.
-GMWM_INLINE void add_successive(const Decay& at, const Depths& depth, double weight, double* out) {
+GMWM_INLINE void add_successive(const BlockDecay& at, const Depths& depth, double weight, double* out) {
   const bool rising = depth.d[1] > depth.d[0];
   double end[block], middle[block];
   if (depth.most <= 0) {
@@ -57,7 +57,7 @@ GMWM_INLINE void add_successive(const Decay& at, const Depths& depth, double wei
 }
 
 // Adds weight · D to a block.
-GMWM_INLINE void add_difference(const Decay& at, const Depths& depth, double weight, bool unit, double* out) {
+GMWM_INLINE void add_difference(const BlockDecay& at, const Depths& depth, double weight, bool unit, double* out) {
   // d changes direction in the middle of the filter.
   const bool monotone = unit && std::abs(depth.d[block - 1] - depth.d[0]) == block - 1;
   if (monotone && (depth.most <= 0 || (depth.least > 0 && !at.by_series))) {
@@ -83,7 +83,7 @@ GMWM_INLINE void add_difference(const Decay& at, const Depths& depth, double wei
   }
 }
 
-GMWM_CLONES void exponential_block(const Decay& at, const double* u, double* out) {
+GMWM_CLONES void exponential_block(const BlockDecay& at, const double* u, double* out) {
   double beyond[block], value[block] = {};
   std::size_t count = 0;
   for (std::size_t i = 0; i < block; ++i) count += u[i] >= 2 * at.hk || u[i] <= -2 * at.h;
@@ -145,36 +145,6 @@ GMWM_CLONES void spike_clone(const Nodes& nodes, double* out) {
   }
 }
 
-// The sums of `node_sums` over the nodes of one pair of levels.
-GMWM_CLONES void add_nodes(const double* const* shapes, const double* scales, std::size_t count, const double* weight,
-                           std::size_t begin, std::size_t end, double& first, double& second) {
-  double lanes[2][block] = {};
-  double total[block];
-  for (std::size_t i = begin; i < end; i += block) {
-    const std::size_t width = std::min(block, end - i);
-    for (std::size_t l = 0; l < block; ++l) total[l] = 0;
-    for (std::size_t k = 0; k < count; ++k) {
-      const double* shape = shapes[k] + i;
-      if (width == block)
-        for (std::size_t l = 0; l < block; ++l) total[l] += scales[k] * shape[l];
-      else
-        for (std::size_t l = 0; l < width; ++l) total[l] += scales[k] * shape[l];
-    }
-    if (width == block)
-      for (std::size_t l = 0; l < block; ++l) {
-        const double product = weight[i + l] * total[l];
-        lanes[0][l] += product, lanes[1][l] += product * total[l];
-      }
-    else
-      for (std::size_t l = 0; l < width; ++l) {
-        const double product = weight[i + l] * total[l];
-        lanes[0][l] += product, lanes[1][l] += product * total[l];
-      }
-  }
-  first = second = 0;
-  for (std::size_t l = 0; l < block; ++l) first += lanes[0][l], second += lanes[1][l];
-}
-
 }  // namespace
 
 void white_differences(const Nodes& nodes, std::span<double> out) { white_clone(nodes, out.data()); }
@@ -188,7 +158,7 @@ void exponential_differences(const Nodes& nodes, double decay, std::span<double>
   for (std::size_t first = 0, end; first < n; first = end) {
     const double h = nodes.fine[first], hk = nodes.coarse[first];
     for (end = first + 1; end < n && nodes.fine[end] == h && nodes.coarse[end] == hk;) ++end;
-    const Decay at(h, hk, decay);
+    const BlockDecay at(h, hk, decay);
     std::size_t i = first;
     for (; i + block <= end; i += block) exponential_block(at, &nodes.lag[i], &out[i]);
     if (i == end) continue;
@@ -196,15 +166,6 @@ void exponential_differences(const Nodes& nodes, double decay, std::span<double>
     for (std::size_t l = 0; l < block; ++l) u[l] = nodes.lag[std::min(i + l, end - 1)];
     exponential_block(at, u, value);
     std::copy(value, value + (end - i), &out[i]);
-  }
-}
-
-void node_sums(std::span<const double* const> shapes, std::span<const double> scales, std::span<const double> weight,
-               std::span<const std::int64_t> starts, const NodeSums& out) {
-  for (std::size_t pair = 0; pair < starts.size(); ++pair) {
-    const auto begin = static_cast<std::size_t>(starts[pair]);
-    const auto end = pair + 1 < starts.size() ? static_cast<std::size_t>(starts[pair + 1]) : weight.size();
-    add_nodes(shapes.data(), scales.data(), shapes.size(), weight.data(), begin, end, out.first[pair], out.second[pair]);
   }
 }
 

@@ -1,4 +1,5 @@
-// Covariances of exp(-λ |k|) at groups of lags that share their exponentials.
+#include "gmwm/exponential_pieces.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -8,18 +9,10 @@
 
 #include "gmwm/clones.hpp"
 #include "gmwm/decay.hpp"
-#include "gmwm/differences.hpp"
 
 namespace gmwm {
 
 namespace {
-
-// exp(-λ t) - 1 of the offsets t of a pattern from its first and from its last node, and the offsets.
-struct Pattern {
-  std::size_t size = 0;
-  double length = 0;  // from the first to the last node
-  double from_first[piece_nodes] = {}, from_last[piece_nodes] = {}, offset[piece_nodes] = {};
-};
 
 // Where a piece lies: beyond the reach of the filters, or for each filter of the coarser level, whether it is inside the
 // overlap, on which side of the middle, and the depth d of its first node.
@@ -87,11 +80,12 @@ GMWM_INLINE void of_piece(const Decay& at, const Pattern& pattern, const Place& 
   }
 }
 
-// Pieces of one pair of levels.
+// Pieces of one pair of levels, of which the first one begins with the first value of `out`.
 GMWM_CLONES void of_pieces(const Decay& at, const Pattern* patterns, const double* lag, const std::int64_t* first,
                            const std::int64_t* kind, std::size_t count, double* out) {
   double powers[together * arguments], value[piece_nodes];
   Place places[together];
+  const std::int64_t base = count > 0 ? first[0] : 0;
   for (std::size_t begin = 0; begin < count; begin += together, first += together, kind += together) {
     const std::size_t pieces = std::min(together, count - begin);
     for (std::size_t p = 0; p < pieces; ++p) {
@@ -105,7 +99,7 @@ GMWM_CLONES void of_pieces(const Decay& at, const Pattern* patterns, const doubl
         of_piece<piece_nodes / 2>(at, own, places[p], powers + arguments * p, value);
       else
         of_piece<piece_nodes>(at, own, places[p], powers + arguments * p, value);
-      double* to = out + first[p];
+      double* to = out + (first[p] - base);
       for (std::size_t i = 0; i < own.size; ++i) to[i] = value[i];
     }
   }
@@ -132,15 +126,23 @@ std::vector<Pattern> patterns_of(const Pieces& pieces, double decay) {
 
 }  // namespace
 
+PieceExponential::PieceExponential(const Pieces& pieces, double decay)
+    : pieces_(pieces), decay_(decay), patterns_(patterns_of(pieces, decay)) {}
+
+void PieceExponential::pair(const Nodes& nodes, std::size_t begin, std::size_t end, double* out) const {
+  const auto node = static_cast<std::size_t>(pieces_.first[begin]);
+  of_pieces(Decay(nodes.fine[node], nodes.coarse[node], decay_), patterns_.data(), nodes.lag.data(),
+            &pieces_.first[begin], &pieces_.pattern[begin], end - begin, out);
+}
+
 void exponential_differences(const Nodes& nodes, const Pieces& pieces, double decay, std::span<double> out) {
-  const std::vector<Pattern> patterns = patterns_of(pieces, decay);
+  const PieceExponential whole(pieces, decay);
   const std::size_t count = pieces.first.size();
   for (std::size_t begin = 0, end; begin < count; begin = end) {
     const auto node = [&](std::size_t piece) { return static_cast<std::size_t>(pieces.first[piece]); };
     const double h = nodes.fine[node(begin)], hk = nodes.coarse[node(begin)];
     for (end = begin + 1; end < count && nodes.fine[node(end)] == h && nodes.coarse[node(end)] == hk;) ++end;
-    of_pieces(Decay(h, hk, decay), patterns.data(), nodes.lag.data(), &pieces.first[begin], &pieces.pattern[begin],
-              end - begin, out.data());
+    whole.pair(nodes, begin, end, &out[node(begin)]);
   }
 }
 

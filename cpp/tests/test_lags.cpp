@@ -105,6 +105,29 @@ void short_memory_is_nine_terms() {
   for (std::size_t i = 0; i < 3; ++i) CHECK_CLOSE(out[i], density * white[i], 1e-13);
 }
 
+// Sums with exponentials that are computed pair by pair, as with their values at all nodes.
+void sums_of_exponentials() {
+  const std::vector<std::int64_t> levels{1, 2, 5, 9, 16};
+  const gmwm::Lags lags = gmwm::covariance_lags(levels, 100000, {1e-4, 0.5, false, false, 0});
+  const gmwm::Nodes nodes{{lags.fine.get(), lags.size}, {lags.coarse.get(), lags.size}, {lags.lag.get(), lags.size}};
+  const gmwm::Pieces pieces{lags.piece_first, lags.piece_pattern, lags.pattern_begins, lags.pattern_offsets};
+  const std::span<const double> weight{lags.weight.get(), lags.size};
+  const std::vector<double> decays{0.3, 2e-4}, scales{2.0, 0.7, 5.0};
+  std::vector<double> white(lags.size), fast(lags.size), slow(lags.size);
+  gmwm::white_differences(nodes, white);
+  gmwm::exponential_differences(nodes, pieces, decays[0], fast);
+  gmwm::exponential_differences(nodes, pieces, decays[1], slow);
+  const std::size_t pairs = lags.starts.size();
+  std::vector<double> first(pairs), second(pairs), own_first(pairs), own_second(pairs);
+  const std::vector<const double*> every{white.data(), fast.data(), slow.data()}, fixed{white.data()};
+  gmwm::node_sums(every, {}, scales, weight, lags.starts, {first, second});
+  gmwm::node_sums(fixed, {nodes, pieces, decays}, scales, weight, lags.starts, {own_first, own_second});
+  for (std::size_t p = 0; p < pairs; ++p) {
+    CHECK_CLOSE(own_first[p], first[p], 1e-14);
+    CHECK_CLOSE(own_second[p], second[p], 1e-14);
+  }
+}
+
 // Sums over the nodes of pairs of any length, against loops.
 void test_node_sums() {
   const std::size_t size = 70;
@@ -117,7 +140,7 @@ void test_node_sums() {
   const std::vector<const double*> shapes{a.data(), b.data()};
   const std::vector<double> scales{2.0, -0.5};
   std::vector<double> first(4), second(4);
-  gmwm::node_sums(shapes, scales, weight, starts, {first, second});
+  gmwm::node_sums(shapes, {}, scales, weight, starts, {first, second});
   for (std::size_t p = 0; p < 4; ++p) {
     double one = 0, two = 0;
     for (std::size_t i = static_cast<std::size_t>(starts[p]); i < (p < 3 ? static_cast<std::size_t>(starts[p + 1]) : size); ++i) {
@@ -133,6 +156,7 @@ void test_node_sums() {
 
 int main() {
   test_node_sums();
+  sums_of_exponentials();
   for (const std::int64_t points : {17, 100, 4001}) {
     std::array<double, 8> nodes{}, weights{};
     gmwm::integer_rule(points, nodes, weights);

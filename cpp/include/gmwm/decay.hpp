@@ -55,12 +55,9 @@ inline double sinh_excess(double x) {
 
 // The constants of exp(-λ |k|) for one pair of levels.
 struct Decay {
-  static constexpr std::size_t block = 16;  // successive lags that are computed together
-
   double h, hk, decay;
   double gain, epsilon, epsilon_coarse, cosh_part, sinh_part, excess, sinh_decay, at_end;
   bool by_series;
-  double powers[block];  // exp(-λ i) - 1, so that a block needs one exponential
 
   Decay(double fine, double coarse, double rate) : h(fine), hk(coarse), decay(rate) {
     const double half = std::sinh(0.5 * rate), a = rate * fine;
@@ -73,7 +70,6 @@ struct Decay {
     cosh_part = sinh_part = 0;
     if (by_series) short_series(a, cosh_part, sinh_part);
     at_end = std::exp(-a);
-    for (std::size_t i = 0; i < block; ++i) powers[i] = std::expm1(-rate * static_cast<double>(i));
   }
 
   GMWM_INLINE double outside(double d) const { return outside_of(expm1_below(decay * std::min(d, 0.0))); }
@@ -105,6 +101,17 @@ struct Decay {
     const double distance = std::max(u - 2 * hk, -2 * h - u);
     const double ends = epsilon * epsilon_coarse;
     return -0.5 * ends * ends * (expm1_below(-decay * std::max(distance, 0.0)) + 1);
+  }
+};
+
+// The same for blocks of successive lags, which need one exponential each.
+struct BlockDecay : Decay {
+  static constexpr std::size_t block = 16;
+
+  double powers[block];  // exp(-λ i) - 1
+
+  BlockDecay(double fine, double coarse, double rate) : Decay(fine, coarse, rate) {
+    for (std::size_t i = 0; i < block; ++i) powers[i] = std::expm1(-rate * static_cast<double>(i));
   }
 };
 

@@ -41,14 +41,21 @@ inline constexpr std::size_t piece_nodes = 16;
 // one piece.
 void exponential_differences(const Nodes& nodes, const Pieces& pieces, double decay, std::span<double> out);
 
+// Exponentials exp(-decay |k|) at the nodes of pieces; each piece belongs to one pair of levels.
+struct Exponentials {
+  Nodes nodes;
+  Pieces pieces;
+  std::span<const double> decays;
+};
+
 // Sums over the nodes of each pair of levels: Σ weight c and Σ weight c² of c = Σ scale shape. `starts`: the first node of
-// each pair.
+// each pair. The exponentials follow the shapes, and are computed pair by pair.
 struct NodeSums {
   std::span<double> first, second;
 };
 
-void node_sums(std::span<const double* const> shapes, std::span<const double> scales, std::span<const double> weight,
-               std::span<const std::int64_t> starts, const NodeSums& out);
+void node_sums(std::span<const double* const> shapes, const Exponentials& exponentials, std::span<const double> scales,
+               std::span<const double> weight, std::span<const std::int64_t> starts, const NodeSums& out);
 
 // Of a process with the autocovariances r(0), r(1), …, r(L) and none beyond. Lags that are not integers must lie at
 // least L away from the kinks.

@@ -19,13 +19,14 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.design import Design
 from gmwm.covariance.robust import hermite_weights
 from gmwm.covariance.short_memory_sums import ShapeSums, has_fixed_shape, shape_sums
+from gmwm.processes import haar_covariance
 from gmwm.processes.base import Process
-from gmwm.processes.haar_covariance import LagGrid
+from gmwm.processes.haar_covariance import WANDERING, WHITE, LagGrid
 from gmwm.processes.model import Model
 
 KEPT = 1024
-"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. They take at most 70
-MB."""
+"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels, each of
+the four sets takes 46 MB at most, and 6 MB if no process has a memory."""
 SHARED = 2_000_000
 """Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
 bytes."""
@@ -154,9 +155,11 @@ def _over_lags(
     samples apart.
     """
     present = [process for process in model.processes if process.scale > 0]
-    shapes, scales = _shapes(present, at, design.rate)
-    first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
-    if design.efficiency is not None:
+    if design.efficiency is None:
+        first, second = _sums(present, at, weight, starts, rate=design.rate)
+    else:
+        shapes, scales = _shapes(present, at, design.rate)
+        first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
         covariance = _combined(shapes, scales, at)
         robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
         second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
@@ -206,8 +209,7 @@ def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs
     if others:
         second += 2 * short.scale * sums.mixed(others, design.rate)[:count]
         at, weight, starts = _lags(others, design, diagonal=diagonal)
-        shapes, scales = _shapes(others, at, design.rate)
-        sums_of_others = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
+        sums_of_others = _sums(others, at, weight, starts, rate=design.rate)
         first, second = first + sums_of_others[0], second + sums_of_others[1]
     return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second)
 
@@ -225,8 +227,12 @@ def _lags(
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
     sizes = [abs(decay) for decay in decays]
     memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
-    # The range of rates and the memory are rounded outwards, so that all iterations of a fit use the same nodes.
-    ends = (2.0 ** math.floor(math.log2(min(sizes))), 2.0 ** math.ceil(math.log2(max(sizes)))) if sizes else (0.0, 0.0)
+    # The range of rates and the memory are rounded outwards, so that all iterations of a fit and most candidates of a
+    # selection use the same nodes. A smaller lower end adds few nodes, and so does an upper end above 1/16.
+    ends = (0.0, 0.0)
+    if sizes:
+        high = math.ceil(math.log2(max(sizes)))
+        ends = 2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), 2.0 ** (high if high <= -4 else max(high, 0))
     unit = 1 << max(memory.bit_length() - 3, 0)
     nodes = _nodes if memory <= KEPT else _nodes.__wrapped__
     return nodes(
@@ -235,7 +241,7 @@ def _lags(
     )  # fmt: skip
 
 
-@lru_cache(maxsize=3)
+@lru_cache(maxsize=4)
 def _nodes(
     levels: tuple[int, ...],
     samples: int,
@@ -267,6 +273,58 @@ def _combined(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
     return total
 
 
+def _sums(
+    present: list[Process], at: LagGrid, weight: Vector, starts: NDArray[np.int64], rate: float
+) -> tuple[Vector, Vector]:
+    """Compute the sums Σ n Cov and Σ n Cov² over the nodes of each pair of levels.
+
+    An exponential autocovariance is computed pair by pair, which avoids large arrays. If its shape is needed a second
+    time, its covariances at all nodes are cached.
+    """
+    parts = [None if at.pieces is None else _exponential(process, rate) for process in present]
+    exponential = [part for part in parts if part is not None]
+    shapes, scales = _shapes([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
+    factors = np.array([*scales, *(variance for variance, _ in exponential)], dtype=np.float64)
+    decays = [decay for _, decay in exponential]
+    known = all(decay in at.recent for decay in decays)
+    if at.pieces is None or known:
+        return _core.node_sums([*shapes, *(_kept(at, decay) for decay in decays)], factors, weight, starts)
+    at.recent.update(dict.fromkeys(decays))
+    _forget(at)
+    return _core.exponential_node_sums(
+        shapes, np.array(decays), factors, weight, starts, at.fine, at.coarse, at.lag, at.pieces
+    )  # fmt: skip
+
+
+def _kept(at: LagGrid, decay: float) -> Vector:
+    """Return the covariances for the autocovariance e^(−λ|k|) with λ = `decay`, and cache them."""
+    shape = at.recent.pop(decay, None)
+    if shape is None:
+        shape = haar_covariance.exponential(at, decay)
+    at.recent[decay] = shape
+    _forget(at)
+    return shape
+
+
+def _exponential(process: Process, rate: float) -> tuple[float, float] | None:
+    """Return the variance and the decay λ of an autocovariance e^(−λ|k|), if the process has one; otherwise None.
+
+    The class that defines `coefficient_covariance` must define `exponential_part` too, because a subclass may have
+    another covariance.
+    """
+    kind = next(kind for kind in type(process).__mro__ if "coefficient_covariance" in vars(kind))
+    if "exponential_part" not in vars(kind) or has_fixed_shape(process):
+        return None
+    part: tuple[float, float] | None = vars(kind)["exponential_part"](process, rate)
+    return part if part is not None and WANDERING <= part[1] <= WHITE else None
+
+
+def _forget(at: LagGrid) -> None:
+    """Remove the shapes that were not used recently."""
+    for old in list(at.recent)[: -max(RECENT // at.lag.size, 1)]:
+        at.recent.pop(old, None)
+
+
 def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vector], list[float]]:
     """Return the covariances of the processes at the nodes, as shapes and factors.
 
@@ -292,8 +350,8 @@ def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vect
         if shape is None:
             shape = type(process).standard(process.nonlinear).coefficient_covariance(at, rate)
         kept[key] = shape
-        for old in [] if fixed else list(kept)[: -max(RECENT // at.lag.size, 1)]:
-            kept.pop(old, None)
+        if not fixed:
+            _forget(at)
         shapes.append(shape)
         scales.append(process.scale)
     return shapes, scales

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design
 from gmwm.estimation.linearised import COLLINEAR
-from gmwm.estimation.problem import Problem, pose
+from gmwm.estimation.problem import Problem, pose, unit_shape
 from gmwm.estimation.solver import estimated, solve
 from gmwm.estimation.weighting import Weights
 from gmwm.filters import WaveletFilter
@@ -148,6 +148,8 @@ def _of_process(
 
     The first parameter is the scale coefficient; the others are the nonlinear parameters with the indices `free`.
     """
+    if not process.nonlinear_parameters():
+        return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
     at = process.nonlinear
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]

@@ -11,7 +11,7 @@ import math
 from abc import ABC
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -164,7 +164,7 @@ class Process(ABC):
             )
         return number
 
-    @property
+    @cached_property
     def scale(self) -> float:
         """Scale coefficient, by which the shape is multiplied to give the wavelet variance."""
         return self.scale_from(self.value(self.scale_parameter().name))

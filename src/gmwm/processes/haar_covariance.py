@@ -43,7 +43,7 @@ class LagGrid:
     known : dict
         Cached covariances of processes with scale coefficient 1 whose shape is fixed, by class and shape.
     recent : dict
-        Cached covariances for the shapes that were used last.
+        Cached covariances for the shapes that were used last; None for a shape that was used once.
     pieces : tuple of arrays, optional
         Groups of adjacent nodes of a pair of levels with no kink inside a group: the first node of each group, its
         pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
@@ -54,13 +54,13 @@ class LagGrid:
     lag: Vector
     odd: NDArray[np.uint8] | None = None
     known: dict[Any, Vector] = field(default_factory=dict)
-    recent: dict[Any, Vector] = field(default_factory=dict)
+    recent: dict[Any, Vector | None] = field(default_factory=dict)
     pieces: Pieces | None = None
 
 
-_WHITE = 40.0
+WHITE = 40.0
 """λ beyond which e^(−λ) is below the rounding error of 1."""
-_WANDERING = 1e-40
+WANDERING = 1e-40
 """λ below which the process is treated as a random walk with innovation variance 2λ, because 1/λ² would overflow."""
 
 
@@ -101,9 +101,9 @@ def power(at: LagGrid, exponent: float) -> Vector:
 
 def exponential(at: LagGrid, decay: float) -> Vector:
     """Compute the covariances (n,) for the autocovariance e^(−λ|k|) with λ = `decay`."""
-    if decay > _WHITE:
+    if decay > WHITE:
         return white(at)
-    if decay < _WANDERING:
+    if decay < WANDERING:
         return 2 * decay * walk(at)
     if at.pieces is not None:
         return _core.piecewise_exponential_differences(at.fine, at.coarse, at.lag, at.pieces, decay)

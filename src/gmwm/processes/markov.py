@@ -129,6 +129,14 @@ class _Markov(Process, abstract=True):
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * (haar_covariance.exponential(at, lam) if sign > 0 else haar_covariance.alternating(at, lam))
 
+    def exponential_part(self, rate: float) -> tuple[float, float] | None:
+        """Return s² and λ if `coefficient_covariance` is s² times `haar_covariance.exponential`; None for negative φ.
+
+        The kernel can then compute the covariances while it sums them.
+        """
+        s2, sign, lam = self._pole(as_rate(rate))
+        return (s2, lam) if sign > 0 else None
+
     def decays(self, rate: float) -> tuple[float, ...]:
         """Return the decay rate λ per sample, negative for negative φ."""
         _, sign, lam = self._pole(as_rate(rate))

@@ -178,16 +178,17 @@ class _Exploration:
 
     def mend(self) -> None:
         """Replace each solution whose objective is larger than the objective of a model that it contains."""
-        for key, found in sorted(self.solved.items(), key=lambda item: item[1].structure.total()):
-            square, reached = found.problem.unit**2, found.solution.objective
-            most = found.structure.total()
-            lower = sorted(
-                (p for p in self.solved.values() if p.solution.objective < reached and p.structure.total() <= most),
-                key=lambda p: p.solution.objective,
-            )
-            best = next((p for p in lower if of_lower_order(p.structure, found.structure)), found)
-            if not found.problem.as_low(reached / square, best.solution.objective / square, NOT_LOWER):
-                self.solved[key] = replace(best, structure=found.structure)
+        lowest = sorted(self.solved.values(), key=lambda found: found.solution.objective)
+        sizes = [found.structure.total() for found in lowest]
+        for key, found in list(self.solved.items()):
+            square, size = found.problem.unit**2, found.structure.total()
+            reached = found.solution.objective / square
+            for other, terms in zip(lowest, sizes, strict=True):
+                if found.problem.as_low(reached, other.solution.objective / square, NOT_LOWER):
+                    break
+                if terms <= size and of_lower_order(other.structure, found.structure):
+                    self.solved[key] = replace(other, structure=found.structure)
+                    break
 
     def fit(self, model: Model) -> Fit:
         """Return the fit of a candidate. Models with the same optimum share one fit."""

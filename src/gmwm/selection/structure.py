@@ -112,8 +112,14 @@ def freedom(model: Model) -> int:
 
 
 def structure_of(model: Model) -> Counter[str]:
-    """Return the structure of a model: its processes with their fixed values only, and how often each occurs."""
-    return names_of(model.processes)
+    """Return the structure of a model: its processes with their fixed values only, and how often each occurs.
+
+    A selection asks for each structure about ten times, so it is cached.
+    """
+    if "_structure" not in model.__dict__:
+        model.__dict__["_structure"] = names_of(model.processes)
+    found: Counter[str] = model.__dict__["_structure"]
+    return found
 
 
 def names_of(processes: Iterable[Process]) -> Counter[str]:
@@ -147,7 +153,8 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
 
 def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
     """Return whether each term of one structure is a term of the other structure with the same or a lower order."""
-    return _matched(_surplus(part, whole), _surplus(whole, part), limits=False)
+    missing = _surplus(part, whole)
+    return not missing or _matched(missing, _surplus(whole, part), limits=False)
 
 
 def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
