@@ -70,6 +70,15 @@ Result haar_sums_of_squares(const Vector& running_sum, std::size_t levels, std::
   return to_numpy(std::move(sums), levels);
 }
 
+void haar_block_squares(const Vector& running_sum, std::size_t block, const OutMatrix& out) {
+  const std::size_t levels = out.shape(1);
+  if (levels < 1 || levels > gmwm::max_level || block < 1 ||
+      out.shape(0) * block + (std::size_t{1} << levels) > running_sum.size())
+    throw std::invalid_argument("the last coefficients must end within the running sum");
+  const nb::gil_scoped_release release;
+  gmwm::haar_block_squares(view(running_sum), block, levels, view(out));
+}
+
 Result haar_variance(const Vector& x, std::size_t levels) {
   checked_levels(levels, x.shape(0));
   gmwm::AlignedArray variance = gmwm::aligned_array(levels);
@@ -92,6 +101,8 @@ void bind_haar(nb::module_& m) {
           "Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.");
   m.def("haar_sums_of_squares", &haar_sums_of_squares, "running_sum"_a.noconvert(), "levels"_a, "begin"_a, "end"_a,
           "Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.");
+  m.def("haar_block_squares", &haar_block_squares, "running_sum"_a.noconvert(), "block"_a, "out"_a.noconvert(),
+          "Write the mean squares (blocks, levels) of the Haar coefficients that begin in each block to out.");
   m.def("haar_variance", &haar_variance, "x"_a.noconvert(), "levels"_a,
           "Haar wavelet variance of x at levels 1 ... levels; all NaN if a value is not finite.");
 }

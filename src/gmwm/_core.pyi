@@ -101,6 +101,11 @@ def haar_sums_of_squares(running_sum: Annotated[NDArray[numpy.float64], dict(sha
     Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.
     """
 
+def haar_block_squares(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], block: int, out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Write the mean squares (blocks, levels) of the Haar coefficients that begin in each block to out.
+    """
+
 def haar_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
     Haar wavelet variance of x at levels 1 ... levels; all NaN if a value is not finite.

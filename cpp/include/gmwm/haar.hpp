@@ -36,6 +36,10 @@ void running_sum(std::span<const double> x, double mean, std::span<double> sum);
 // `sum` is the running sum of the whole signal, sum[t + 1] = P_t; end <= sum.size() - 1.
 void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::size_t end, std::span<double> sums);
 
+// out[b levels + j - 1] = mean of the squares of the coefficients of level j that begin in block b, for all blocks of
+// `block` samples. Coefficients of the last block need (blocks * block + 2^levels) <= sum.size() - 1 samples.
+void haar_block_squares(std::span<const double> sum, std::size_t block, std::size_t levels, std::span<double> out);
+
 // variance[j - 1] = mean of W_{j,t}² over the N - 2^j + 1 coefficients, for j = 1 … variance.size();
 // 2^variance.size() <= x.size(). All NaN if a value of x is not finite.
 void haar_variance(std::span<const double> x, std::span<double> variance);
