@@ -86,6 +86,15 @@ Result haar_sums_of_squares(const Vector& running_sum, std::size_t levels, std::
   return to_numpy(std::move(sums), levels);
 }
 
+void haar_block_squares(const Vector& running_sum, std::size_t block, const OutMatrix& out) {
+  const std::size_t levels = out.shape(1);
+  if (levels < 1 || levels > gmwm::max_level || block < 1 ||
+      out.shape(0) * block + (std::size_t{1} << levels) > running_sum.size())
+    throw std::invalid_argument("the last coefficients must end within the running sum");
+  const nb::gil_scoped_release release;
+  gmwm::haar_block_squares(view(running_sum), block, levels, view(out));
+}
+
 std::pair<Result, Result> haar_panel(const Vector& before, const Vector& x, double reference, std::size_t levels,
                                      std::size_t first, std::size_t step) {
   const std::size_t n = x.shape(0);
@@ -130,6 +139,8 @@ void bind_haar(nb::module_& m) {
           "step"_a, "Sum of the squared Haar coefficients of levels 1 ... levels that end in x, which follows `before`; and "
           "the sums of the first `first` + k `step` values of x, k = 0, 1, ..., and of all. `before` and these sums are "
           "relative to reference.");
+  m.def("haar_block_squares", &haar_block_squares, "running_sum"_a.noconvert(), "block"_a, "out"_a.noconvert(),
+          "Write the mean squares (blocks, levels) of the Haar coefficients that begin in each block to out.");
   m.def("haar_variance", &haar_variance, "x"_a.noconvert(), "levels"_a,
           "Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of "
           "values is not finite.");

@@ -265,9 +265,28 @@ void the_rise_is_that_of_a_line() {
 
 }  // namespace
 
+void blocks_are_their_definition() {
+  for (const Kind kind : {Kind::white, Kind::walk})
+    for (const std::size_t block : {1u, 7u, 8u, 128u}) {
+      const std::size_t n = 1000, levels = 6, blocks = (n - (std::size_t{1} << levels)) / block;
+      const Values x = signal(kind, n);
+      Values sum(n + 1, 0.0), out(blocks * levels);
+      gmwm::running_sum(x, gmwm::mean(x).value, sum);
+      gmwm::haar_block_squares(sum, block, levels, out);
+      for (std::size_t b = 0; b < blocks; ++b)
+        for (std::size_t level = 1; level <= levels; ++level) {
+          // A coefficient that begins at sample i ends at sample i + 2^level - 1.
+          const std::size_t end = b * block + (std::size_t{1} << level) - 1;
+          const double expected = sum_of_squares(x, level, end, end + block) / static_cast<double>(block);
+          CHECK(std::abs(out[b * levels + level - 1] - expected) <= 1e-9 * expected + 1e-15);
+        }
+    }
+}
+
 int main() {
   std::printf("running clone: %s\n", gmwm::running_clone());
   variance_is_its_definition();
+  blocks_are_their_definition();
   ranges_add_up();
   running_sum_continues();
   scaling_by_a_power_of_two_is_exact();

@@ -51,6 +51,10 @@ struct Marks {
 void haar_panel(std::span<const double> before, std::span<const double> x, double reference, const Marks& marks,
                 std::span<double> squares);
 
+// out[b levels + j - 1] = mean of the squares of the coefficients of level j that begin in block b, for all blocks of
+// `block` samples. Coefficients of the last block need (blocks * block + 2^levels) <= sum.size() - 1 samples.
+void haar_block_squares(std::span<const double> sum, std::size_t block, std::size_t levels, std::span<double> out);
+
 // variance[j - 1] = mean of W_{j,t}² over the N - 2^j + 1 coefficients, for j = 1 … variance.size();
 // 2^variance.size() <= x.size(). Returns the mean rise per sample, from the means of the two halves of x. All are NaN if
 // a value of x is not finite, or if a sum of values overflows.

@@ -203,18 +203,9 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
 def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
     """Compute the mean squares (count, levels) of the coefficients that begin in each of the first blocks of a
     panel."""
-    path = _core.running_sum(panel)
+    # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
     y = np.empty((count, levels))
-    for k in range(levels):
-        half = 1 << k
-        size = count * BLOCK
-        # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample
-        # apart.
-        w = path[half : half + size] * -2.0
-        w += path[:size]
-        w += path[2 * half : 2 * half + size]
-        blocks = w.reshape(count, BLOCK)
-        y[:, k] = np.einsum("ij,ij->i", blocks, blocks) * (0.25 ** (k + 1) / BLOCK)
+    _core.haar_block_squares(_core.running_sum(panel), BLOCK, y)
     return y
 
 
@@ -223,13 +214,20 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
 
     The segments overlap by one half, and a Hann window is used.
     """
+    from scipy.fft import rfft
+
     window = np.hanning(length + 1)[:-1]
     window /= np.sqrt(np.sum(window**2))
     windows = np.lib.stride_tricks.sliding_window_view(panel, length)[:: length // 2]
     total = np.zeros(length // 2 + 1)
     for first in range(0, windows.shape[0], 16):
         part = windows[first : first + 16]
-        total += np.sum(np.abs(np.fft.rfft((part - part.mean(axis=1, keepdims=True)) * window)) ** 2, axis=0)
+        part = part - part.mean(axis=1, keepdims=True)
+        part *= window
+        both = rfft(part, axis=1, overwrite_x=True).view(np.float64)
+        np.multiply(both, both, out=both)
+        squares = both.sum(axis=0)
+        total += squares[::2] + squares[1::2]
     return float(windows.shape[0]), total
 
 

@@ -42,7 +42,7 @@ def shared_noise(signals: Mapping[str, Signal], *, size: float = 0.05) -> tuple[
     try:
         filled = synchronous_signals(signals, None)
         k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST.bit_length() + 1)
-        means = {axis: _detrended(block_means(signal, k)) for axis, signal in filled.items()}
+        means = _detrended({axis: block_means(signal, k) for axis, signal in filled.items()})
         own = {axis: measured(signal, False, 0.6) for axis, signal in means.items()}
         own = {axis: wv for axis, wv in own.items() if np.all(wv.variance > 0)}
         unit = units_of(own)
@@ -74,9 +74,13 @@ def block_means(signal: Signal, k: int) -> Signal:
     return Signal(values, signal.rate / size, signal.unit, signal.axis, segments=segments, filled=signal.filled >> k)
 
 
-def _detrended(signal: Signal) -> Signal:
-    """Subtract the least-squares line from a signal."""
-    time = np.arange(len(signal)) - (len(signal) - 1) / 2
-    values = signal.values - signal.values.mean()
-    values -= time * (float(time @ values) / float(time @ time))
-    return replace(signal, values=freeze(values))
+def _detrended(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Subtract the least-squares line from each signal. All signals have the same number of samples."""
+    count = len(next(iter(signals.values())))
+    time = np.arange(count) - (count - 1) / 2
+    size, line, out = count * (count**2 - 1) / 12, np.empty(count), {}
+    for axis, signal in signals.items():
+        values = signal.values - signal.values.mean()
+        values -= np.multiply(time, float(time @ values) / size, out=line)
+        out[axis] = replace(signal, values=freeze(values))
+    return out

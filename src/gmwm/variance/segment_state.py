@@ -216,6 +216,14 @@ class SegmentState:
         )
 
 
+def as_count(value: Any, least: int = 0) -> int:
+    """Return a stored number of samples; raise a ValueError if no recording has that number."""
+    count = int(value)
+    if not least <= count <= LONGEST:
+        raise ValueError(f"a number of samples must be from {least} to {LONGEST}")
+    return count
+
+
 def _measured(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
