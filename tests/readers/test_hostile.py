@@ -108,6 +108,34 @@ def test_points_in_a_file_with_decimal_commas_are_refused(tmp_path):
         gmwm.read(path)
 
 
+@pytest.mark.parametrize("rows", [50, 20_000])
+@pytest.mark.parametrize("share", [0.05, 0.4])
+@pytest.mark.parametrize("other", [";", "\t", " ", ",0,", ";0,"])
+def test_rows_in_another_form_are_never_left_out_silently(tmp_path, other, share, rows):
+    """Another delimiter, decimal sign or number of columns, above or below the other rows."""
+    lines = [f"{k / 100},{np.sin(k):.5f},{np.cos(k):.5f}" for k in range(rows)]
+    first = int(share * rows)
+    odd = [line.replace(",", other[0] if len(other) == 1 else other) for line in lines]
+    if other == ";0,":
+        odd = [line.replace(",", ";").replace(".", ",") for line in lines]
+    for mixed in ([*odd[:first], *lines[first:]], [*lines[first:], *odd[:first]]):
+        (path := tmp_path / "static.csv").write_text("\n".join(["time [s],gyro_x [deg/s],gyro_y [deg/s]", *mixed, ""]))
+        with pytest.raises(ReadError):
+            gmwm.read(path)
+
+
+def test_zero_bytes_of_a_lost_block_are_named(tmp_path):
+    path = table(tmp_path / "static.csv", np.arange(100) / 100)
+    size = path.stat().st_size
+    with path.open("ab") as file:
+        file.write(bytes(4096))
+    with raises(ReadError, f"byte {size}", advises=["tr -d"], code="not-text"):
+        gmwm.read(path)
+    path.write_bytes(path.read_text().rstrip("\0").encode("utf-16-le"))
+    with raises(ReadError, "UTF-16", code="not-utf8"):
+        gmwm.read(path)
+
+
 # --- time and memory ---------------------------------------------------------------------------------
 
 
