@@ -2,7 +2,6 @@
 
 import bz2
 import contextlib
-import os
 import re
 import subprocess
 import sys
@@ -246,31 +245,58 @@ def test_shapes_that_no_array_has_are_refused(tmp_path, shape):
         gmwm.read(path, 100.0, AXES, UNITS)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
-def test_a_fork_after_reading_is_refused_where_polars_would_wait(tmp_path, suffix):
-    """In a process of its own, because the test process has used Polars."""
-    code = """
+FORK = """
 import os, sys, signal, gmwm
-path = sys.argv[1]
-options = {"rate": 100.0, "columns": ["gyro_x"], "units": {"gyro": "deg/s"}} if path.endswith(".npy") else {}
-if path.endswith(".npy"):
-    gmwm.read(path.replace(".npy", ".csv"))
-gmwm.read(path, **options)
+folder = sys.argv[1]
+options = {"rate": 100.0, "columns": ["gyro_x"], "units": {"gyro": "deg/s"}}
+imu = gmwm.Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.3, 0.1, 0.5] * 200}, 100.0)
+
+def act(what):
+    verb, _, suffix = what.partition(" ")
+    if verb == "read":
+        gmwm.read(f"{folder}/static{suffix}", **(options if suffix == ".npy" else {}))
+    elif verb == "write":
+        imu.write(f"{folder}/new{suffix}")
+    elif verb == "import":
+        import polars
+    else:  # other code uses Polars
+        import polars
+        polars.DataFrame({"a": range(100_000)}).sort("a").group_by("a").len()
+
+act(sys.argv[2])
 if os.fork() == 0:
     signal.alarm(20)
     try:
-        gmwm.read(path, **options)
+        act(sys.argv[3])
     except gmwm.errors.ReadError as error:
         os._exit(7 if "spawn" in str(error) else 8)
     os._exit(0)
 sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))
 """
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the threads of Polars are listed on Linux only")
+@pytest.mark.parametrize(
+    ("before", "after", "code"),
+    [
+        ("read .csv", "read .csv", 7),
+        ("read .csv", "read .parquet", 7),
+        ("read .csv", "read .npy", 0),
+        ("read .parquet", "write .csv", 7),
+        ("write .csv", "read .csv", 7),
+        ("write .parquet", "write .parquet", 7),
+        ("use", "read .csv", 7),
+        ("import", "read .csv", 0),
+        ("read .npy", "write .csv", 0),
+    ],
+)
+def test_a_fork_after_polars_is_refused_where_polars_would_wait(tmp_path, before, after, code):
+    """In a process of its own, because the test process has used Polars."""
     imu = gmwm.read(table(tmp_path / "static.csv", np.arange(1000) / 100))
     imu.write(tmp_path / "static.parquet")
     np.save(tmp_path / "static.npy", imu["gyro_x"].values)
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code, str(tmp_path / f"static{suffix}")], timeout=100, check=False
+        [sys.executable, "-W", "ignore", "-c", FORK, str(tmp_path), before, after], timeout=100, check=False
     )
-    assert done.returncode == (0 if suffix == ".npy" else 7)
+    assert done.returncode == code
