@@ -107,6 +107,17 @@ def test_points_in_a_file_with_decimal_commas_are_refused(tmp_path):
         gmwm.read(path)
 
 
+@pytest.mark.parametrize("stamp", [1e20, -5.9e20, -1e15])
+@pytest.mark.parametrize("row", [100, 298])
+def test_times_that_no_clock_shows_are_refused(tmp_path, stamp, row):
+    times = np.arange(300) / 100
+    times[row:] += stamp
+    path = table(tmp_path / "static.csv", times)
+    for act in (gmwm.read, gmwm.stream):
+        with raises(ReadError, code="time-span"):
+            act(path)
+
+
 @pytest.mark.parametrize("rows", [50, 20_000])
 @pytest.mark.parametrize("share", [0.05, 0.4])
 @pytest.mark.parametrize("other", [";", "\t", " ", ",0,", ";0,"])
