@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._files import written_whole
+from gmwm._forks import require_threads
 from gmwm.axis_names import AXES
 from gmwm.errors import DataError, OptionError
 from gmwm.imu_records import TYPES, RecordType, counts
@@ -86,6 +87,7 @@ def write_table(columns: Mapping[str, Vector], path: str | os.PathLike[str]) -> 
     import polars as pl
 
     target = table_path(path)
+    require_threads(target)
     frame = pl.DataFrame(dict(columns))
     with written_whole(target) as temporary:
         if target.suffix.lower() == ".csv":

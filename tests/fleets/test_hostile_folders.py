@@ -49,6 +49,22 @@ def test_a_folder_that_cannot_be_listed_is_an_error(tmp_path, monkeypatch):
         find_units(tmp_path, tmp_path / "out", None)
 
 
+def test_a_folder_that_cannot_be_entered_is_an_error(tmp_path, monkeypatch):
+    """Its files can be listed, but nothing else can be known about them."""
+    recording(tmp_path / "unit.csv")
+    closed = recording(tmp_path / "other.csv")
+    stat = os.stat
+
+    def refused(path, *given, **options):
+        if str(path) == str(closed):
+            raise PermissionError(13, "Permission denied", str(path))
+        return stat(path, *given, **options)
+
+    monkeypatch.setattr(os, "stat", refused)
+    with raises(OptionError, closed, "Permission denied", argument="recordings"):
+        find_units(tmp_path, tmp_path / "out", None)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the file system accepts UTF-8 only")
 def test_names_that_are_not_utf8(tmp_path):

@@ -24,7 +24,7 @@ from tests.fuzz.corpus import FAMILIES
 LIMIT = 10.0
 """Longest processor time (s) of an input."""
 PATIENCE = 100.0
-"""Longest time (s) of an input on a busy computer, after which it hangs."""
+"""Time (s) after which an input hangs, unless it has used less than `LIMIT` of processor time and still uses some."""
 MEMORY = 2 << 30
 """Largest memory of the process (bytes)."""
 BATCH = 2000
@@ -57,7 +57,7 @@ class Run:
         number, path, counts = first, "", {}
         try:
             while time.monotonic() < end:
-                ready, _, _ = select.select([worker.stdout], [], [], PATIENCE)
+                ready = _ready(worker)
                 line = worker.stdout.readline() if ready else b""
                 if not line:
                     why = f"no end after {PATIENCE:g} s" if not ready else f"the process ended with {worker.wait()}"
@@ -98,6 +98,26 @@ class Run:
             shutil.copy(path, folder / f"{number}_{Path(path).name}")
         (folder / f"{number}.txt").write_text("\n".join([why, *trace]) + "\n", encoding="utf-8")
         print(f"  {self.family} {number}: {why}\n    " + "\n    ".join(own[-3:]), flush=True)
+
+
+def _ready(worker: subprocess.Popen[bytes]) -> bool:
+    """Wait for the next report of a process; return False if the process hangs."""
+    before = last = _processor_time(worker.pid)
+    while not select.select([worker.stdout], [], [], PATIENCE)[0]:
+        now = _processor_time(worker.pid)
+        if not last < now < before + LIMIT:
+            return False
+        last = now  # the computer is busy
+    return True
+
+
+def _processor_time(number: int) -> float:
+    """Return the processor time (s) of a process; 0 if the system does not tell it."""
+    try:
+        words = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def main() -> int:

@@ -2,7 +2,6 @@
 
 import bz2
 import contextlib
-import os
 import re
 import subprocess
 import sys
@@ -105,6 +104,45 @@ def test_points_in_a_file_with_decimal_commas_are_refused(tmp_path):
     rows = [f"{10 * k:,}".replace(",", ".") + f";0,{k % 7}" for k in range(300)]
     (path := tmp_path / "static.csv").write_text("time [ms];gyro_x [deg/s]\n" + "\n".join(rows) + "\n")
     with raises(ReadError, "'1.000'", "line 102", code="decimal-comma"):
+        gmwm.read(path)
+
+
+@pytest.mark.parametrize("stamp", [1e20, -5.9e20, -1e15])
+@pytest.mark.parametrize("row", [100, 298])
+def test_times_that_no_clock_shows_are_refused(tmp_path, stamp, row):
+    times = np.arange(300) / 100
+    times[row:] += stamp
+    path = table(tmp_path / "static.csv", times)
+    for act in (gmwm.read, gmwm.stream):
+        with raises(ReadError, code="time-span"):
+            act(path)
+
+
+@pytest.mark.parametrize("rows", [50, 20_000])
+@pytest.mark.parametrize("share", [0.05, 0.4])
+@pytest.mark.parametrize("other", [";", "\t", " ", ",0,", ";0,"])
+def test_rows_in_another_form_are_never_left_out_silently(tmp_path, other, share, rows):
+    """Another delimiter, decimal sign or number of columns, above or below the other rows."""
+    lines = [f"{k / 100},{np.sin(k):.5f},{np.cos(k):.5f}" for k in range(rows)]
+    first = int(share * rows)
+    odd = [line.replace(",", other[0] if len(other) == 1 else other) for line in lines]
+    if other == ";0,":
+        odd = [line.replace(",", ";").replace(".", ",") for line in lines]
+    for mixed in ([*odd[:first], *lines[first:]], [*lines[first:], *odd[:first]]):
+        (path := tmp_path / "static.csv").write_text("\n".join(["time [s],gyro_x [deg/s],gyro_y [deg/s]", *mixed, ""]))
+        with pytest.raises(ReadError):
+            gmwm.read(path)
+
+
+def test_zero_bytes_of_a_lost_block_are_named(tmp_path):
+    path = table(tmp_path / "static.csv", np.arange(100) / 100)
+    size = path.stat().st_size
+    with path.open("ab") as file:
+        file.write(bytes(4096))
+    with raises(ReadError, f"byte {size}", advises=["tr -d"], code="not-text"):
+        gmwm.read(path)
+    path.write_bytes(path.read_text().rstrip("\0").encode("utf-16-le"))
+    with raises(ReadError, "UTF-16", code="not-utf8"):
         gmwm.read(path)
 
 
@@ -218,31 +256,58 @@ def test_shapes_that_no_array_has_are_refused(tmp_path, shape):
         gmwm.read(path, 100.0, AXES, UNITS)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
-def test_a_fork_after_reading_is_refused_where_polars_would_wait(tmp_path, suffix):
-    """In a process of its own, because the test process has used Polars."""
-    code = """
+FORK = """
 import os, sys, signal, gmwm
-path = sys.argv[1]
-options = {"rate": 100.0, "columns": ["gyro_x"], "units": {"gyro": "deg/s"}} if path.endswith(".npy") else {}
-if path.endswith(".npy"):
-    gmwm.read(path.replace(".npy", ".csv"))
-gmwm.read(path, **options)
+folder = sys.argv[1]
+options = {"rate": 100.0, "columns": ["gyro_x"], "units": {"gyro": "deg/s"}}
+imu = gmwm.Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.3, 0.1, 0.5] * 200}, 100.0)
+
+def act(what):
+    verb, _, suffix = what.partition(" ")
+    if verb == "read":
+        gmwm.read(f"{folder}/static{suffix}", **(options if suffix == ".npy" else {}))
+    elif verb == "write":
+        imu.write(f"{folder}/new{suffix}")
+    elif verb == "import":
+        import polars
+    else:  # other code uses Polars
+        import polars
+        polars.DataFrame({"a": range(100_000)}).sort("a").group_by("a").len()
+
+act(sys.argv[2])
 if os.fork() == 0:
     signal.alarm(20)
     try:
-        gmwm.read(path, **options)
+        act(sys.argv[3])
     except gmwm.errors.ReadError as error:
         os._exit(7 if "spawn" in str(error) else 8)
     os._exit(0)
 sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))
 """
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the threads of Polars are listed on Linux only")
+@pytest.mark.parametrize(
+    ("before", "after", "code"),
+    [
+        ("read .csv", "read .csv", 7),
+        ("read .csv", "read .parquet", 7),
+        ("read .csv", "read .npy", 0),
+        ("read .parquet", "write .csv", 7),
+        ("write .csv", "read .csv", 7),
+        ("write .parquet", "write .parquet", 7),
+        ("use", "read .csv", 7),
+        ("import", "read .csv", 0),
+        ("read .npy", "write .csv", 0),
+    ],
+)
+def test_a_fork_after_polars_is_refused_where_polars_would_wait(tmp_path, before, after, code):
+    """In a process of its own, because the test process has used Polars."""
     imu = gmwm.read(table(tmp_path / "static.csv", np.arange(1000) / 100))
     imu.write(tmp_path / "static.parquet")
     np.save(tmp_path / "static.npy", imu["gyro_x"].values)
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code, str(tmp_path / f"static{suffix}")], timeout=100, check=False
+        [sys.executable, "-W", "ignore", "-c", FORK, str(tmp_path), before, after], timeout=100, check=False
     )
-    assert done.returncode == (0 if suffix == ".npy" else 7)
+    assert done.returncode == code

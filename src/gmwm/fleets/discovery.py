@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
+from typing import NoReturn
 
 from gmwm._text import printable
 from gmwm.errors import GmwmError, OptionError
@@ -95,14 +96,18 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
     paths: dict[str, Path] = {}
     left_out: list[str] = []
     for path in _walk(folder, output):
-        if path.exists() and not path.is_file() and not path.is_dir():
-            continue  # it is a pipe or a device
+        try:
+            is_folder = path.is_dir()
+            if path.exists() and not path.is_file() and not is_folder:
+                continue  # it is a pipe or a device
+        except OSError as error:  # its folder can be listed, but not entered
+            _raise_unreadable(error)
         unit = printable(path.relative_to(folder).as_posix())
         if pattern is not None:
             # A pattern with a slash is compared with the path, other patterns with the file name.
             if fnmatchcase(unit if "/" in pattern else path.name, pattern):
                 paths[unit] = path
-        elif path.is_dir() or _is_recording(path):
+        elif is_folder or _is_recording(path):
             paths[unit] = path
         else:
             left_out.append(unit)
@@ -135,8 +140,8 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
             yield from (here / file for file in files if not file.startswith("."))
 
 
-def _raise_unreadable(error: OSError) -> None:
-    """Raise an error for a folder that cannot be listed, because its units would be missing from the fleet.
+def _raise_unreadable(error: OSError) -> NoReturn:
+    """Raise an error for a folder that cannot be listed or entered, because its units would be missing from the fleet.
 
     Raises
     ------
@@ -144,10 +149,10 @@ def _raise_unreadable(error: OSError) -> None:
         Always; it states the folder and the reason.
     """
     raise OptionError(
-        f"the folder {error.filename} cannot be read: {error.strerror}",
+        f"{error.filename} cannot be read: {error.strerror}",
         argument="recordings",
         got=str(error.filename),
-        advice="Change its permissions, or pass the recordings one by one.",
+        advice="Change the permissions, or pass the recordings one by one.",
     ) from error
 
 

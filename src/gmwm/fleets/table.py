@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gmwm._files import written_whole
+from gmwm._forks import require_threads
 from gmwm.calibration.tables import in_order
 from gmwm.errors import ReadError
 from gmwm.fleets.rows import Row
@@ -47,6 +48,7 @@ def symbols_of(rows: Iterable[Row]) -> list[str]:
 
 def write_table(table: DataFrame, path: Path) -> None:
     """Write the table to a Parquet file. If an error occurs, an existing file is unchanged."""
+    require_threads(path)
     with written_whole(path) as temporary:
         table.write_parquet(temporary)
 

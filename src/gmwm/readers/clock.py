@@ -199,6 +199,7 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
     order = in_order(window.ticks, window.integer, per_second)
     nominal = nominal_interval(order.ticks)
     require_order(order.ticks, nominal, window.origin, per_second, row=offset)
+    require_span(order.ticks, nominal, per_second)
     ticks, walls = without_steps_back(order.ticks, nominal)
     require_span(ticks, nominal, per_second)
     ticks = ticks + ((before[-1].end if before else 0.0) - ticks[begin])

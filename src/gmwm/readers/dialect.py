@@ -169,6 +169,7 @@ def detect(lines: list[str], path: object) -> Dialect:
             advice="Check that the file is a table of numbers.",
         )
     first_line, fields = rows[start][0], len(numeric)
+    _require_equal_rows(body[:start], (path, first_line))
     data = [cells for _, cells in rows[start:] if len(cells) == fields]
     named = any(len(cells) == fields and cells[-1] for _, cells in rows[:start])
     trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
@@ -276,6 +277,24 @@ def _delimiter(lines: list[str]) -> tuple[str, bool]:
             if score > best_score and numbers:
                 best, best_score = (delimiter, decimal_comma), score
     return best
+
+
+def _require_equal_rows(above: list[tuple[int, str]], where: tuple[object, int]) -> None:
+    """Raise a ReadError if the lines directly above the first row are rows in another form."""
+    count = next((n for n, (_, line) in enumerate(reversed(above)) if not _is_numbers(line)), len(above))
+    if count > 1:
+        raise ReadError(
+            f"{where[0]}: the {count} rows from line {above[-count][0]} on have another delimiter, decimal sign or "
+            f"number of columns than the rows from line {where[1]} on",
+            code="row-length",
+            advice="Write all rows in the same form.",
+        )
+
+
+def _is_numbers(line: str) -> bool:
+    """Return whether a delimiter splits a line into several numbers."""
+    ways = (split(line, delimiter) for delimiter in (",", ";", "\t", "|", BLANKS))
+    return any(len(cells) > 1 and all(is_number(one, decimal_comma=True) for one in cells) for cells in ways)
 
 
 def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm._forks import require_threads
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, register
-from gmwm.readers.forks import require_threads
 from gmwm.readers.lost_samples import MISSING
 from gmwm.readers.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 

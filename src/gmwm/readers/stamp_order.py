@@ -176,7 +176,7 @@ def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
     ReadError
         If the time stamps span more than 300 years, or more sampling intervals than float64 can count.
     """
-    span = float(ticks[-1] - ticks[0])
+    span = float(np.max(ticks) - np.min(ticks))
     if span > _LONGEST * per_second or not span < 2.0**52 * nominal:
         raise ReadError(
             f"the time stamps reach over {span / per_second:.3g} s at a typical interval of {nominal / per_second:.3g} "

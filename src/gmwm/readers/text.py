@@ -54,12 +54,14 @@ class TextReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0.5 if the first bytes are text with a digit, 0.1 if they are any other text."""
+        """Return 0.5 if the first bytes are text with a digit, 0.1 if they are any other text, and 0.05 if they also
+        hold zero bytes."""
         if head.startswith((b"\xff\xfe", b"\xfe\xff")):
             return 0.5  # UTF-16, for which `layout` raises an error with advice
-        control = sum(head.count(bytes([c])) for c in (*range(9), *range(14, 32)))
-        if control:
+        if any(bytes([c]) in head for c in (*range(1, 9), *range(14, 32))):
             return 0.0
+        if b"\0" in head:
+            return 0.05 if head[0] and path.suffix.lower() in self.extensions else 0.0  # `layout` says where
         return 0.5 if re.search(rb"\d", head) else 0.1
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
@@ -182,13 +184,16 @@ def _head_lines(source: FileSource) -> list[str]:
     with source.open() as file:
         head = file.read(HEAD_BYTES)
         more = bool(file.read(1))
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or (head[1:2] == b"\0" and 3 * head.count(b"\0") > len(head)):
         raise ReadError(
             f"{source} is UTF-16 text", code="not-utf8", advice="Save it as UTF-8 (in a spreadsheet: CSV UTF-8)."
         )
     if b"\0" in head:
         raise ReadError(
-            f"{source} is not text: it holds zero bytes", code="not-text", advice="Name its format with {--format}."
+            f"{source} is not text: it holds zero bytes, the first at byte {head.index(0)}",
+            code="not-text",
+            advice="If it is text, and the logger lost its power, delete them (tr -d '\\000'). Otherwise name its "
+            "format with {--format}.",
         )
     if b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
         raise ReadError(

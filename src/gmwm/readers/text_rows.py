@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm._forks import require_threads
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Rows
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.dialect import BLANKS, MISSING_WORDS, Dialect, comment_sign, is_grouped, is_number, split
-from gmwm.readers.forks import require_threads
 from gmwm.readers.lost_samples import MISSING
 from gmwm.readers.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 
