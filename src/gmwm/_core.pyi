@@ -122,6 +122,11 @@ def haar_panel(before: Annotated[NDArray[numpy.float64], dict(shape=(None,), ord
     Sum of the squared Haar coefficients of levels 1 ... levels that end in x, which follows `before`; and the sums of the first `first` + k `step` values of x, k = 0, 1, ..., and of all. `before` and these sums are relative to reference.
     """
 
+def haar_block_squares(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], block: int, out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Write the mean squares (blocks, levels) of the Haar coefficients that begin in each block to out.
+    """
+
 def haar_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
     """
     Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of values is not finite.
