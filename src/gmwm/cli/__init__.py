@@ -22,5 +22,4 @@ def start() -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from gmwm.cli.main import run
 
-    signal.signal(signal.SIGINT, handler)
-    run()
+    run(handler)
