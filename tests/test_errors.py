@@ -44,3 +44,14 @@ def test_a_reason_leaves_out_subject_prefix_and_advice():
     assert error.reason == "no process has this name"
     assert error.text(Dialect.SHELL) == "gyro_x: --within: no process has this name. Use WN."
     assert OptionError(argument="rate", expected="positive", got=-1).reason == "rate must be positive; got -1"
+
+
+@pytest.mark.parametrize("long", ["x" * 100_000, "\x1b[2J" * 1000, "\u202egnp.exe", "\ud800", "a\u2028b"])
+def test_no_error_is_long_or_changes_the_terminal(long):
+    """Whatever a file puts into the message, the subject or the advice."""
+    error = ReadError(f"column {long} is wrong", advice="Leave {axis} out with {--columns}.", axis=long).about(long)
+    for dialect in (Dialect.PYTHON, Dialect.SHELL):
+        text = error.text(dialect)
+        assert len(text) < 3000
+        assert text.isprintable()
+        text.encode()

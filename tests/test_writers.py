@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,7 @@ def test_whole_or_nothing(tmp_path, monkeypatch):
     before = path.read_bytes()
 
     def broken(self, file):
-        file.write_text("half")
+        file.write(b"half")
         raise OSError("disk full")
 
     monkeypatch.setattr(pl.DataFrame, "write_csv", broken)
@@ -118,3 +119,13 @@ def test_what_is_no_recording_is_not_written(tmp_path, given, advises):
         write(given, tmp_path / "a.csv")
     assert caught.value.got is given
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the file system accepts UTF-8 only")
+@pytest.mark.parametrize("suffix", [b".csv", b".parquet"])
+def test_a_path_that_is_not_utf8(tmp_path, suffix):
+    folder = tmp_path / os.fsdecode(b"out \xff")
+    folder.mkdir()
+    imu = Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.4] * 10}, 100.0)
+    write(imu, path := folder / os.fsdecode(b"unit \xfe" + suffix))
+    assert read(path)["gyro_x"].values.tolist() == imu["gyro_x"].values.tolist()

@@ -8,6 +8,7 @@ from functools import cache
 from html import escape
 from importlib import metadata
 from typing import Any, TypeVar
+from unicodedata import category
 
 T = TypeVar("T")
 
@@ -93,11 +94,11 @@ def shortened(text: str, most: int = LONGEST) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Return text with escapes for control characters, which could change the terminal, and for bytes of file names
-    that are not UTF-8.
+    r"""Return text with escapes for control characters and marks, which could change the terminal, and for bytes of
+    file names that are not UTF-8.
 
-    >>> printable("gyro\x1b[2J\udcff\n")
-    'gyro\\x1b[2J\\xff\n'
+    >>> printable("gyro\x1b[2J\udcff\u202e\n")
+    'gyro\\x1b[2J\\xff\\u202e\n'
     """
     if text.isprintable():
         return text
@@ -110,7 +111,10 @@ def _printable(character: str) -> str:
         return f"\\x{code - 0xDC00:02x}"
     if character in "\n\t" or character.isprintable():
         return character
-    return f"\\x{code:02x}" if code < 0x20 or 0x7F <= code < 0xA0 else character
+    if code < 0x20 or 0x7F <= code < 0xA0:
+        return f"\\x{code:02x}"
+    # Marks that change the direction of text, separators of lines, and halves of characters, which no file can hold.
+    return ascii(character)[1:-1] if category(character) in ("Cf", "Zl", "Zp", "Cs") else character
 
 
 class Summarised(ABC):

@@ -163,8 +163,8 @@ class GmwmError(Exception):
             message = f"{self._named(self.prefix, dialect)}: {message}"
         if self.subject:
             message = f"{self.subject}: {message}"
-        message = printable(shortened(message))
-        advice = render(self.advice, self.facts, dialect, self.options)
+        message = shortened(printable(message))
+        advice = shortened(printable(render(self.advice, self.facts, dialect, self.options)))
         return f"{message}. {advice}" if advice else message
 
     def with_advice_of(self, cause: GmwmError) -> Self:

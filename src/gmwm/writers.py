@@ -89,11 +89,12 @@ def write_table(columns: Mapping[str, Vector], path: str | os.PathLike[str]) -> 
     target = table_path(path)
     require_threads(target)
     frame = pl.DataFrame(dict(columns))
-    with written_whole(target) as temporary:
+    # Polars opens no path that is not UTF-8.
+    with written_whole(target) as temporary, temporary.open("wb") as file:
         if target.suffix.lower() == ".csv":
-            frame.write_csv(temporary)
+            frame.write_csv(file)
         else:
-            frame.write_parquet(temporary)
+            frame.write_parquet(file)
 
 
 def _columns(imu: Imu) -> dict[str, Vector]:

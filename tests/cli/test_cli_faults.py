@@ -92,6 +92,36 @@ def test_a_signal_leaves_no_files(tmp_path, number, delays):
     assert not list(tmp_path.rglob(".*"))
 
 
+BESIDE = """
+import atexit, os, signal, typer.main
+def strike(*given):
+    os.kill(os.getpid(), {number})
+    return build(*given)
+build = typer.main.get_command
+{when}
+from gmwm.cli import start
+start()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("when", ["typer.main.get_command = strike", "atexit.register(strike)"])
+def test_a_signal_before_and_after_a_command_ends_the_process(number, when):
+    """While the commands are built, and while the interpreter ends."""
+
+    def let_signals_in():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    done = subprocess.run(
+        [sys.executable, "-c", BESIDE.format(number=int(number), when=when), "--version"],
+        capture_output=True,
+        timeout=100,
+        preexec_fn=let_signals_in,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (-number, b"")
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the file system accepts UTF-8 only")
 def test_results_of_a_file_whose_name_is_not_utf8(recording, tmp_path):

@@ -73,9 +73,11 @@ def test_names_that_are_not_utf8(tmp_path):
     path = folder / os.fsdecode(b"unit \xff.parquet")
     recording(folder / "other.parquet").rename(path)
     recording(folder / "plain.parquet")
-    found = fleet(folder, tmp_path / "out", within="WN", workers=0)
+    out = tmp_path / os.fsdecode(b"out \xff")
+    found = fleet(folder, out, within="WN", workers=0)
     assert (found.units, found.failed) == (("plain.parquet", "unit \\xff.parquet"), {})
-    again = Fleet.load(tmp_path / "out")
+    again = Fleet.load(out)
+    assert again.table.equals(found.table)
     names = ("plain.parquet", path.name)
     assert again.paths == {unit: str(folder / name) for unit, name in zip(found.units, names, strict=True)}
     assert again["unit \\xff.parquet"].recording.file == path.name

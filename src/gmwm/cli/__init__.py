@@ -20,5 +20,4 @@ def start() -> None:
     spare_garbage_collector()
     from gmwm.cli.main import run
 
-    signal.signal(signal.SIGINT, handler)
-    run()
+    run(handler)

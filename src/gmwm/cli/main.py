@@ -7,9 +7,10 @@ import os
 import signal
 import sys
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.main import get_command
 
 from gmwm.cli.commands import Program, help_text
 from gmwm.cli.errors import Terminated
@@ -79,15 +80,26 @@ def _terminated(_number: int, _frame: FrameType | None) -> None:
     raise Terminated
 
 
-def run() -> None:
-    """Run the command line. `gmwm.cli.start` calls this function."""
+def run(on_interrupt: Any = signal.default_int_handler) -> None:
+    """Run the command line. `gmwm.cli.start` calls this function.
+
+    `on_interrupt` is the handler of Ctrl-C while a command runs. Before and after it, signals end the process at once,
+    because an exception there would show a traceback.
+    """
     # A stream that the caller has closed is None. It is replaced, so that nothing is read from it or printed to it.
     sys.stdin = sys.stdin or open(os.devnull, encoding="utf-8")  # noqa: SIM115
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     os.environ["MPLBACKEND"] = "agg"  # commands draw into files
-    signal.signal(signal.SIGTERM, _terminated)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             accept_all_characters(stream)
-    app(prog_name="gmwm")
+    command = get_command(app)
+    signal.signal(signal.SIGTERM, _terminated)
+    signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        command(prog_name="gmwm")
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        if on_interrupt is signal.default_int_handler:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,8 +50,8 @@ def symbols_of(rows: Iterable[Row]) -> list[str]:
 def write_table(table: DataFrame, path: Path) -> None:
     """Write the table to a Parquet file. If an error occurs, an existing file is unchanged."""
     require_threads(path)
-    with written_whole(path) as temporary:
-        table.write_parquet(temporary)
+    with written_whole(path) as temporary, temporary.open("wb") as file:  # Polars opens no path that is not UTF-8
+        table.write_parquet(file)
 
 
 def read_table(path: Path) -> DataFrame:
@@ -66,7 +67,7 @@ def read_table(path: Path) -> DataFrame:
     if not path.is_file():
         raise ReadError(f"{path} does not exist: no run of this fleet was completed", advice=RUN_AGAIN)
     try:
-        table = pl.read_parquet(path)
+        table = pl.read_parquet(BytesIO(path.read_bytes()))  # see `write_table`
     except (OSError, pl.exceptions.PolarsError) as error:
         raise ReadError(f"{path} is not the table of a fleet: {error}", advice=RUN_AGAIN) from error
     if missing := [name for name in TEXTS if name not in table.columns]:
