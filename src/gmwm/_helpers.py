@@ -137,7 +137,8 @@ def _serve(connection: Connection, ours: Connection, modules: tuple[str, ...]) -
     """Run calls until the other end of the connection is closed."""
     ours.close()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the first process, which ends this one
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
     for module in modules:
         import_module(module)
     # A call that cannot be received, or a result that cannot be sent, ends the helper; the call is then made there.
