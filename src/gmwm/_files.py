@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import shutil
 import tempfile
@@ -102,7 +103,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     Raises
     ------
     ValueError
-        If the file is not UTF-8, not JSON, or nested more deeply than `DEEPEST`.
+        If the file is not UTF-8, not JSON, nested more deeply than `DEEPEST`, or has a number that is not finite.
     OSError
         If the file cannot be read.
     """
@@ -112,7 +113,9 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         raise ValueError(f"lists or objects are nested more than {DEEPEST} deep") from None
     layer = [content] if isinstance(content, dict | list) else []
     for _ in range(DEEPEST):
-        inside = (item for one in layer for item in (one.values() if isinstance(one, dict) else one))
+        inside = [item for one in layer for item in (one.values() if isinstance(one, dict) else one)]
+        if not all(math.isfinite(item) for item in inside if isinstance(item, float)):
+            raise ValueError("a number is not finite")
         layer = [item for item in inside if isinstance(item, dict | list)]
     if layer:
         raise ValueError(f"lists or objects are nested more than {DEEPEST} deep")

@@ -193,7 +193,9 @@ def _serve(connection: Connection, ours: Connection | None, modules: tuple[str, 
     if ours is not None:
         ours.close()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the first process, which ends this one
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):  # Windows has no SIGHUP
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
     os.environ.update(ONE_THREAD)  # Polars reads it at its first use
     spare_garbage_collector()
     for module in modules:

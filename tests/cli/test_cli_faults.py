@@ -68,7 +68,10 @@ def test_a_wrong_backend_of_matplotlib_does_not_matter(recording, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "delays"), [(signal.SIGTERM, (0.0, 1.0, 3.0)), (signal.SIGINT, (0.5,))])
+@pytest.mark.parametrize(
+    ("number", "delays"),
+    [(signal.SIGTERM, (0.0, 1.0, 3.0)), (signal.SIGHUP, (1.0, 2.0)), (signal.SIGINT, (0.5,))],
+)
 def test_a_signal_leaves_no_files(tmp_path, number, delays):
     """Whenever it comes, from the simulation to the writing of the files."""
 

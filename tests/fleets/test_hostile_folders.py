@@ -92,7 +92,9 @@ def test_names_that_are_not_utf8(tmp_path):
 LIMIT = "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1)
 
 
-@pytest.mark.parametrize("text", [DEEP, '{"a":' * 100_000, LIMIT, "", "nul", "\xff"])
+@pytest.mark.parametrize(
+    "text", [DEEP, '{"a":' * 100_000, LIMIT, "", "nul", "\xff", '{"a": [1e400]}', '{"a": NaN}', "[-Infinity]"]
+)
 def test_documents_that_are_not_json_are_errors(tmp_path, text):
     (tmp_path / "fleet.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(ValueError):  # noqa: PT011

@@ -241,6 +241,10 @@ def test_wrong_samples_are_refused() -> None:
         Monitor.from_dict({"format": "other"})
     with pytest.raises(ReadError):
         Monitor.from_dict({**made.to_dict(), "state": {}})
+    for value in (1e-308, 1e308):
+        model = dict.fromkeys(made.to_dict()["models"], f"WN(sigma2={value})")
+        with pytest.raises(ReadError):
+            Monitor.from_dict({**made.to_dict(), "models": model})
 
 
 def test_events_are_numbers_and_one_line() -> None:

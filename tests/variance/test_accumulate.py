@@ -124,6 +124,13 @@ def test_a_state_goes_through_files(tmp_path):
         WaveletAccumulator.from_dict({**live.to_dict(), "last_blocks": [[1.0]]})
 
 
+@pytest.mark.parametrize("name", ["last_head", "last_tail", "last_squares", "last_heads", "last_tails"])
+def test_an_array_of_another_dimension_is_refused(name):
+    state = part(walk(5_000)).to_dict()
+    with raises(ReadError, "lists of numbers"):
+        WaveletAccumulator.from_dict({**state, name: [state[name]]})
+
+
 @pytest.mark.parametrize("value", [-1, 10**400, 1 << 62, 1e300])
 @pytest.mark.parametrize("name", ["last_count", "last_start", "lengths", "filled", "every", "some_first"])
 def test_a_number_of_samples_that_no_recording_has_is_refused(name, value):

@@ -166,7 +166,7 @@ class Session:
         """
         try:
             content = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ReadError(f"not a session: it is not JSON ({error})", code="not-text") from error
         if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
             raise ReadError(f'not a session: it has no "format": "{FORMAT}"', code="wrong-format")

@@ -27,11 +27,11 @@ _EXPECTED = {
 """Description of the expected value of an option. The key is the error type of Pydantic in new versions of Typer, and
 the name of the Click type in old versions."""
 
-OK, USER_ERROR, INTERRUPTED, TERMINATED = 0, 2, 130, 143
+OK, USER_ERROR, INTERRUPTED = 0, 2, 130
 
 
 class Terminated(BaseException):
-    """Exception that is raised if the process receives the signal SIGTERM."""
+    """Exception that is raised if the process receives SIGTERM or SIGHUP; its argument is the number of the signal."""
 
 
 # New versions of Typer contain a copy of Click, old versions import Click. This expression gets its class UsageError in
@@ -43,7 +43,7 @@ class OneLineErrors(TyperGroup):
     """A group of commands that prints each error in one line on stderr.
 
     Exit codes: 0 if the command succeeded, 2 after an error that the user can correct, 130 after Ctrl-C, 143 after
-    SIGTERM. A bug in gmwm shows a traceback.
+    SIGTERM, 129 after SIGHUP. A bug in gmwm shows a traceback.
     """
 
     def main(
@@ -73,15 +73,20 @@ class OneLineErrors(TyperGroup):
             code = _print_error("there is not enough memory for a recording of this length")
         except OSError as error:
             code = _print_error(f"{error.filename or 'the output'}: {error.strerror or error}")
-        except Terminated:
-            code = TERMINATED
+        except Terminated as error:
+            code = _print_end("terminated", 128 + error.args[0])
         except (typer.Abort, KeyboardInterrupt):
-            code = INTERRUPTED
-        if code in (INTERRUPTED, TERMINATED):
-            print("interrupted" if code == INTERRUPTED else "terminated", file=sys.stderr)
-            end_helpers()
-            _leave_threads_behind(code)
+            code = _print_end("interrupted", INTERRUPTED)
         sys.exit(code if isinstance(code, int) else OK)
+
+
+def _print_end(word: str, code: int) -> int:
+    """Print why a command ends early, end its helpers, and return its exit code."""
+    with contextlib.suppress(OSError):  # the terminal may be closed
+        print(word, file=sys.stderr)
+    end_helpers()
+    _leave_threads_behind(code)
+    return code
 
 
 class OnceCommand(TyperCommand):

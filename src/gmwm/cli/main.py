@@ -69,15 +69,15 @@ def accept_all_characters(stream: io.TextIOWrapper) -> None:
     stream.reconfigure(encoding=None if keep else "utf-8", errors="replace")
 
 
-def _terminated(_number: int, _frame: FrameType | None) -> None:
-    """Handle SIGTERM by an exception, as for Ctrl-C, so that temporary files are removed.
+def _terminated(number: int, _frame: FrameType | None) -> None:
+    """Handle SIGTERM and SIGHUP by an exception, as for Ctrl-C, so that temporary files are removed.
 
     Raises
     ------
     Terminated
         Always.
     """
-    raise Terminated
+    raise Terminated(number)
 
 
 def run(on_interrupt: Any = signal.default_int_handler) -> None:
@@ -95,11 +95,16 @@ def run(on_interrupt: Any = signal.default_int_handler) -> None:
         if isinstance(stream, io.TextIOWrapper):
             accept_all_characters(stream)
     command = get_command(app)
-    signal.signal(signal.SIGTERM, _terminated)
+    # Windows has no SIGHUP, and nohup has it ignored.
+    ends = [one for name in ("SIGTERM", "SIGHUP") if (one := getattr(signal, name, None)) is not None]
+    ends = [one for one in ends if signal.getsignal(one) is signal.SIG_DFL]
+    for one in ends:
+        signal.signal(one, _terminated)
     signal.signal(signal.SIGINT, on_interrupt)
     try:
         command(prog_name="gmwm")
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for one in ends:
+            signal.signal(one, signal.SIG_DFL)
         if on_interrupt is signal.default_int_handler:
             signal.signal(signal.SIGINT, signal.SIG_DFL)

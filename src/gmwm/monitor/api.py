@@ -30,7 +30,7 @@ from gmwm.monitor.setup import (
     remarks_of,
 )
 from gmwm.monitor.stillness import Stillness
-from gmwm.monitor.stored import number, whole
+from gmwm.monitor.stored import number, require_scale, whole
 from gmwm.monitor.whitening import Gain
 from gmwm.options import as_whole_number
 
@@ -438,6 +438,8 @@ class Monitor(OneAtATime):
             known = {axis: Baseline.from_dict(one) for axis, one in content["baselines"].items()}
             made = cls(content["models"], content["every"], rate=content["rate"], baseline=known)
             made._restore(content["state"])
+            for axis, one in made._axes.items():
+                require_scale(axis, one.whitener.gain.S)
         except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
             raise ReadError(f"not a monitor: {error}", advice="Make a new monitor from the calibration.") from error
         return made

@@ -25,6 +25,8 @@ LEAST_MEANS = 30
 LONGEST_BURST = 256
 """Largest number of blocks that are averaged to estimate the variance of the mean squares. Charts raise an alarm within
 this number of blocks."""
+MOST = 1e15
+"""Largest number in a baseline; ratios, shapes and scatter are at least 1 / `MOST`. Other numbers are damage."""
 REACH = 5
 """A chart of block means uses the largest scatter of its level and of this number of coarser levels."""
 BAND = 1.1
@@ -168,10 +170,11 @@ class Baseline:
             counts = {name: int(content[name]) for name in ("samples", "equal")}
         except (KeyError, TypeError, ValueError) as error:
             raise ReadError(f"not a baseline: {error}", advice="Measure the baseline again.") from error
-        good = all(a.ndim == 1 and a.size and bool(np.all(np.isfinite(a) & (a > 0))) for a in arrays.values())
+        good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / MOST) & (a < MOST))) for a in arrays.values())
+        good = good and all(abs(one) < MOST for one in numbers.values())
         if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
             raise ReadError(
-                "not a baseline: ratios, shapes and scatter must be lists of numbers above zero",
+                f"not a baseline: ratios, shapes and scatter must be lists of numbers from {1 / MOST:g} to {MOST:g}",
                 advice="Measure the baseline again.",
             )
         scatter = tuple(arrays.pop("scatter").tolist())

@@ -26,6 +26,12 @@ def whole(value: Any) -> int:
     return value
 
 
+def require_scale(axis: str, variance: float) -> None:
+    """Raise a ValueError if squares of the innovations of an axis, relative to their variance, would overflow."""
+    if not 1e-100 < variance < 1e100:
+        raise ValueError(f"the innovations of {axis} must have a variance from 1e-100 to 1e100; got {variance:.3g}")
+
+
 def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
     """Check that `values` contains whole numbers and has the length of `like`, and return the numbers.
 
@@ -40,14 +46,14 @@ def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
 
 
 def number(value: Any) -> float:
-    """Check that a value is a finite number, and return it as a float.
+    """Check that a value is a number, and return it as a float.
 
     Raises
     ------
     ValueError
-        If the value is not a finite number.
+        If the value is not a number below 1e100, whose square cannot overflow.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(float(value)):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e100:
         raise ValueError(f"expected a number; got {value!r:.50}")
     return float(value)
 

@@ -338,6 +338,7 @@ class Whitener:
         self.power = np.array(state["power"], dtype=np.float64).reshape(self.gain.H.size, m)
         self.information = np.array(state["information"], dtype=np.float64).reshape(m, m)
         self.moments = numbers(state["moments"]).reshape(m)
-        if not np.all(np.isfinite(self.power)) or np.any(np.linalg.eigvalsh(self.information) <= 0):
+        matrices = np.concatenate([self.power.ravel(), self.information.ravel()])
+        if not np.all(np.isfinite(matrices)) or np.any(np.linalg.eigvalsh(self.information) <= 0):
             raise ValueError("the matrices of the filter must be finite, and the information positive definite")
         self._rows = None

@@ -46,6 +46,7 @@ class ParquetReader(Reader):
             scan = _scan(path)
             schema = scan.collect_schema()
             first = scan.head(1).collect()
+            row = () if first.is_empty() else first.row(0)
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
             raise ReadError(
@@ -55,11 +56,11 @@ class ParquetReader(Reader):
             Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()
         )
-        if first.is_empty():
+        if not row:
             raise ReadError(
                 f"{path} has columns but no rows", code="empty", advice="Check whether the recording was interrupted."
             )
-        return (Layout(channels, tuple(str(value) for value in first.row(0))),)
+        return (Layout(channels, tuple(str(value) for value in row)),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield slices of the wanted columns; integers as int64, all others as float64."""

@@ -318,6 +318,8 @@ class WaveletVariance(Summarised):
             raise DataError(
                 f"levels must ascend from 1, and 2^level must not exceed the {samples} samples; got {levels.tolist()}"
             )
+        if not np.all(fields["counts"] > 0):
+            raise DataError(argument="counts", expected="above zero at each level", got=fields["counts"].tolist())
         if fields["robust"] and fields["efficiency"] is None:
             raise DataError("a robust variance must have an efficiency")
         for name in ("variance", "lower", "upper"):

@@ -190,6 +190,8 @@ class SegmentState:
         head, tail, squares, heads, tails = (
             np.array(values[prefix + name], dtype=np.float64) for name in ("head", "tail", "squares", "heads", "tails")
         )
+        if any(one.ndim != 1 for one in (head, tail, squares, heads, tails)):
+            raise ValueError("the samples of a segment must be lists of numbers")
         table = np.asarray(values[f"{prefix}blocks"], dtype=np.float64)
         for level, row in enumerate(table.tolist(), start=exact + 1):
             kept = slice(at, at + int(row[-1]))
