@@ -59,6 +59,8 @@ class OneLineErrors(TyperGroup):
         try:
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             sys.stdout.flush()
+            if code == INTERRUPTED:
+                raise KeyboardInterrupt  # Typer returns this code after Ctrl-C
         except (BrokenPipeError, SystemExit):
             # The reader of a pipe, such as `head`, has closed it, so end without an error. The interpreter flushes
             # stdout at exit, so stdout needs a new target. Typer and Rich raise SystemExit only in this case, because
