@@ -96,7 +96,8 @@ GMWM_INLINE void second_differences(const double* p, std::size_t n, std::size_t 
   for (std::size_t k = 0; k < K; ++k) {
     double total = acc[k].total();
     for (std::size_t m = i; m < n; ++m) {
-      const double w = p[m] + p[m - (h << (k + 1))] - 2.0 * p[m - (h << k)];
+      const double* at = p + m;
+      const double w = *at + *(at - (h << (k + 1))) - 2.0 * *(at - (h << k));
       total += w * w;
     }
     sums[k] += total;

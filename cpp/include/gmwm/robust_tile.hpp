@@ -76,8 +76,10 @@ GMWM_INLINE void biweight_of_differences(const double* p, std::size_t n, std::si
   for (std::size_t k = 0; k < K; ++k) {
     cubed[k] += a[k].total();
     fourth[k] += b[k].total();
-    for (std::size_t m = i; m < n; ++m)
-      biweight(p[m] + p[m - (h << (k + 1))] - 2.0 * p[m - (h << k)], limit[k], 1.0 / limit[k], cubed[k], fourth[k]);
+    for (std::size_t m = i; m < n; ++m) {
+      const double* at = p + m;
+      biweight(*at + *(at - (h << (k + 1))) - 2.0 * *(at - (h << k)), limit[k], 1.0 / limit[k], cubed[k], fourth[k]);
+    }
   }
 }
 
