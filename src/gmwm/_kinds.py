@@ -133,9 +133,15 @@ def _is_too_large(value: Any) -> bool:
     return isinstance(value, int | float) and LARGEST < abs(value) != float("inf")
 
 
+def _origin(kind: Any) -> Any:
+    """Return the class of a type. From NumPy 2.5 on, `NDArray` is an alias, and `get_origin` returns the alias."""
+    origin = get_origin(kind)
+    return get_origin(origin.__value__) if hasattr(origin, "__value__") else origin
+
+
 def _is(value: Any, kind: Any) -> bool:
     """Return whether a value has a type; its items are not checked."""
-    origin = get_origin(kind)
+    origin = _origin(kind)
     if kind is Any:
         return True
     if origin in (Union, UnionType):
@@ -159,7 +165,7 @@ def _alone(kind: Any) -> Any:
 
 
 def _words(kind: Any) -> str:
-    origin = get_origin(kind)
+    origin = _origin(kind)
     if origin in (Union, UnionType):
         return " or ".join(_words(one) for one in get_args(kind))
     if origin is Literal:

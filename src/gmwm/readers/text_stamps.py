@@ -248,7 +248,7 @@ def _days(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64] 
     if year.min() < _YEARS[0] or year.max() > _YEARS[1] or month.min() < 1 or month.max() > 12 or day.min() < 1:
         return None
     months = ((year - 1970) * 12 + month - 1).view("M8[M]")
-    begin, end = (edge.astype("M8[D]").view(np.int64) for edge in (months, months + 1))
+    begin, end = (edge.astype("M8[D]").view(np.int64) for edge in (months, months + np.timedelta64(1, "M")))
     days = begin + day - 1
     return None if np.any(days >= end) else days
 
