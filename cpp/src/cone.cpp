@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "gmwm/dense.hpp"
+
 namespace gmwm {
 
 namespace {

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "gmwm/cone.hpp"
+#include "gmwm/dense.hpp"
 
 namespace gmwm {
 

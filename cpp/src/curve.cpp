@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "gmwm/clones.hpp"
-#include "gmwm/nonnegative.hpp"
+#include "gmwm/dense.hpp"
 #include "gmwm/pack.hpp"
 
 namespace gmwm {

@@ -186,23 +186,6 @@ void far_levels(Columns columns, std::span<double> squares) {
   }
 }
 
-// Sum of (p[i] - 2 p[i + h] + p[i + 2h])² over i < n.
-GMWM_CLONES double block_squares_clone(const double* p, std::size_t n, std::size_t h) {
-  double part[8] = {}, sum = 0.0;
-  std::size_t i = 0;
-  for (; i + 8 <= n; i += 8)
-    for (std::size_t r = 0; r < 8; ++r) {
-      const double w = p[i + r] - 2.0 * p[i + r + h] + p[i + r + 2 * h];
-      part[r] += w * w;
-    }
-  for (; i < n; ++i) {
-    const double w = p[i] - 2.0 * p[i + h] + p[i + 2 * h];
-    sum += w * w;
-  }
-  for (const double one : part) sum += one;
-  return sum;
-}
-
 }  // namespace
 
 #if GMWM_HAS_CLONES
@@ -250,10 +233,16 @@ void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::s
 }
 
 void haar_block_squares(std::span<const double> sum, std::size_t block, std::size_t levels, std::span<double> out) {
-  for (std::size_t b = 0; b * levels < out.size(); ++b)
-    for (std::size_t k = 0; k < levels; ++k)
-      out[b * levels + k] = block_squares_clone(sum.data() + b * block, block, std::size_t{1} << k) *
-                            std::ldexp(1.0 / static_cast<double>(block), -2 * static_cast<int>(k + 1));
+  for (std::size_t b = 0; b * levels < out.size(); ++b) {
+    const auto squares = out.subspan(b * levels, levels);
+    std::fill(squares.begin(), squares.end(), 0.0);
+    for (std::size_t k = 0; k < levels; ++k) {
+      const std::size_t h = std::size_t{1} << k;
+      add_levels(sum.data() + b * block + 2 * h, block, 1, &squares[k], h, {});
+      squares[k] /= static_cast<double>(block);
+    }
+    scale_by_level(squares);
+  }
 }
 
 void haar_panel(std::span<const double> before, std::span<const double> x, double reference, const Marks& marks,

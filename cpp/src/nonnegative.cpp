@@ -4,24 +4,11 @@
 #include <cmath>
 
 #include "gmwm/clones.hpp"
-#include "gmwm/pack.hpp"
+#include "gmwm/dense.hpp"
 
 namespace gmwm {
 
 namespace {
-
-GMWM_INLINE double product(const double* a, const double* b, std::size_t n) {
-  Pack first = Pack::of(0), second = first;
-  std::size_t i = 0;
-  for (; i + 2 * Pack::size <= n; i += 2 * Pack::size) {
-    first = first + Pack::load(a + i) * Pack::load(b + i);
-    second = second + Pack::load(a + i + Pack::size) * Pack::load(b + i + Pack::size);
-  }
-  for (; i + Pack::size <= n; i += Pack::size) first = first + Pack::load(a + i) * Pack::load(b + i);
-  double total = (first + second).total();
-  for (; i < n; ++i) total += a[i] * b[i];
-  return total;
-}
 
 // a - c b
 GMWM_INLINE void subtract(double* a, double c, const double* b, std::size_t n) {
@@ -36,24 +23,22 @@ struct Lengths {
 
 GMWM_CLONES Lengths orthogonalise(double* columns, std::size_t n, std::size_t k, double* r) {
   double* q = columns + k * n;
-  const double before = std::sqrt(product(q, q, n));
+  const double before = std::sqrt(dot_product(q, q, n));
   for (int pass = 0; pass < 2; ++pass)
     for (std::size_t i = 0; i < k; ++i) {
-      const double c = product(columns + i * n, q, n);
+      const double c = dot_product(columns + i * n, q, n);
       r[i] += c;
       subtract(q, c, columns + i * n, n);
     }
-  return {before, std::sqrt(product(q, q, n))};
+  return {before, std::sqrt(dot_product(q, q, n))};
 }
 
 // Projects columns out of a vector, one after the other (modified Gram-Schmidt).
 GMWM_CLONES void take_out(const double* columns, std::size_t n, std::size_t count, double* vector) {
-  for (std::size_t k = 0; k < count; ++k) subtract(vector, product(columns + k * n, vector, n), columns + k * n, n);
+  for (std::size_t k = 0; k < count; ++k) subtract(vector, dot_product(columns + k * n, vector, n), columns + k * n, n);
 }
 
 }  // namespace
-
-GMWM_CLONES double dot(const double* a, const double* b, std::size_t n) { return product(a, b, n); }
 
 NonNegative::NonNegative(std::span<const double> target)
     : target_(target.begin(), target.end()), residual_(target_) {

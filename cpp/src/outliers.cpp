@@ -5,6 +5,7 @@
 
 #include "gmwm/buffer.hpp"
 #include "gmwm/clones.hpp"
+#include "gmwm/dense.hpp"
 
 namespace gmwm {
 
@@ -21,16 +22,9 @@ double second_difference(const double* p, std::size_t i, double scale) {
   return scale * ((p[i + 2] - p[i + 1]) - (p[i + 1] - p[i]));
 }
 
-// Their absolute values, and the sum of their squares.
-GMWM_CLONES double second_differences(const double* p, std::size_t n, double scale, double* size) {
+// Their absolute values.
+GMWM_CLONES void second_differences(const double* p, std::size_t n, double scale, double* size) {
   for (std::size_t i = 0; i < n; ++i) size[i] = std::abs(scale * ((p[i + 2] - p[i + 1]) - (p[i + 1] - p[i])));
-  double part[8] = {}, energy = 0.0;
-  std::size_t i = 0;
-  for (; i + 8 <= n; i += 8)
-    for (std::size_t k = 0; k < 8; ++k) part[k] += size[i + k] * size[i + k];
-  for (; i < n; ++i) energy += size[i] * size[i];
-  for (const double one : part) energy += one;
-  return energy;
 }
 
 GMWM_INLINE std::size_t count_below(const double* x, std::size_t n, double limit) {
@@ -107,7 +101,8 @@ LargeCoefficients large_coefficients(std::span<const double> path, double scale,
   const AlignedArray sizes = aligned_array(n);
   const std::span<const double> size(sizes.get(), n);
   LargeCoefficients found;
-  found.energy = second_differences(path.data(), n, scale, sizes.get());
+  second_differences(path.data(), n, scale, sizes.get());
+  found.energy = dot(sizes.get(), sizes.get(), n);
   const std::size_t whole = n / piece, pieces = whole < 2 ? 1 : whole + (whole * piece < n ? 1 : 0);
   if (whole < 2) piece = n;
   double guess = 0.0;

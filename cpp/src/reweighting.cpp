@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "gmwm/dense.hpp"
 #include "gmwm/differences.hpp"
 #include "gmwm/exponential.hpp"
 

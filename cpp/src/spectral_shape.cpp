@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "gmwm/clones.hpp"
+#include "gmwm/dense.hpp"
 
 namespace gmwm {
 
@@ -25,44 +26,6 @@ GMWM_CLONES void slopes(const double* real, const double* imaginary, std::size_t
                         const double* im, double* out) {
   for (std::size_t k = 0; k < count; ++k)
     for (std::size_t i = 0; i < n; ++i) out[k * n + i] = real[k * n + i] * re[i] + imaginary[k * n + i] * im[i];
-}
-
-GMWM_CLONES double product(const double* x, const double* y, std::size_t n) {
-  double part[8] = {}, sum = 0.0;
-  std::size_t i = 0;
-  for (; i + 8 <= n; i += 8)
-    for (std::size_t k = 0; k < 8; ++k) part[k] += x[i + k] * y[i + k];
-  for (; i < n; ++i) sum += x[i] * y[i];
-  for (const double one : part) sum += one;
-  return sum;
-}
-
-// Solves A x = y by elimination with partial pivoting, in place; false if A is singular.
-bool solve(std::vector<double>& matrix, std::vector<double>& y) {
-  const std::size_t m = y.size();
-  for (std::size_t k = 0; k < m; ++k) {
-    std::size_t pivot = k;
-    for (std::size_t i = k + 1; i < m; ++i)
-      if (std::abs(matrix[i * m + k]) > std::abs(matrix[pivot * m + k])) pivot = i;
-    if (matrix[pivot * m + k] == 0.0) return false;
-    if (pivot != k) {
-      std::swap_ranges(matrix.begin() + static_cast<std::ptrdiff_t>(k * m),
-                       matrix.begin() + static_cast<std::ptrdiff_t>((k + 1) * m),
-                       matrix.begin() + static_cast<std::ptrdiff_t>(pivot * m));
-      std::swap(y[k], y[pivot]);
-    }
-    for (std::size_t i = k + 1; i < m; ++i) {
-      const double factor = matrix[i * m + k] / matrix[k * m + k];
-      if (factor == 0.0) continue;
-      for (std::size_t j = k + 1; j < m; ++j) matrix[i * m + j] -= factor * matrix[k * m + j];
-      y[i] -= factor * y[k];
-    }
-  }
-  for (std::size_t k = m; k-- > 0;) {
-    for (std::size_t j = k + 1; j < m; ++j) y[k] -= matrix[k * m + j] * y[j];
-    y[k] /= matrix[k * m + k];
-  }
-  return true;
 }
 
 class Descent {
@@ -124,8 +87,8 @@ class Descent {
     for (std::size_t j = 0; j < used; ++j) {
       for (std::size_t i = 0; i < n_; ++i) weighted_[i] = data_.weights[i] * jacobian_[j * n_ + i];
       for (std::size_t k = 0; k <= j; ++k)
-        normal_[j * m_ + k] = normal_[k * m_ + j] = product(weighted_.data(), &jacobian_[k * n_], n_);
-      slope_[j] = product(weighted_.data(), left, n_);
+        normal_[j * m_ + k] = normal_[k * m_ + j] = dot(weighted_.data(), &jacobian_[k * n_], n_);
+      slope_[j] = dot(weighted_.data(), left, n_);
     }
     const double prior = 1.0 / (data_.prior * data_.prior);
     normal_[m_ * m_ - 1] += prior;
@@ -146,7 +109,7 @@ class Descent {
         damped = normal_;
         step = slope_;
         for (std::size_t k = 0; k < m_; ++k) damped[k * m_ + k] += damping * (normal_[k * m_ + k] + 1e-12 * trace);
-        if (!solve(damped, step)) continue;
+        if (!solve_linear(damped, step)) continue;
         for (std::size_t k = 0; k < m_; ++k) there[k] = at[k] + step[k];
         lower = loss(there);
         found = lower < here;

@@ -7,6 +7,8 @@
 #include <memory>
 #include <vector>
 
+#include "gmwm/dense.hpp"
+
 namespace {
 
 int failures = 0;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "check.hpp"
+#include "gmwm/dense.hpp"
 #include "gmwm/exponential_search.hpp"
 #include "gmwm/reweighting.hpp"
 

@@ -119,7 +119,4 @@ class ExponentialSearch {
   double rounding_;
 };
 
-// Solves the system a x = b (n x n, row by row) by elimination with row exchanges; false if it is singular.
-bool solve_linear(std::vector<double>& a, std::vector<double>& b);
-
 }  // namespace gmwm

@@ -42,6 +42,4 @@ class NonNegative {
   std::vector<char> blocked_;
 };
 
-double dot(const double* a, const double* b, std::size_t n);
-
 }  // namespace gmwm
