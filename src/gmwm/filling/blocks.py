@@ -116,7 +116,7 @@ class _Window:
         found = in_threads(own, signals, threads=threads)
         if not self._together:
             return found
-        least = np.min(list(found.values()), axis=0)
+        least = np.stack(list(found.values())).min(axis=0)
         return dict.fromkeys(signals, least)
 
     def forget(self, first: int) -> None:

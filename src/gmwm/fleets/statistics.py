@@ -230,7 +230,7 @@ def _described(
     freedom, error = at.count - 1, at.error
     if axes > 1:
         there = np.isfinite(kept).reshape(len(samples), axes, -1)
-        freedom = there.any(axis=1).sum(axis=1) - 1.0
+        freedom = there.any(axis=1).sum(axis=1, dtype=np.float64) - 1
         error = np.maximum(error, _clustered(kept, s2, axes))
     with np.errstate(invalid="ignore", divide="ignore"):
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)

@@ -42,7 +42,7 @@ def is_missing(column: NDArray[np.generic]) -> NDArray[np.bool_] | None:
         missing = column == MISSING
         return missing if missing.any() else None
     with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(np.sum(column)):  # one fast pass decides the usual case
+        if np.isfinite(column.sum()):  # one fast pass decides the usual case
             return None
         missing = ~np.isfinite(column)
     return missing if missing.any() else None

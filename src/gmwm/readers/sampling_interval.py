@@ -316,8 +316,8 @@ def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]
     edges = np.arange(0, n, _STEP)
     sizes = np.diff(edges, append=n)
     angle = 2 * np.pi * (ticks / interval)
-    mean = (np.add.reduceat(np.cos(angle), edges) + 1j * np.add.reduceat(np.sin(angle), edges)) / sizes
-    smooth = _moving_mean(mean, int(np.clip(n // 16, 16, _SMOOTH)) // _STEP + 1)
+    means = (np.add.reduceat(np.cos(angle), edges) + 1j * np.add.reduceat(np.sin(angle), edges)) / sizes
+    smooth = _moving_mean(means, int(np.clip(n // 16, 16, _SMOOTH)) // _STEP + 1)
     if float(np.mean(np.abs(smooth))) < _REGULAR:
         return None, np.empty(0)
     phase = np.unwrap(np.angle(smooth)) / (2 * np.pi)
