@@ -188,7 +188,7 @@ def draw_panel(panel: Panel, ax: Axes) -> dict[str, Artist]:
     for mark in panel.marks:
         artist = _draw_mark(mark, ax, _far(panel.y))
         if mark.label:
-            handles.setdefault(mark.label, _swatch(mark) or artist)
+            handles.setdefault(mark.label, artist)
     for text in panel.texts:
         place: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "center"}
         ax.text(text.x, text.y, text.text, fontsize=TEXT_SIZE, **place)
@@ -231,14 +231,9 @@ def _draw_mark(mark: Mark, ax: Axes, far: tuple[float, float]) -> Artist:
     return ax.plot(mark.x, mark.y, label=mark.label, zorder=2 + mark.layer / 10, **style)[0]
 
 
-def _swatch(mark: Mark) -> Artist | None:
-    """Return a separate legend artist for a band that has a `swatch` colour; None for any other mark."""
-    if not isinstance(mark, Band) or not mark.swatch:
-        return None
-    return Patch(color=mark.swatch, alpha=0.25, linewidth=0)
-
-
 def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
+    """Draw a band, and return a separate artist for the legend. Before Matplotlib 3.11, a legend below several panels
+    cannot show the band itself."""
     # Edges at zero or infinity cannot be drawn, so they are moved far outside the panel.
     lower, upper = (np.clip(edge, *far) for edge in (band.lower, band.upper))
     style: dict[str, Any] = {"color": band.colour, "alpha": band.opacity, "zorder": 2 + band.layer / 10}
@@ -248,7 +243,8 @@ def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
     alone = there & ~beside[:-2] & ~beside[2:]
     if np.any(alone):
         ax.vlines(band.x[alone], lower[alone], upper[alone], linewidth=4.0, **style)
-    return ax.fill_between(band.x, lower, upper, linewidth=0, label=band.label, **style)
+    ax.fill_between(band.x, lower, upper, linewidth=0, label=band.label, **style)
+    return Patch(color=band.swatch or band.colour, alpha=0.25 if band.swatch else band.opacity, linewidth=0)
 
 
 def _line_style(stroke: Stroke) -> dict[str, Any]:
