@@ -27,7 +27,7 @@ from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.design import Design
 from gmwm.processes.base import Process
-from gmwm.processes.haar_covariance import LagGrid
+from gmwm.processes.haar_covariance import WANDERING, WHITE, LagGrid
 
 ORDER = 16
 """Number of nodes in an interval [d, 2d]. For a function with a singularity at 0, the relative error of the
@@ -68,16 +68,32 @@ class ShapeSums:
     def mixed(self, others: Sequence[Process], rate: float) -> Vector:
         """Compute Σ n C D (pairs,), where D is the covariance of the processes `others`."""
         total, moving = np.zeros(self.starts.size), np.zeros(self.weight.size)
+        decays: list[float] = []
+        factors: list[float] = []
+        other = False
         for process in others:
-            if not has_fixed_shape(process):
+            if has_fixed_shape(process):
+                total += process.scale * self._of_shape(process, rate)
+            elif (part := exponential_part(process, rate)) is not None and self.at.pieces is not None:
+                factors.append(part[0])
+                decays.append(part[1])
+            else:
                 moving += process.coefficient_covariance(self.at, rate)
-                continue
-            key = (type(process), tuple(process.nonlinear.tolist()))
-            if key not in self.known:
-                standard = type(process).standard(process.nonlinear)
-                self.known[key] = self._sum(standard.coefficient_covariance(self.at, rate))
-            total += process.scale * self.known[key]
-        return total + self._sum(moving)
+                other = True
+        if decays:
+            at, pieces = self.at, self.at.pieces
+            total += _core.exponential_node_sums(
+                [], np.array(decays), np.array(factors), self.weight, self.starts, at.fine, at.coarse, at.lag, pieces
+            )[0]
+        return total + self._sum(moving) if other else total
+
+    def _of_shape(self, process: Process, rate: float) -> Vector:
+        """Return Σ n C D for the shape of a process, and cache it."""
+        key = (type(process), tuple(process.nonlinear.tolist()))
+        if key not in self.known:
+            standard = type(process).standard(process.nonlinear)
+            self.known[key] = self._sum(standard.coefficient_covariance(self.at, rate))
+        return self.known[key]
 
     def _sum(self, covariance: Vector) -> Vector:
         return np.asarray(np.add.reduceat(self.weight * covariance, self.starts))
@@ -86,6 +102,19 @@ class ShapeSums:
 def has_fixed_shape(process: Process) -> bool:
     """Return whether every parameter that changes the shape of the process is fixed."""
     return all(process.is_fixed(p.name) for p in process.nonlinear_parameters())
+
+
+def exponential_part(process: Process, rate: float) -> tuple[float, float] | None:
+    """Return the variance and the decay λ of an autocovariance e^(−λ|k|), if the process has one; otherwise None.
+
+    The class that defines `coefficient_covariance` must define `exponential_part` too, because a subclass may have
+    another covariance.
+    """
+    kind = next(kind for kind in type(process).__mro__ if "coefficient_covariance" in vars(kind))
+    if "exponential_part" not in vars(kind) or has_fixed_shape(process):
+        return None
+    part: tuple[float, float] | None = vars(kind)["exponential_part"](process, rate)
+    return part if part is not None and WANDERING <= part[1] <= WHITE else None
 
 
 def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums | None:
