@@ -103,10 +103,10 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
     present = [process for process in model.processes if process.scale > 0]
     shared = _shared(present, design)
-    sums = None if shared is None else shape_sums(shared, design, diagonal=diagonal)
-    if shared is None or sums is None:
+    if shared is None:
         out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
     else:
+        sums = shape_sums(shared, design, diagonal=diagonal)
         out = _beside(shared, sums, model, design, pairs=pairs, diagonal=diagonal)
     for place, stride in enumerate(design.strides):
         if stride > 1:

@@ -64,9 +64,9 @@ class LagGrid:
         """Return the grid of the first `count` nodes, which must end with a group."""
         pieces = None
         if self.pieces is not None:
-            begins, patterns, *table = self.pieces
-            end = int(np.searchsorted(begins, count))
-            pieces = (begins[:end], patterns[:end], *table)
+            firsts, patterns, begins, offsets = self.pieces
+            end = int(np.searchsorted(firsts, count))
+            pieces = (firsts[:end], patterns[:end], begins, offsets)
         odd = None if self.odd is None else self.odd[:count]
         return LagGrid(self.fine[:count], self.coarse[:count], self.lag[:count], odd, pieces=pieces, whole=self)
 
