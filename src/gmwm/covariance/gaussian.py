@@ -36,7 +36,7 @@ kernel divides the lags at distances that double up to the number of samples, or
 SHARED = 2_000_000
 """Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
 bytes."""
-RECENT = 1_000_000
+RECENT = 1_050_000
 """Largest number of values that are cached for the shapes of a grid that are not fixed."""
 
 
