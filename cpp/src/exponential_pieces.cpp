@@ -22,18 +22,17 @@ struct Place {
 };
 
 constexpr std::size_t together = 32;  // pieces whose exponentials are computed at once
-constexpr std::size_t arguments = 6;
+constexpr std::size_t arguments = 6;  // exponentials of a piece at most
 
-// The place of a piece, and the distances whose exponentials it needs: from the nearest and to the farthest end of each
-// filter, or from the end of the reach.
-GMWM_INLINE void locate(double h, double hk, double first, double last, Place& place, double* to) {
-  for (std::size_t k = 0; k < arguments; ++k) to[k] = 0;
+// The place of a piece. Appends the distances whose exponentials it needs: from the end of the reach, or for each filter
+// from its nearest end, and inside the overlap also to its farthest one. Returns the end of these distances.
+GMWM_INLINE double* locate(double h, double hk, double first, double last, Place& place, double* to) {
   const bool after = first >= 2 * hk;
   place.beyond = after || last <= -2 * h;
   if (place.beyond) {
     place.right[0] = after;
-    to[0] = after ? first - 2 * hk : -2 * h - last;
-    return;
+    *to++ = after ? first - 2 * hk : -2 * h - last;
+    return to;
   }
   for (int b = 0; b < 3; ++b) {
     const double from = first - b * hk + h, until = last - b * hk + h;
@@ -42,65 +41,101 @@ GMWM_INLINE void locate(double h, double hk, double first, double last, Place& p
     place.right[b] = right;
     place.inside[b] = 2 * h > nearest + farthest;
     place.depth[b] = h - std::abs(from);
-    to[2 * b] = std::max(place.inside[b] ? nearest : nearest - h, 0.0);
-    to[2 * b + 1] = place.inside[b] ? std::max(h - farthest, 0.0) : 0.0;
+    *to++ = std::max(place.inside[b] ? nearest : nearest - h, 0.0);
+    if (place.inside[b]) *to++ = std::max(h - farthest, 0.0);
   }
+  return to;
 }
 
-GMWM_INLINE double product(double one, double other) { return one + other + one * other; }
+// The covariance at the nodes of a piece, without what a series gives: a constant, multiples of the exponentials of the
+// distances from its first and to its last node, and a multiple of the distance from its first node.
+struct Linear {
+  double constant = 0, from_first = 0, from_last = 0, slope = 0;
+};
 
-// The covariance at the nodes of one piece, of which there are at most `width`; `powers` are exp(-λ x) - 1 of its
-// distances.
+// Adds the part of one filter; `powers` are exp(-λ x) - 1 of its distances. Returns the end of those used.
+GMWM_INLINE const double* add_part(const Decay& at, const Place& place, int b, const double* powers, Linear& sum) {
+  const double weight = b == 1 ? -2 * at.gain : at.gain, one = *powers++;
+  double& near_end = place.right[b] ? sum.from_first : sum.from_last;
+  double& far_end = place.right[b] ? sum.from_last : sum.from_first;
+  if (!place.inside[b]) {
+    sum.constant += weight * at.outside_of(one);
+    near_end += weight * at.outside_of(one + 1);
+    return powers;
+  }
+  const double other = *powers++;
+  sum.constant += weight * at.inside_of(one, other, place.depth[b]);
+  near_end += weight * (one + 1) * (1 - 0.5 * at.at_end);
+  far_end -= weight * 0.5 * (other + 1);
+  sum.slope += place.right[b] ? weight * at.sinh_decay : -weight * at.sinh_decay;
+  return powers;
+}
+
+// The covariance at the nodes of one piece, of which there are at most `width`. Returns the end of the powers used.
 template <std::size_t width>
-GMWM_INLINE void of_piece(const Decay& at, const Pattern& pattern, const Place& place, const double* powers,
-                          double* value) {
-  for (std::size_t i = 0; i < width; ++i) value[i] = 0;
+GMWM_INLINE const double* of_piece(const Decay& at, const Pattern& pattern, const Place& place, const double* powers,
+                                   double* value) {
   if (place.beyond) {
-    if (powers[0] == -1) return;
+    const double one = *powers++, ends = at.epsilon * at.epsilon_coarse, factor = -0.5 * at.gain * ends * ends;
     const double* steps = place.right[0] ? pattern.from_first : pattern.from_last;
-    const double ends = at.epsilon * at.epsilon_coarse, factor = -0.5 * at.gain * ends * ends;
-    for (std::size_t i = 0; i < width; ++i) value[i] = factor * (product(powers[0], steps[i]) + 1);
-    return;
+    for (std::size_t i = 0; i < width; ++i) value[i] = factor * (one + 1) * (steps[i] + 1);
+    return powers;
   }
+  Linear sum;
   for (int b = 0; b < 3; ++b) {
-    const double weight = b == 1 ? -2 * at.gain : at.gain, one = powers[2 * b], other = powers[2 * b + 1];
-    const double* near_steps = place.right[b] ? pattern.from_first : pattern.from_last;
-    if (!place.inside[b]) {
-      for (std::size_t i = 0; i < width; ++i) value[i] += weight * at.outside_of(product(one, near_steps[i]));
-      continue;
-    }
-    const double* far_steps = place.right[b] ? pattern.from_last : pattern.from_first;
-    const double depth = place.depth[b], rise = place.right[b] ? -1 : 1;
-    if (at.by_series)
-      for (std::size_t i = 0; i < width; ++i) value[i] += weight * at.inside_series(depth + rise * pattern.offset[i]);
+    if (place.inside[b] && at.by_series)
+      powers += 2;
     else
-      for (std::size_t i = 0; i < width; ++i)
-        value[i] += weight * at.inside_of(product(one, near_steps[i]), product(other, far_steps[i]),
-                                          depth + rise * pattern.offset[i]);
+      powers = add_part(at, place, b, powers, sum);
   }
+  for (std::size_t i = 0; i < width; ++i)
+    value[i] = sum.constant + sum.from_first * pattern.from_first[i] + sum.from_last * pattern.from_last[i] +
+               sum.slope * pattern.offset[i];
+  for (int b = 0; b < 3; ++b) {
+    if (!place.inside[b] || !at.by_series) continue;
+    const double weight = b == 1 ? -2 * at.gain : at.gain, rise = place.right[b] ? -1 : 1;
+    for (std::size_t i = 0; i < width; ++i)
+      value[i] += weight * at.inside_series(place.depth[b] + rise * pattern.offset[i]);
+  }
+  return powers;
 }
 
-// Pieces of one pair of levels, of which the first one begins with the first value of `out`.
-GMWM_CLONES void of_pieces(const Decay& at, const Pattern* patterns, const double* lag, const std::int64_t* first,
-                           const std::int64_t* kind, std::size_t count, double* out) {
-  double powers[together * arguments], value[piece_nodes];
+// A decay rate at one pair of levels.
+struct Rate {
+  Decay at;
+  const Pattern* patterns;
+};
+
+// Pieces of one pair of levels, for several decay rates whose values are `stride` apart. The first value is that of the
+// first piece; `lag` is that of all nodes.
+GMWM_CLONES void of_pieces(const Rate* rates, std::size_t count, const double* lag, const std::int64_t* first,
+                           const std::int64_t* kind, std::size_t size, std::size_t stride, double* out) {
+  double distances[together * arguments], powers[together * arguments], value[piece_nodes];
   Place places[together];
-  const std::int64_t base = count > 0 ? first[0] : 0;
-  for (std::size_t begin = 0; begin < count; begin += together, first += together, kind += together) {
-    const std::size_t pieces = std::min(together, count - begin);
+  const std::int64_t base = size > 0 ? first[0] : 0;
+  const double h = rates[0].at.h, hk = rates[0].at.hk;
+  for (std::size_t begin = 0; begin < size; begin += together, first += together, kind += together) {
+    const std::size_t pieces = std::min(together, size - begin);
+    double* end = distances;
     for (std::size_t p = 0; p < pieces; ++p) {
       const double start = lag[first[p]];
-      locate(at.h, at.hk, start, start + patterns[kind[p]].length, places[p], powers + arguments * p);
+      end = locate(h, hk, start, start + rates[0].patterns[kind[p]].length, places[p], end);
     }
-    for (std::size_t i = 0; i < arguments * pieces; ++i) powers[i] = expm1_below(-at.decay * powers[i]);
-    for (std::size_t p = 0; p < pieces; ++p) {
-      const Pattern& own = patterns[kind[p]];
-      if (own.size <= piece_nodes / 2)
-        of_piece<piece_nodes / 2>(at, own, places[p], powers + arguments * p, value);
-      else
-        of_piece<piece_nodes>(at, own, places[p], powers + arguments * p, value);
-      double* to = out + (first[p] - base);
-      for (std::size_t i = 0; i < own.size; ++i) to[i] = value[i];
+    const std::size_t needed = static_cast<std::size_t>(end - distances);
+    for (std::size_t k = 0; k < count; ++k) {
+      const Decay& at = rates[k].at;
+      for (std::size_t i = 0; i < needed; ++i) powers[i] = expm1_below(-at.decay * distances[i]);
+      const double* next = powers;
+      double* own = out + k * stride;
+      for (std::size_t p = 0; p < pieces; ++p) {
+        const Pattern& pattern = rates[k].patterns[kind[p]];
+        if (pattern.size <= piece_nodes / 2)
+          next = of_piece<piece_nodes / 2>(at, pattern, places[p], next, value);
+        else
+          next = of_piece<piece_nodes>(at, pattern, places[p], next, value);
+        double* to = own + (first[p] - base);
+        for (std::size_t i = 0; i < pattern.size; ++i) to[i] = value[i];
+      }
     }
   }
 }
@@ -129,10 +164,16 @@ std::vector<Pattern> patterns_of(const Pieces& pieces, double decay) {
 PieceExponential::PieceExponential(const Pieces& pieces, double decay)
     : pieces_(pieces), decay_(decay), patterns_(patterns_of(pieces, decay)) {}
 
-void PieceExponential::pair(const Nodes& nodes, std::size_t begin, std::size_t end, double* out) const {
-  const auto node = static_cast<std::size_t>(pieces_.first[begin]);
-  of_pieces(Decay(nodes.fine[node], nodes.coarse[node], decay_), patterns_.data(), nodes.lag.data(),
-            &pieces_.first[begin], &pieces_.pattern[begin], end - begin, out);
+void PieceExponential::pair(std::span<const PieceExponential> parts, const Nodes& nodes, std::size_t begin,
+                            std::size_t end, std::size_t stride, double* out) {
+  if (parts.empty() || begin == end) return;
+  const Pieces& pieces = parts[0].pieces_;
+  const auto node = static_cast<std::size_t>(pieces.first[begin]);
+  std::vector<Rate> rates;
+  for (const PieceExponential& part : parts)
+    rates.push_back({Decay(nodes.fine[node], nodes.coarse[node], part.decay_), part.patterns_.data()});
+  of_pieces(rates.data(), rates.size(), nodes.lag.data(), &pieces.first[begin], &pieces.pattern[begin], end - begin,
+            stride, out);
 }
 
 void exponential_differences(const Nodes& nodes, const Pieces& pieces, double decay, std::span<double> out) {
@@ -142,7 +183,7 @@ void exponential_differences(const Nodes& nodes, const Pieces& pieces, double de
     const auto node = [&](std::size_t piece) { return static_cast<std::size_t>(pieces.first[piece]); };
     const double h = nodes.fine[node(begin)], hk = nodes.coarse[node(begin)];
     for (end = begin + 1; end < count && nodes.fine[node(end)] == h && nodes.coarse[node(end)] == hk;) ++end;
-    whole.pair(nodes, begin, end, &out[node(begin)]);
+    PieceExponential::pair({&whole, 1}, nodes, begin, end, 0, &out[node(begin)]);
   }
 }
 

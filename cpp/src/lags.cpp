@@ -15,6 +15,8 @@ namespace {
 
 constexpr std::size_t order = 8;  // 7 is the least that reaches 1e-8
 constexpr double gone = 40;       // exp(-40) is nothing next to 1
+// Shorter pieces than this would only divide lags that are nodes one by one anyway.
+constexpr double shortest = order;
 
 struct Rule {
   std::array<double, order> nodes;
@@ -38,7 +40,7 @@ class Collector {
  public:
   Collector(std::int64_t samples, const Smoothness& smooth) : samples_(samples), smooth_(smooth) {
     if (smooth.fastest > 0)
-      for (double cut = std::max(2 / smooth.fastest, 1.0);; cut *= 2) {
+      for (double cut = std::max(2 / smooth.fastest, shortest);; cut *= 2) {
         cuts_.push_back(static_cast<std::int64_t>(std::min(cut, 4e18)));
         if (cut >= gone / smooth.slowest || cut > static_cast<double>(samples)) break;
       }

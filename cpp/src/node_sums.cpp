@@ -66,11 +66,8 @@ void node_sums(std::span<const double* const> shapes, const Exponentials& expone
     const std::size_t begin = begin_of(pair), end = begin_of(pair + 1), from = piece;
     for (std::size_t k = 0; k < shapes.size(); ++k) every[k] = shapes[k] + begin;
     while (!parts.empty() && piece < first_of.size() && static_cast<std::size_t>(first_of[piece]) < end) ++piece;
-    for (std::size_t k = 0; k < parts.size() && begin < end; ++k) {
-      double* own = &values[k * longest];
-      parts[k].pair(exponentials.nodes, from, piece, own);
-      every[shapes.size() + k] = own;
-    }
+    if (begin < end) PieceExponential::pair(parts, exponentials.nodes, from, piece, longest, values.data());
+    for (std::size_t k = 0; k < parts.size(); ++k) every[shapes.size() + k] = &values[k * longest];
     add_nodes(every.data(), scales.data(), every.size(), weight.data() + begin, end - begin, out.first[pair],
               out.second[pair]);
   }

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import AR1, DR, GM, QN, RW, WN
-from gmwm.covariance import wavelet_covariance
+from gmwm import AR1, DR, FN, GM, QN, RW, WN
+from gmwm.covariance import gaussian, wavelet_covariance
 from tests.helpers import raises
 
 _spec = importlib.util.spec_from_file_location(
@@ -107,3 +107,13 @@ def test_against_simulation():
 def test_refused(model, samples, levels, error, fact):
     with raises(error, fact):
         wavelet_covariance(model, samples, RATE, levels=levels)
+
+
+@pytest.mark.parametrize("few_first", [False, True])
+def test_the_first_levels_are_a_block_of_all_levels(few_first):
+    # Both use the same nodes, of which the first levels have the first.
+    gaussian._grids.clear()
+    for model in (GM(3.0, 1.0) + GM(0.05, 2.0) + FN(0.5) + RW(1e-4) + DR(-0.002), AR1(-0.6, 1.0) + AR1(0.9, 0.1)):
+        sizes = (8, 14) if few_first else (14, 8)
+        found = {levels: wavelet_covariance(model, 20_000, RATE, levels=levels) for levels in sizes}
+        np.testing.assert_array_equal(found[8], found[14][:8, :8])

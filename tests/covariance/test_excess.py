@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gmwm import RW, WN, fit, wavelet_variance
-from gmwm.covariance import Design, covariance
+from gmwm.covariance import Design, covariance, covariances
 from gmwm.covariance.api import variances
 from gmwm.errors import DataError
 from gmwm.variance.result import WaveletVariance
@@ -28,6 +28,14 @@ def test_it_adds_the_product_of_the_curve_to_v(curves, segments):
     difference = covariance(MODEL, more) - covariance(MODEL, design)
     np.testing.assert_allclose(difference, excess * np.outer(curve, curve), rtol=1e-9)
     np.testing.assert_allclose(variances(MODEL, more), np.diag(covariance(MODEL, more)), rtol=1e-9)
+
+
+def test_designs_that_differ_only_in_the_excess_share_their_covariance(curves):
+    design = replace(Design.of(curves[1]), model_error=0.02)
+    bare = replace(design, excess=None, model_error=0.0)
+    designs = (design, design.for_weights, bare)
+    for found, one in zip(covariances(MODEL, *designs), designs, strict=True):
+        np.testing.assert_array_equal(found, covariance(MODEL, one))
 
 
 def test_intervals_become_wider_and_the_statistic_smaller(curves):

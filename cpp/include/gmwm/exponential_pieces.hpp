@@ -20,8 +20,10 @@ class PieceExponential {
  public:
   PieceExponential(const Pieces& pieces, double decay);
 
-  // The covariances at the nodes of the pieces from `begin` to `end`, which must belong to one pair of levels.
-  void pair(const Nodes& nodes, std::size_t begin, std::size_t end, double* out) const;
+  // The covariances of several decay rates at the nodes of the same pieces from `begin` to `end`, which must belong to
+  // one pair of levels. The values of the rates are `stride` apart.
+  static void pair(std::span<const PieceExponential> parts, const Nodes& nodes, std::size_t begin, std::size_t end,
+                   std::size_t stride, double* out);
 
  private:
   Pieces pieces_;

@@ -383,7 +383,7 @@ class _Axis:
             datasheet=sheet,
             ranking=ranking,
             verdict=worst(measured.verdicts.values()),
-            needed=needed(replace(fit, wavelet_variance=replace(wv, recordings={})), options.weighting),
+            needed=needed(_as_one_recording(fit), options.weighting),
             spectrum=measured.spectrum,
             misfit=relative_misfit(fit),
             model_error=found.error,
@@ -422,6 +422,12 @@ def _require_scales(wv: WaveletVariance) -> None:
             got=wv.samples,
             advice="Record for several hours, or fit one model to the short curve with {gmwm fit}.",
         )
+
+
+def _as_one_recording(fit: Fit) -> Fit:
+    """Return a fit whose standard errors do not include the spread between recordings."""
+    wv = fit.wavelet_variance
+    return replace(fit, wavelet_variance=replace(wv, recordings={})) if wv.recordings else fit
 
 
 def _test(fit: Fit) -> GoodnessOfFit | None:

@@ -1,9 +1,10 @@
 """Covariance of wavelet variances, computed exactly from a model or estimated from the data."""
 
-from gmwm.covariance.api import as_design, covariance, ratio_variances, variances, wavelet_covariance
+from gmwm.covariance.api import as_design, covariance, covariances, ratio_variances, variances, wavelet_covariance
 from gmwm.covariance.design import Design
 from gmwm.covariance.empirical import empirical_covariance
 
 __all__ = [
-    "Design", "as_design", "covariance", "empirical_covariance", "ratio_variances", "variances", "wavelet_covariance",
+    "Design", "as_design", "covariance", "covariances", "empirical_covariance", "ratio_variances", "variances",
+    "wavelet_covariance",
 ]  # fmt: skip

@@ -24,9 +24,8 @@ from gmwm.variance.transform import Transform, deepest_level
 def covariance(model: Model, design: Design) -> Matrix:
     """Compute V = Cov(ν̂², ν̂²) (J, J), in u⁴, for a model whose parameters all have values; see
     `wavelet_covariance`."""
-    if (added := design.added) is not None:
-        curve = model.wavelet_variance(design.levels, design.rate, design.filter)
-        return covariance(model, replace(design, excess=None, model_error=0.0)) + added * np.outer(curve, curve)
+    if design.added is not None:
+        return covariances(model, design)[0]
     if design.filled:
         return np.asarray(design.loss_factor * covariance(model, replace(design, filled=0)))
     if design.segments:
@@ -38,6 +37,14 @@ def covariance(model: Model, design: Design) -> Matrix:
     if gaussian.knows(model, design):
         return gaussian.covariance(model, design)
     return filtered.covariance(model, design)
+
+
+def covariances(model: Model, *designs: Design) -> list[Matrix]:
+    """Compute `covariance` for designs that differ only in their excess and their model error."""
+    own = covariance(model, replace(designs[0], excess=None, model_error=0.0))
+    curve = model.wavelet_variance(designs[0].levels, designs[0].rate, designs[0].filter)
+    square = np.outer(curve, curve)
+    return [own if design.added is None else own + design.added * square for design in designs]
 
 
 def variances(model: Model, design: Design) -> Vector:

@@ -8,8 +8,8 @@ with short memory, every lag within its memory of a kink is summed individually.
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,25 @@ from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.design import Design
 from gmwm.covariance.robust import hermite_weights
-from gmwm.covariance.short_memory_sums import ShapeSums, has_fixed_shape, shape_sums
+from gmwm.covariance.short_memory_sums import ShapeSums, exponential_part, has_fixed_shape, shape_sums
 from gmwm.processes import haar_covariance
 from gmwm.processes.base import Process
-from gmwm.processes.haar_covariance import WANDERING, WHITE, LagGrid
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
 
 KEPT = 1024
-"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels, each of
-the four sets takes 46 MB at most, and 6 MB if no process has a memory."""
+"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels, they take
+46 MB at most, and 6 MB if no process has a memory."""
+MOST_NODES = 800_000
+"""Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
+sets."""
+END = 20.0
+"""Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
+kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
 SHARED = 2_000_000
 """Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
 bytes."""
-RECENT = 1_000_000
+RECENT = 1_050_000
 """Largest number of values that are cached for the shapes of a grid that are not fixed."""
 
 
@@ -97,10 +103,10 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
     present = [process for process in model.processes if process.scale > 0]
     shared = _shared(present, design)
-    sums = None if shared is None else shape_sums(shared, design, diagonal=diagonal)
-    if shared is None or sums is None:
+    if shared is None:
         out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
     else:
+        sums = shape_sums(shared, design, diagonal=diagonal)
         out = _beside(shared, sums, model, design, pairs=pairs, diagonal=diagonal)
     for place, stride in enumerate(design.strides):
         if stride > 1:
@@ -228,32 +234,87 @@ def _lags(
     sizes = [abs(decay) for decay in decays]
     memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
     # The range of rates and the memory are rounded outwards, so that all iterations of a fit and most candidates of a
-    # selection use the same nodes. A smaller lower end adds few nodes, and so does an upper end above 1/16.
+    # selection use the same nodes. A smaller lower end adds few nodes, and so does an upper end above 1/16. The nodes
+    # are the same for all lower ends below `END` divided by the number of samples, and for all upper ends above 1/4.
     ends = (0.0, 0.0)
     if sizes:
         high = math.ceil(math.log2(max(sizes)))
-        ends = 2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), 2.0 ** (high if high <= -4 else max(high, 0))
+        high_end = 2.0 ** (high if high <= -4 else -2)
+        low_end = max(2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), END / design.samples)
+        ends = min(low_end, high_end), high_end
     unit = 1 << max(memory.bit_length() - 3, 0)
-    nodes = _nodes if memory <= KEPT else _nodes.__wrapped__
-    return nodes(
-        tuple(design.levels.tolist()), design.samples, ends, any(decay < 0 for decay in decays), diagonal,
-        -(-memory // unit) * unit,
-    )  # fmt: skip
-
-
-@lru_cache(maxsize=4)
-def _nodes(
-    levels: tuple[int, ...],
-    samples: int,
-    rates: tuple[float, float],
-    alternating: bool,
-    diagonal: bool,
-    memory: int,
-) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    (starts, fine, coarse, lag, weight, odd), pieces = _core.covariance_nodes(
-        np.array(levels, dtype=np.int64), samples, *rates, alternating, diagonal, memory
+    return _nodes(
+        tuple(design.levels.tolist()),
+        (design.samples, ends, any(decay < 0 for decay in decays), diagonal, -(-memory // unit) * unit),
     )
-    return LagGrid(fine, coarse, lag, odd if odd.size else None, pieces=pieces), weight, starts
+
+
+_Key = tuple[int, tuple[float, float], bool, bool, int]
+"""Number of samples, range of decay rates, whether a covariance alternates, whether only the diagonal is needed, and
+memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Nodes of the sums over lags for all pairs of some levels, their weights, and the first node of each pair."""
+
+    levels: tuple[int, ...]
+    at: LagGrid
+    weight: Vector
+    starts: NDArray[np.int64]
+
+    def first(self, levels: int, *, diagonal: bool) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+        """Return the nodes, weights and starts for the first levels, whose pairs come first."""
+        pairs = levels if diagonal else levels * (levels + 1) // 2
+        if pairs == self.starts.size:
+            return self.at, self.weight, self.starts
+        end = int(self.starts[pairs])
+        return self.at.first(end), self.weight[:end], self.starts[:pairs]
+
+
+class _Grids:
+    """The grids that were used last, at most `MOST_NODES` nodes together."""
+
+    def __init__(self) -> None:
+        self._kept: dict[_Key, _Grid] = {}
+        self._lock = threading.Lock()
+
+    def get(self, levels: tuple[int, ...], key: _Key) -> _Grid:
+        """Return a grid for at least these levels, as the first ones."""
+        with self._lock:
+            found = self._kept.pop(key, None)
+            if found is not None:
+                self._kept[key] = found
+        if found is None or found.levels[: len(levels)] != levels:
+            found = _computed(levels, key)
+            if key[-1] <= KEPT:
+                with self._lock:
+                    self._kept.pop(key, None)
+                    self._kept[key] = found
+                    while len(self._kept) > 1 and sum(grid.weight.size for grid in self._kept.values()) > MOST_NODES:
+                        del self._kept[next(iter(self._kept))]
+        return found
+
+    def clear(self) -> None:
+        """Forget all grids."""
+        with self._lock:
+            self._kept.clear()
+
+
+_grids = _Grids()
+
+
+def _nodes(levels: tuple[int, ...], key: _Key) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+    """Return the nodes for some levels; recordings of one length share them, also with fewer levels."""
+    return _grids.get(levels, key).first(len(levels), diagonal=key[3])
+
+
+def _computed(levels: tuple[int, ...], key: _Key) -> _Grid:
+    samples, ends, alternating, diagonal, memory = key
+    (starts, fine, coarse, lag, weight, odd), pieces = _core.covariance_nodes(
+        np.array(levels, dtype=np.int64), samples, *ends, alternating, diagonal, memory
+    )
+    return _Grid(levels, LagGrid(fine, coarse, lag, odd if odd.size else None, pieces=pieces), weight, starts)
 
 
 def _alternates(present: list[Process], rate: float) -> bool:
@@ -281,16 +342,17 @@ def _sums(
     An exponential autocovariance is computed pair by pair, which avoids large arrays. If its shape is needed a second
     time, its covariances at all nodes are cached.
     """
-    parts = [None if at.pieces is None else _exponential(process, rate) for process in present]
+    parts = [None if at.pieces is None else exponential_part(process, rate) for process in present]
     exponential = [part for part in parts if part is not None]
     shapes, scales = _shapes([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
     factors = np.array([*scales, *(variance for variance, _ in exponential)], dtype=np.float64)
     decays = [decay for _, decay in exponential]
-    known = all(decay in at.recent for decay in decays)
+    grid, count = at if at.whole is None else at.whole, weight.size
+    known = all(decay in grid.recent for decay in decays)
     if at.pieces is None or known:
-        return _core.node_sums([*shapes, *(_kept(at, decay) for decay in decays)], factors, weight, starts)
-    at.recent.update(dict.fromkeys(decays))
-    _forget(at)
+        return _core.node_sums([*shapes, *(_kept(grid, decay)[:count] for decay in decays)], factors, weight, starts)
+    grid.recent.update(dict.fromkeys(decays))
+    _forget(grid)
     return _core.exponential_node_sums(
         shapes, np.array(decays), factors, weight, starts, at.fine, at.coarse, at.lag, at.pieces
     )  # fmt: skip
@@ -306,19 +368,6 @@ def _kept(at: LagGrid, decay: float) -> Vector:
     return shape
 
 
-def _exponential(process: Process, rate: float) -> tuple[float, float] | None:
-    """Return the variance and the decay λ of an autocovariance e^(−λ|k|), if the process has one; otherwise None.
-
-    The class that defines `coefficient_covariance` must define `exponential_part` too, because a subclass may have
-    another covariance.
-    """
-    kind = next(kind for kind in type(process).__mro__ if "coefficient_covariance" in vars(kind))
-    if "exponential_part" not in vars(kind) or has_fixed_shape(process):
-        return None
-    part: tuple[float, float] | None = vars(kind)["exponential_part"](process, rate)
-    return part if part is not None and WANDERING <= part[1] <= WHITE else None
-
-
 def _forget(at: LagGrid) -> None:
     """Remove the shapes that were not used recently."""
     for old in list(at.recent)[: -max(RECENT // at.lag.size, 1)]:
@@ -330,6 +379,9 @@ def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vect
 
     If there are many nodes, the only shape is the sum of all covariances.
     """
+    if at.whole is not None:
+        shapes, scales = _shapes(present, at.whole, rate)
+        return [shape[: at.lag.size] for shape in shapes], scales
     if at.lag.size > SHARED:
         total = np.zeros_like(at.lag)
         for process in present:

@@ -27,7 +27,7 @@ from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.design import Design
 from gmwm.processes.base import Process
-from gmwm.processes.haar_covariance import LagGrid
+from gmwm.processes.haar_covariance import WANDERING, WHITE, LagGrid, Pieces
 
 ORDER = 16
 """Number of nodes in an interval [d, 2d]. For a function with a singularity at 0, the relative error of the
@@ -47,6 +47,8 @@ class ShapeSums:
         Levels j.
     at : LagGrid
         Nodes at which the covariance D of the other processes is needed.
+    pieces : tuple of arrays
+        Groups of these nodes; see `LagGrid`.
     weight : (nodes,) array
         Weights of the nodes, for which Σ n C D is the sum of weight times D.
     starts : (pairs,) int array
@@ -59,6 +61,7 @@ class ShapeSums:
 
     levels: list[int]
     at: LagGrid
+    pieces: Pieces
     weight: Vector
     starts: NDArray[np.int64]
     first: Vector
@@ -68,16 +71,32 @@ class ShapeSums:
     def mixed(self, others: Sequence[Process], rate: float) -> Vector:
         """Compute Σ n C D (pairs,), where D is the covariance of the processes `others`."""
         total, moving = np.zeros(self.starts.size), np.zeros(self.weight.size)
+        decays: list[float] = []
+        factors: list[float] = []
+        other = False
         for process in others:
-            if not has_fixed_shape(process):
+            if has_fixed_shape(process):
+                total += process.scale * self._of_shape(process, rate)
+            elif (part := exponential_part(process, rate)) is not None:
+                factors.append(part[0])
+                decays.append(part[1])
+            else:
                 moving += process.coefficient_covariance(self.at, rate)
-                continue
-            key = (type(process), tuple(process.nonlinear.tolist()))
-            if key not in self.known:
-                standard = type(process).standard(process.nonlinear)
-                self.known[key] = self._sum(standard.coefficient_covariance(self.at, rate))
-            total += process.scale * self.known[key]
-        return total + self._sum(moving)
+                other = True
+        if decays:
+            at, factor = self.at, np.array(factors)
+            total += _core.exponential_node_sums(
+                [], np.array(decays), factor, self.weight, self.starts, at.fine, at.coarse, at.lag, self.pieces
+            )[0]
+        return total + self._sum(moving) if other else total
+
+    def _of_shape(self, process: Process, rate: float) -> Vector:
+        """Return Σ n C D for the shape of a process, and cache it."""
+        key = (type(process), tuple(process.nonlinear.tolist()))
+        if key not in self.known:
+            standard = type(process).standard(process.nonlinear)
+            self.known[key] = self._sum(standard.coefficient_covariance(self.at, rate))
+        return self.known[key]
 
     def _sum(self, covariance: Vector) -> Vector:
         return np.asarray(np.add.reduceat(self.weight * covariance, self.starts))
@@ -88,29 +107,39 @@ def has_fixed_shape(process: Process) -> bool:
     return all(process.is_fixed(p.name) for p in process.nonlinear_parameters())
 
 
-def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums | None:
-    """Return the sums for a process whose shape is fixed, at least for the levels of a design; None on the first call.
+def exponential_part(process: Process, rate: float) -> tuple[float, float] | None:
+    """Return the variance and the decay λ of an autocovariance e^(−λ|k|), if the process has one; otherwise None.
 
-    Models with the same process share the sums. The sums take longer than one covariance, so they are only computed
-    when they are requested again.
+    The class that defines `coefficient_covariance` must define `exponential_part` too, because a subclass may have
+    another covariance.
+    """
+    kind = next(kind for kind in type(process).__mro__ if "coefficient_covariance" in vars(kind))
+    if "exponential_part" not in vars(kind) or has_fixed_shape(process):
+        return None
+    part: tuple[float, float] | None = vars(kind)["exponential_part"](process, rate)
+    return part if part is not None and WANDERING <= part[1] <= WHITE else None
+
+
+def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums:
+    """Return the sums for a process whose shape is fixed, at least for the levels of a design.
+
+    Models with the same process share the sums.
     """
     place = _places(
         type(process), tuple(process.nonlinear.tolist()), design.samples, rate=design.rate, diagonal=diagonal
     )
     levels = design.levels.tolist()
-    if not place:
-        place.append(None)
-        return None
-    found = place[0]
+    found = place[0] if place else None
     if found is None or found.levels[: len(levels)] != levels:
-        found = place[0] = _shape_sums(process, design, diagonal)
+        found = _shape_sums(process, design, diagonal)
+        place[:] = [found]
     return found
 
 
 @lru_cache(maxsize=6)
 def _places(
     kind: type[Process], nonlinear: tuple[float, ...], samples: int, *, rate: float, diagonal: bool
-) -> list[ShapeSums | None]:
+) -> list[ShapeSums]:
     """Return the list that caches the sums of a process; it is empty before the first request.
 
     The levels are not a part of the key, because sums for more levels contain those for the first levels.
@@ -133,9 +162,10 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
     kept = np.minimum(sizes, ORDER)
     places = np.concatenate([[0], np.cumsum(kept)])
     new_lag, new_weight = np.empty(places[-1]), np.empty(places[-1])
-    lengths, patterns = np.unique(sizes, return_inverse=True)
+    lengths = np.flatnonzero(np.bincount(sizes))
+    patterns = np.searchsorted(lengths, sizes)
     offsets = []
-    for length in lengths:
+    for length in lengths.tolist():
         chosen = np.flatnonzero(sizes == length)
         old = begins[chosen, None] + np.arange(length)
         new = places[chosen, None] + np.arange(min(length, ORDER))
@@ -143,7 +173,7 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
             offsets.append(np.arange(length, dtype=np.float64))
             new_lag[new], new_weight[new] = lag[old], weight[old]
         else:
-            nodes, shares = _interpolation(int(length))
+            nodes, shares = _interpolation(length)
             offsets.append(nodes - nodes[0])
             new_lag[new], new_weight[new] = lag[begins[chosen], None] + nodes, weight[old] @ shares
     # Intervals without covariance of the process are left out, but each pair keeps at least one interval.
@@ -151,7 +181,7 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
     used = np.logical_or.reduceat(new_weight != 0, places[:-1])
     used[first_of_pair] = True
     nodes_used = np.repeat(used, kept)
-    pieces = (
+    pieces: Pieces = (
         np.cumsum(np.append(0, kept[used]))[:-1], patterns[used],
         np.cumsum([0, *(own.size for own in offsets)]), np.concatenate(offsets),
     )  # fmt: skip
@@ -160,7 +190,7 @@ def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
         pieces=pieces,
     )  # fmt: skip
     return ShapeSums(
-        levels=design.levels.tolist(), at=at, weight=new_weight[nodes_used],
+        levels=design.levels.tolist(), at=at, pieces=pieces, weight=new_weight[nodes_used],
         starts=np.cumsum(np.append(0, nodes_used))[places[first_of_pair]], first=first, second=second,
     )  # fmt: skip
 
@@ -173,14 +203,14 @@ def _pieces(
     A node without neighbours is an interval of its own.
     """
     ends = np.append(starts[1:], lag.size)
-    kinks = []
-    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        h, k = fine[start], coarse[start]
-        corners = np.unique([b - a for b in (0.0, k, 2 * k) for a in (0.0, h, 2 * h)])
-        place = start + np.searchsorted(lag[start:end], corners)
-        kinks.append(place[(place < end)][lag[place[place < end]] == corners[place < end]])
+    offsets = np.arange(3.0)
+    corners = (coarse[starts, None, None] * offsets[:, None] - fine[starts, None, None] * offsets).reshape(-1, 9)
+    places = np.empty(corners.shape, dtype=np.int64)
+    for k, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
+        places[k] = start + np.searchsorted(lag[start:end], corners[k])
+    inside = places < ends[:, None]
     kink = np.zeros(lag.size + 1, dtype=np.bool_)
-    kink[np.concatenate(kinks)] = True
+    kink[places[inside][lag[places[inside]] == corners[inside]]] = True
     new = np.ones(lag.size + 1, dtype=np.bool_)
     new[1:-1] = np.diff(lag) != 1.0
     new[starts] = True

@@ -11,10 +11,10 @@ import numpy as np
 
 from gmwm._arrays import Matrix
 from gmwm.confidence_limits import chi_square_limits
-from gmwm.covariance import Design
-from gmwm.covariance import covariance as covariance_of
+from gmwm.covariance import Design, covariances
 from gmwm.errors import OptionError
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
+from gmwm.estimation.weighting import precision
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.options import as_confidence, one_of
@@ -283,9 +283,11 @@ def _fixed_point(tried: list[tuple[float, float]]) -> float:
 def _relative_error(fit: Fit, model: Model, name: str) -> float:
     """Return the relative standard error of the parameter `name` if `model` were the true model."""
     design = Design.of(fit.wavelet_variance)
-    matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
-    found = sandwich_of(
-        model, design, matrix=matrix, wavelet=covariance_of(model, design), acts_as=fit.diagnostics.acts_as
-    )
+    wavelet, for_weights = covariances(model, design, design.for_weights)
+    if fit.weighting == "optimal":
+        matrix = precision(for_weights)
+    else:
+        matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
+    found = sandwich_of(model, design, matrix=matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])

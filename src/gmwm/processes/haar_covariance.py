@@ -44,6 +44,8 @@ class LagGrid:
         Cached covariances of processes with scale coefficient 1 whose shape is fixed, by class and shape.
     recent : dict
         Cached covariances for the shapes that were used last; None for a shape that was used once.
+    whole : LagGrid, optional
+        The grid of which this one has the first nodes; it has the cached covariances of both.
     pieces : tuple of arrays, optional
         Groups of adjacent nodes of a pair of levels with no kink inside a group: the first node of each group, its
         pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
@@ -56,6 +58,17 @@ class LagGrid:
     known: dict[Any, Vector] = field(default_factory=dict)
     recent: dict[Any, Vector | None] = field(default_factory=dict)
     pieces: Pieces | None = None
+    whole: LagGrid | None = None
+
+    def first(self, count: int) -> LagGrid:
+        """Return the grid of the first `count` nodes, which must end with a group."""
+        pieces = None
+        if self.pieces is not None:
+            firsts, patterns, begins, offsets = self.pieces
+            end = int(np.searchsorted(firsts, count))
+            pieces = (firsts[:end], patterns[:end], begins, offsets)
+        odd = None if self.odd is None else self.odd[:count]
+        return LagGrid(self.fine[:count], self.coarse[:count], self.lag[:count], odd, pieces=pieces, whole=self)
 
 
 WHITE = 40.0

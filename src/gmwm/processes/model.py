@@ -150,7 +150,7 @@ class Model(KalmanMethods):
         """
         return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._labelled() for p in process.parameters}
 
-    @property
+    @cached_property
     def fixed_names(self) -> frozenset[str]:
         """Labels of the fixed parameters."""
         return frozenset(
@@ -474,8 +474,13 @@ class Model(KalmanMethods):
         """Number of occurrences of each process."""
         return Counter(self.processes)
 
-    def __str__(self) -> str:
+    @cached_property
+    def _written(self) -> str:
+        """Text of the model with its values."""
         return _text(str(p) for p in self.processes)
+
+    def __str__(self) -> str:
+        return self._written
 
     def __repr__(self) -> str:
         return f"Model({str(self)!r})"
@@ -537,7 +542,10 @@ def _no_model(got: object, message: str, argument: str) -> ModelError:
 
 
 def _check_repeats(processes: tuple[Process, ...]) -> None:
-    for name, count in Counter(p.name for p in processes).items():
+    counts = Counter(p.name for p in processes)
+    if len(counts) == len(processes):
+        return
+    for name, count in counts.items():
         process = next(p for p in processes if p.name == name)
         if count > 1 and not process.repeatable:
             raise ModelError(

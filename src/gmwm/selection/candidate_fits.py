@@ -19,7 +19,7 @@ from gmwm.estimation.reweighting import Settled, nearly_settled
 from gmwm.estimation.solver import Solution, solve
 from gmwm.estimation.weighting import Weights, precision
 from gmwm.processes.model import Model
-from gmwm.selection.structure import freedom, names_of, of_lower_order, structure_of, without_values
+from gmwm.selection.structure import consists_of, containing, freedom, names_of, structure_of, without_values
 from gmwm.variance.pooling import without
 from gmwm.variance.result import WaveletVariance
 
@@ -170,7 +170,7 @@ class _Exploration:
         if _key(structure) in self.solved:
             return
         for known in self.solved.values():
-            if known.shown and known.shown <= structure <= known.structure:
+            if known.shown and consists_of(structure, known.shown) and consists_of(known.structure, structure):
                 self.solved[_key(structure)] = replace(self.solved[_key(known.shown)], structure=structure)
                 return
         problem = pose(without_values(model), self.wv, self.weights)
@@ -178,17 +178,15 @@ class _Exploration:
 
     def mend(self) -> None:
         """Replace each solution whose objective is larger than the objective of a model that it contains."""
-        lowest = sorted(self.solved.values(), key=lambda found: found.solution.objective)
-        sizes = [found.structure.total() for found in lowest]
-        for key, found in list(self.solved.items()):
-            square, size = found.problem.unit**2, found.structure.total()
-            reached = found.solution.objective / square
-            for other, terms in zip(lowest, sizes, strict=True):
-                if found.problem.as_low(reached, other.solution.objective / square, NOT_LOWER):
-                    break
-                if terms <= size and of_lower_order(other.structure, found.structure):
-                    self.solved[key] = replace(other, structure=found.structure)
-                    break
+        lowest = sorted(self.solved.items(), key=lambda item: item[1].solution.objective)
+        # The first structure that a structure contains has the smallest objective of all that it contains.
+        first = np.argmax(containing([found.structure for _, found in lowest]), axis=1)
+        for (key, found), place in zip(lowest, first.tolist(), strict=True):
+            square, other = found.problem.unit**2, lowest[place][1]
+            if not found.problem.as_low(
+                found.solution.objective / square, other.solution.objective / square, NOT_LOWER
+            ):
+                self.solved[key] = replace(other, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:
         """Return the fit of a candidate. Models with the same optimum share one fit."""

@@ -47,6 +47,10 @@ CLOSER = 1
 """Number of times that a rejected candidate is fitted and tested again, with weights from its last fit; see
 docs/validation/selection.md."""
 
+DEGREE = 72
+"""Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
+(tests/selection/test_equivalence.py)."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hypothesis:
@@ -169,11 +173,13 @@ class Hypothesis:
         columns = all_columns - (all_columns @ self.axes) @ self.axes.T
         square = np.sum(columns**2, axis=1)
         new = square > SPARE
-        gain = np.zeros((len(self.errors), len(columns)))
-        gain[:, new] = np.maximum(self.errors @ columns[new].T, 0) ** 2 / square[new]
         spread = columns @ self.root @ factor_of(self.wavelet)
         penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, SPARE)
-        net = np.where(new, gain - penalty, 0.0)
+        net = self.errors @ np.where(new[:, None], columns, 0.0).T
+        np.maximum(net, 0, out=net)
+        net *= net
+        net /= np.where(new, square, 1.0)
+        net -= np.where(new, penalty, 0.0)
         # If the candidate contains a process that is a limit of the added one, the added process has one more
         # parameter.
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
@@ -228,13 +234,29 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
     `wavelet` is V (J, J).
     """
-    from scipy.special import chdtri, ndtr
-
     deviation = np.sqrt(np.diag(wavelet))
     normal = np.random.default_rng(seed).standard_normal((draws, curve.size))
     scores = normal @ factor_of(wavelet).T / deviation
-    freedom = 2 * (curve / deviation) ** 2
-    return np.asarray(curve * (chdtri(freedom, ndtr(-scores)) / freedom - 1))
+    return np.asarray(curve * (_mean_squares(scores, 2 * (curve / deviation) ** 2) - 1))
+
+
+def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
+    """Return the chi-square quantiles (B, J) at the probabilities of normal scores, divided by the degrees of freedom
+    (J,).
+
+    For each level, they are an analytic function of the score, so Chebyshev polynomials of degree `DEGREE` replace
+    most of the slow quantiles.
+    """
+    from scipy.special import chdtri, ndtr
+
+    reach = float(np.abs(scores).max(initial=0.0))
+    if len(scores) <= DEGREE or reach == 0:
+        return np.asarray(chdtri(freedom, ndtr(-scores)) / freedom)
+    angle = (np.arange(DEGREE + 1) + 0.5) * np.pi / (DEGREE + 1)
+    values = chdtri(freedom, ndtr(-reach * np.cos(angle[:, None]))) / freedom
+    terms = 2 / (DEGREE + 1) * np.cos(np.outer(np.arange(DEGREE + 1), angle)) @ values
+    terms[0] /= 2
+    return np.asarray(np.polynomial.chebyshev.chebval(scores / reach, terms, tensor=False))
 
 
 def factor_of(wavelet: Matrix) -> Matrix:

@@ -8,6 +8,9 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import product
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gmwm.errors import ModelError
 from gmwm.estimation.result import Fit
 from gmwm.processes.base import Process
@@ -140,6 +143,36 @@ def shown_by(fit: Fit) -> Counter[str]:
             shown[_name(process)] += 1
     # Several terms that act as the same process, such as white noise, count as one term.
     return shown | Counter(acted)
+
+
+def consists_of(whole: Counter[str], part: Counter[str]) -> bool:
+    """Return whether a structure has each term of another structure at least as often, faster than `part <= whole`.
+
+    >>> consists_of(Counter({"GM": 2, "WN": 1}), Counter({"GM": 1}))
+    True
+    """
+    for name, count in part.items():  # noqa: SIM110 - a generator would take twice as long
+        if count > whole.get(name, 0):
+            return False
+    return True
+
+
+def containing(structures: Sequence[Counter[str]]) -> NDArray[np.bool_]:
+    """Return for each pair of structures (whole, part) what `of_lower_order(part, whole)` returns, an array (n, n).
+
+    >>> containing([Counter({"GM": 1, "WN": 1}), Counter({"WN": 1})])
+    array([[ True,  True],
+           [False,  True]])
+    """
+    names = list(dict.fromkeys(name for structure in structures for name in structure))
+    counts = np.array([[structure[name] for name in names] for structure in structures]).reshape(-1, len(names))
+    found = np.asarray(np.all(counts[:, None, :] >= counts, axis=2))
+    # Only a process with an order can contain another process.
+    ordered = np.array([bool(_cases(name, limits=False)) for name in names], dtype=np.bool_)
+    for k in np.flatnonzero(np.any(counts[:, ordered] > 0, axis=1)).tolist():
+        for i in np.flatnonzero(~found[k]).tolist():
+            found[k, i] = of_lower_order(structures[i], structures[k])
+    return found
 
 
 def within(part: Counter[str], whole: Counter[str]) -> bool:
