@@ -110,10 +110,10 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
     """Return the confidence limits of τ² by the Q-profile. `freedom` is the number of degrees of freedom if the numbers
     are dependent, such as those of the axes of a unit."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     many, free = _freedom(x, freedom)
-    ends = (chi2.ppf(p, free) * many / free for p in ((1 + confidence) / 2, (1 - confidence) / 2))
+    ends = (2 * gammaincinv(free / 2, p) * many / free for p in ((1 + confidence) / 2, (1 - confidence) / 2))
     low, high = (between_units(x, s2, target=end) for end in ends)
     return low, high
 
@@ -171,13 +171,13 @@ _SHARES = _LEGENDRE[1][::-1] / 2
 def _over_spreads(x: Matrix, s2: Matrix, freedom: Vector | None) -> Iterator[Effects]:
     """Yield the mean and the spread at each node of the confidence distribution of τ². `_SHARES` are the weights of the
     nodes."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     many, free = _freedom(x, freedom)
     start = None
     # The quantiles of χ² decrease from node to node, so τ² increases, and each search starts at the last solution.
     for node in (1 + _LEGENDRE[0][::-1]) / 2:
-        start = between_units(x, s2, target=chi2.ppf(node, free) * many / free, start=start)
+        start = between_units(x, s2, target=2 * gammaincinv(free / 2, node) * many / free, start=start)
         yield effects(x, s2, spread2=start)
 
 

@@ -8,6 +8,7 @@ import pytest
 from docs.messages import examples
 from gmwm.remarks import Dialect, Quantity, Remark, Severity, brief, gravest, merged, messages, sorted_remarks, texts
 from gmwm.remarks.registry import SECTIONS, Choice
+from gmwm.remarks.registry import message as message_of
 from tests.remarks.snapshot import file_of, rendered
 
 ALL = [pytest.param(message, id=message.code) for message in messages().values()]
@@ -26,6 +27,11 @@ def test_a_message_is_complete(message):
     assert message.meaning, "the documentation needs to say what it means for the numbers"
     for text in (message.sentence, message.advice):
         assert not isinstance(text, Choice) or len(text.templates) > 1
+
+
+@pytest.mark.parametrize("message", ALL)
+def test_a_message_parsed_alone_is_the_same_as_in_the_whole_file(message):
+    assert message_of(message.code) == message
 
 
 @pytest.mark.parametrize("message", ALL)

@@ -24,7 +24,7 @@ from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.reading import inspected
 from gmwm.calibration.recording_findings import recording_remarks, shared_remarks
 from gmwm.calibration.recording_info import Recording
-from gmwm.calibration.rest import means_of, with_rest
+from gmwm.calibration.rest import Means, means_of, with_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.several import Part, Together, measured_together, regression_of, worst
 from gmwm.datasheets import datasheet
@@ -226,6 +226,7 @@ def calibrate_recording(
             inspections[name] = inspection
 
     verdicts: dict[str, dict[str, Verdict]] = {axis: {} for axis in axes}
+    means = Means.of_axes(axes, means_of(recordings, inspections), options)
 
     def work(axis: str, of: dict[str, Part]) -> AxisCalibration | GmwmError:
         try:
@@ -238,8 +239,8 @@ def calibrate_recording(
             advance(STAGES[0])
             samples = kept_samples(axis, of)
             if helpers is None:
-                return with_baseline(one.calibrated(advance, steps.check), samples)
-            found = helpers.run(_calibrated, one, samples)
+                return _completed(one.calibrated(advance, steps.check), samples, means[axis], own.confidence)
+            found = helpers.run(_calibrated, one, samples, means[axis])
             for stage in STAGES[1:]:
                 advance(stage)
             return found
@@ -262,7 +263,7 @@ def calibrate_recording(
     one = recordings.get("")
     source = one.source if isinstance(one, Imu | Stream) else ""
     return Calibration(
-        axes=with_baselines(with_rest(done, means_of(recordings, inspections), options), parts, recordings, threads),
+        axes=with_baselines(done, parts, recordings, threads),
         failed=missing | {axis: error.reason for axis, error in failed.items()},
         settings=options,
         source=", ".join(recordings) if several else source,
@@ -272,9 +273,13 @@ def calibrate_recording(
     )
 
 
-def _calibrated(axis: _Axis, samples: Sequence[Signal]) -> AxisCalibration:
-    """Calibrate an axis, and compute its baseline from these samples."""
-    return with_baseline(axis.calibrated(), samples)
+def _calibrated(axis: _Axis, samples: Sequence[Signal], means: Means) -> AxisCalibration:
+    """Calibrate an axis, and compute its baseline from these samples and its bias from these means."""
+    return _completed(axis.calibrated(), samples, means, axis.options.confidence)
+
+
+def _completed(found: AxisCalibration, samples: Sequence[Signal], means: Means, level: float) -> AxisCalibration:
+    return with_baseline(with_rest(found, means, level), samples)
 
 
 def _recording_remarks(
@@ -391,7 +396,8 @@ class _Axis:
             regression=self.regression,
             left_in=None if measured.raw is None else self._left_in(fit, measured.raw),
         )
-        _ = fit.replicates  # This cached property is computed here, where axes are processed in parallel.
+        # The cached values behind these are computed here, where axes are processed in parallel.
+        _ = fit.replicates, ranking.remarks
         advance(STAGES[3])
         return axis
 

@@ -305,7 +305,7 @@ def measured_recording(
     inspector = FirstPass(batches)
     measured = _measure(batches, axes, options, threads=threads, inspector=inspector, conditions=conditions)
     inspection = _inspected(batches, inspector, _curves(measured), threads, conditions=conditions)
-    return RecordingMeasurement(measured, inspection, _shared(recording, measured))
+    return RecordingMeasurement(measured, inspection, _shared(recording, measured, threads))
 
 
 def curves_and_inspection(
@@ -375,14 +375,17 @@ def _measure(
     return made
 
 
-def _shared(recording: Imu | Streamed, measured: Mapping[str, AxisMeasurement]) -> tuple[SharedNoise, ...]:
+def _shared(
+    recording: Imu | Streamed, measured: Mapping[str, AxisMeasurement], threads: int | None
+) -> tuple[SharedNoise, ...]:
     """Return the noise that the axes of a recording in memory share; nothing for a stream or a single axis.
 
     The effect of the conditions is removed, and isolated wrong samples and knocks are replaced, before it is estimated.
     """
     if not isinstance(recording, Imu) or len(measured) < 2:
         return ()
-    return shared_noise({axis: replace(recording[axis], values=one.taken()) for axis, one in measured.items()})
+    kept = {axis: replace(recording[axis], values=one.taken()) for axis, one in measured.items()}
+    return shared_noise(kept, threads=threads)
 
 
 def _curves(measured: Mapping[str, AxisMeasurement]) -> dict[str, AxisCurves]:

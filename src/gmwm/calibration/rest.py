@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -186,26 +186,29 @@ def means_of(recordings: Mapping[str, Any], inspections: Mapping[str, Inspection
     return found
 
 
-def with_rest(
-    done: Mapping[str, AxisCalibration], means: Mapping[str, Mapping[str, AxisMean]], options: CalibrationOptions
-) -> dict[str, AxisCalibration]:
-    """Return the calibrations with the bias at rest of each axis that was calibrated from samples.
+@dataclass(frozen=True)
+class Means:
+    """The mean of one axis in each recording, and what gravity is in it; see `gravity_of`."""
 
-    Parameters
-    ----------
-    done : mapping of axis to AxisCalibration
-    means : mapping of recording to mapping of axis to AxisMean
-        The means of all axes of each recording, including axes that are not calibrated.
-    options : CalibrationOptions
-    """
-    gravity = {name: gravity_of({a: one.mean for a, one in axes.items()}, options) for name, axes in means.items()}
-    found = {}
-    for axis, one in done.items():
-        own = {name: axes[axis] for name, axes in means.items() if axis in axes}
-        parts = {name: gravity[name][axis] for name in own}
-        rest = bias_at_rest(one, own, parts, level=options.confidence) if own else None
-        found[axis] = replace(one, rest=rest)
-    return found
+    means: Mapping[str, AxisMean]
+    gravity: Mapping[str, tuple[float, float] | None]
+
+    @classmethod
+    def of_axes(
+        cls, axes: Iterable[str], means: Mapping[str, Mapping[str, AxisMean]], options: CalibrationOptions
+    ) -> dict[str, Means]:
+        """Return the means of each axis, from the means of all axes of each recording (`means_of`)."""
+        gravity = {name: gravity_of({a: one.mean for a, one in own.items()}, options) for name, own in means.items()}
+        having = {axis: [name for name, own in means.items() if axis in own] for axis in axes}
+        return {
+            axis: cls({name: means[name][axis] for name in names}, {name: gravity[name][axis] for name in names})
+            for axis, names in having.items()
+        }
+
+
+def with_rest(found: AxisCalibration, own: Means, level: float) -> AxisCalibration:
+    """Return the calibration of an axis with its bias at rest, if it was calibrated from samples."""
+    return replace(found, rest=bias_at_rest(found, own.means, own.gravity, level=level) if own.means else None)
 
 
 def bias_at_rest(

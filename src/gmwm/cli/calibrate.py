@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -271,13 +272,23 @@ def calibrated(
         )
 
 
-def calibration_helpers(*, plots: bool) -> Helpers:
-    """Fork helpers with the modules that calibrate; they import the modules that draw plots, if these are needed."""
-    import scipy.special  # noqa: F401  # for the tests of each axis
+def calibration_helpers(
+    *, plots: bool = False, before: str = "gmwm.calibration.api", count: int | None = None
+) -> Helpers:
+    """Fork helpers that calibrate.
 
-    import gmwm.calibration.api  # noqa: F401
-
-    return helpers_of(*(("gmwm.plots.imu", "gmwm.plots.matplotlib") if plots else ()))
+    Parameters
+    ----------
+    plots : bool
+        Whether the helpers import the modules that draw plots, while they have no work.
+    before : str
+        Module to import before the fork, so that no helper needs to import it.
+    count : int, optional
+        Number of helpers. Default: one for each further processor.
+    """
+    import_module("scipy.special")  # for the tests of each axis
+    import_module(before)
+    return helpers_of(*(("gmwm.plots.imu", "gmwm.plots.matplotlib") if plots else ()), count=count)
 
 
 def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: bool) -> dict[str, bytes]:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm._helpers import helpers
 from gmwm._threads import processors
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
-from gmwm.cli.calibrate import ROBUST, Outliers
+from gmwm.cli.calibrate import ROBUST, Outliers, calibration_helpers
 from gmwm.cli.command import command
 from gmwm.cli.measuring import MACHINES
 from gmwm.cli.options import (
@@ -126,10 +125,6 @@ def fleet(
 
     fleet.parquet has a row for each unit and axis. In Python, Fleet.load reads the output directory.
     """
-    # Before the fork, so that no helper needs to import it.
-    import scipy.special  # noqa: F401
-
-    import gmwm.fleets.unit_job  # noqa: F401
     from gmwm.fleets.engine import calibrate_fleet
 
     _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
@@ -140,7 +135,8 @@ def fleet(
         axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
     )  # fmt: skip
     count = processors() if workers is None else workers
-    beside = helpers(count=count if scheduler is None and count > (workers is None) else 0)
+    forked = count if scheduler is None and count > (workers is None) else 0
+    beside = calibration_helpers(before="gmwm.fleets.unit_job", count=forked)
     with _bar() as advance:
         found = calibrate_fleet(
             folder, output, asked, reading, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,

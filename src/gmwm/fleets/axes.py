@@ -76,7 +76,7 @@ def hotelling(d: Matrix) -> float | None:
 
     The result is None if the covariance is singular.
     """
-    from scipy.stats import f
+    from scipy.special import fdtrc
 
     p, n = d.shape
     mean = d.mean(axis=1)
@@ -88,7 +88,7 @@ def hotelling(d: Matrix) -> float | None:
     if np.linalg.matrix_rank(scatter, hermitian=True) < p:
         return None
     t2 = n * float(mean / size @ np.linalg.solve(scatter, mean / size))
-    return float(f.sf((n - p) * t2 / (p * (n - 1)), p, n - p))
+    return float(fdtrc(p, n - p, (n - p) * t2 / (p * (n - 1))))
 
 
 def _adjusted(found: Sequence[AxisDifference], size: float) -> tuple[AxisDifference, ...]:

@@ -69,7 +69,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
     ----------
     Rosner (1983), Percentage points for a generalized ESD many-outlier procedure, Technometrics 25, 165-172.
     """
-    from scipy.stats import t
+    from scipy.special import stdtr
 
     left = np.array(x, dtype=np.float64)
     wanted = looked_for(np.isfinite(left).sum(axis=-1))
@@ -96,7 +96,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
         # For a unit with a large standard error, Satterthwaite's formula gives more than n − 2, although τ̂² comes from
         # few units.
         freedom = np.minimum(2 * size2**2 / scatter, count - 2)
-        chance = 2 * t.sf(np.abs(distance[rows, k]), freedom)
+        chance = 2 * stdtr(freedom, -np.abs(distance[rows, k]))
         pvalue[rows, k] = np.minimum(1.0, count * chance)
         places[rows, k] = far
     return Deviants(places, distance, np.minimum.accumulate(pvalue[:, ::-1], axis=1)[:, ::-1])

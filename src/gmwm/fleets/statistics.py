@@ -224,7 +224,7 @@ def _described(
 
     `axes` is the number of axes in each sample. The values of one unit on several axes are treated as dependent.
     """
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     at = effects(kept, s2)
     freedom, error = at.count - 1, at.error
@@ -236,7 +236,7 @@ def _described(
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
     limits = spread_limits(kept, s2, read.confidence, freedom)
     ahead = predicted(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
-    reach = t.ppf((1 + read.confidence) / 2, np.maximum(freedom, 1.0)) * error
+    reach = stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
     made = []
     for k, sample in enumerate(samples):
         all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST - 1

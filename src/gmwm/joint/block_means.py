@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from gmwm._arrays import Vector, freeze
+from gmwm._threads import in_threads
 from gmwm.errors import DataError, GmwmError
 from gmwm.joint.cross import tested
 from gmwm.joint.matrices import measured, product_moment, units_of
@@ -24,7 +25,9 @@ calibration: 0.32 s of 16.8 s for 6·10⁶ samples, and 0.22 s of 5.0 s for 10�
 tests/calibration/test_shared_noise.py checks the rate of false alarms."""
 
 
-def shared_noise(signals: Mapping[str, Signal], *, size: float = 0.05) -> tuple[SharedNoise, ...]:
+def shared_noise(
+    signals: Mapping[str, Signal], *, size: float = 0.05, threads: int | None = None
+) -> tuple[SharedNoise, ...]:
     """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value.
 
     A recording of more than `MOST` samples is replaced by the means of blocks of 2^k samples. k is the smallest number
@@ -38,17 +41,21 @@ def shared_noise(signals: Mapping[str, Signal], *, size: float = 0.05) -> tuple[
         Signals of one recording.
     size : float
         Significance level of the tests of all levels and pairs together.
+    threads : int, optional
+        Number of axes, and of pairs, that are processed at the same time.
     """
     try:
         filled = synchronous_signals(signals, None)
         k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST.bit_length() + 1)
-        means = _detrended({axis: block_means(signal, k) for axis, signal in filled.items()})
-        own = {axis: measured(signal, False, 0.6) for axis, signal in means.items()}
+        means = in_threads(lambda _, signal: _detrended(block_means(signal, k)), filled, threads=threads)
+        own = in_threads(lambda _, signal: measured(signal, False, 0.6), means, threads=threads)
         own = {axis: wv for axis, wv in own.items() if np.all(wv.variance > 0)}
         unit = units_of(own)
-        moments = {pair: product_moment(means, own, unit, pair=pair) for pair in pairs_of(list(own))}
-        if not moments:
+        pairs = {" and ".join(pair): pair for pair in pairs_of(list(own))}
+        if not pairs:
             return ()
+        products = in_threads(lambda _, pair: product_moment(means, own, unit, pair=pair), pairs, threads=threads)
+        moments = {pair: products[name] for name, pair in pairs.items()}
         found = tested(Curves(own, moments, {}), robust=False, efficiency=0.6, size=size, confidence=0.95)
     except GmwmError:
         return ()  # for example, there are too few samples without a gap; the calibration reports this
@@ -74,13 +81,10 @@ def block_means(signal: Signal, k: int) -> Signal:
     return Signal(values, signal.rate / size, signal.unit, signal.axis, segments=segments, filled=signal.filled >> k)
 
 
-def _detrended(signals: Mapping[str, Signal]) -> dict[str, Signal]:
-    """Subtract the least-squares line from each signal. All signals have the same number of samples."""
-    count = len(next(iter(signals.values())))
+def _detrended(signal: Signal) -> Signal:
+    """Subtract the least-squares line from a signal."""
+    count = len(signal)
     time = np.arange(count) - (count - 1) / 2
-    size, line, out = count * (count**2 - 1) / 12, np.empty(count), {}
-    for axis, signal in signals.items():
-        values = signal.values - signal.values.mean()
-        values -= np.multiply(time, float(time @ values) / size, out=line)
-        out[axis] = replace(signal, values=freeze(values))
-    return out
+    values = signal.values - signal.values.mean()
+    values -= np.multiply(time, float(time @ values) / (count * (count**2 - 1) / 12), out=time)
+    return replace(signal, values=freeze(values))
