@@ -33,6 +33,7 @@ class ParquetReader(Reader):
 
     name: ClassVar[str] = "parquet"
     extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
+    single: ClassVar[bool] = True
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 1 if the file begins with PAR1."""
