@@ -214,6 +214,8 @@ def test_power_law_noise_is_approximated_with_a_remark() -> None:
         ({"calibration": {"gyro_x": MODEL}, "rate": None}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "every": 0.0}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "every": "soon"}, OptionError),
+        ({"calibration": {"gyro_x": MODEL}, "every": 1e308}, OptionError),
+        ({"calibration": {"gyro_x": MODEL}, "every": 10**400}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "axes": ["gyro_y"]}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "axes": []}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "baseline": 3}, OptionError),
