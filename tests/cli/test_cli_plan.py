@@ -177,7 +177,7 @@ def test_what_is_refused(gmwm, fits, arguments, facts):
     assert all(fact in outcome.err for fact in facts), outcome.err
 
 
-@pytest.mark.parametrize("name", ["filter", "transform", "unit", "axis", "efficiency", "recordings", "excess"])
+@pytest.mark.parametrize("name", ["filter", "transform", "unit", "axis", "recordings", "excess"])
 def test_a_value_that_has_a_default_can_be_left_out(fits, tmp_path, name):
     content = json.loads(fits.read_text())
     for one in content["axes"].values():

@@ -261,7 +261,7 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
     if content.get("format") == FORMAT:
         found = Calibration.from_dict(content)
         file = None if found.recording is None else found.recording.file
-        return file, {axis: one.fit.to_dict() for axis, one in found.items()}
+        return file, {axis: one.to_dict() for axis, one in found.items()}
     if content.get("command") != "fit":
         raise ReadError('it has neither "format": "gmwm-calibration" nor "command": "fit"')
     file, axes = content.get("file"), content.get("axes")
