@@ -243,6 +243,10 @@ def test_wrong_samples_are_refused() -> None:
         Monitor.from_dict({"format": "other"})
     with pytest.raises(ReadError):
         Monitor.from_dict({**made.to_dict(), "state": {}})
+    state = made.to_dict()
+    for deadline in (-1, 0, 10):
+        with pytest.raises(ReadError, match="deadline"):
+            Monitor.from_dict({**state, "state": {**state["state"], "deadline": deadline}})
     for value in (1e-308, 1e308):
         model = dict.fromkeys(made.to_dict()["models"], f"WN(sigma2={value})")
         with pytest.raises(ReadError):
