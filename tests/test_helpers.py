@@ -3,6 +3,7 @@
 import errno
 import filecmp
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -10,7 +11,7 @@ import threading
 import pytest
 
 from gmwm import simulate
-from gmwm._helpers import Helpers, helpers
+from gmwm._helpers import Helpers, helpers, new_helper
 from gmwm.writers import write
 
 FORKS = pytest.mark.skipif(sys.platform != "linux", reason="helpers are forked on Linux only")
@@ -93,3 +94,21 @@ def test_the_files_are_the_same_on_any_number_of_processors(tmp_path):
     files = sorted(path.name for path in (tmp_path / "one").iterdir())
     assert {"calibration.json", "calibration.png", "by_sensor.png", "report.html"} <= set(files)
     assert filecmp.cmpfiles(tmp_path / "one", tmp_path / "all", files, shallow=False) == (files, [], [])
+
+
+def handled_by_a_library():
+    """Set a handler for Ctrl-C as Polars does while it reads, and send Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.kill(os.getpid(), signal.SIGINT)
+    return "done"
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="the system has no masks of signals")
+def test_ctrl_c_does_not_interrupt_a_helper_with_the_handler_of_a_library():
+    helper = new_helper("tests.test_helpers")
+    try:
+        helper.begin(handled_by_a_library)
+        assert helper.connection.poll(60)
+        assert helper.connection.recv()[:2] == (True, "done")
+    finally:
+        helper.end()

@@ -71,6 +71,24 @@ def test_one_rule_for_confidence_before_anything_is_measured(confidence):
         assert caught.value.got == pytest.approx(confidence, nan_ok=True)
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: CalibrationOptions(confidence=10**400),
+        lambda: ReadOptions(rate=10**400),
+        lambda: ReadOptions(scale={"gyro": 10**400}),
+        lambda: ReadOptions(start=10**400),
+        lambda: ReadOptions(skip=[(0, 10**400)]),
+        lambda: gmwm.Signal([0.1, 0.2], 10**400),
+        lambda: gmwm.wavelet_variance([0.1, 10**400], rate=1.0),
+        lambda: gmwm.WN(sigma2=10**400),
+    ],
+)
+def test_an_integer_that_is_no_floating_point_number_is_refused(call):
+    with pytest.raises(gmwm.GmwmError):
+        call()
+
+
 @pytest.mark.parametrize("confidence", [0.3, 1.0, 95])
 def test_intervals_and_limits_have_the_rule_of_calibrations(confidence):
     signal = gmwm.simulate_signal("WN(sigma2=4.0)", rate=100.0, samples=4096, rng=1).signal

@@ -64,7 +64,7 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
         vector = np.ascontiguousarray(array, dtype=np.float64)
         if not vector.flags.aligned:  # for example, a part of a file in memory
             vector = vector.copy()
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         message = f"{name} must be real numbers; got {type(values).__name__} ({error})"
         raise DataError(message, argument=name, got=values) from error
     if array.ndim != 1:
@@ -150,7 +150,7 @@ def as_rate(rate: float | None, name: str = "rate") -> float:
         raise OptionError(argument=name, expected="a positive number (Hz)", got=rate)
     try:
         value = float(rate)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise OptionError(argument=name, expected="a positive number (Hz)", got=rate) from error
     if not (np.isfinite(value) and value > 0):
         raise OptionError(

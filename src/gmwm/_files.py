@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import os
 import shutil
 import tempfile
@@ -92,6 +91,8 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         temporary.write_bytes(content)
 
 
+_BEYOND_FLOATS = 1 << 1024
+"""Smallest whole number that is infinite as a floating-point number."""
 DEEPEST = 64
 """Largest depth of lists and objects in a JSON document. Documents of gmwm have ten levels; very deep ones overflow the
 stack."""
@@ -103,7 +104,8 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     Raises
     ------
     ValueError
-        If the file is not UTF-8, not JSON, nested more deeply than `DEEPEST`, or has a number that is not finite.
+        If the file is not UTF-8, not JSON, nested more deeply than `DEEPEST`, or has a number that is not finite as
+        a floating-point number.
     OSError
         If the file cannot be read.
     """
@@ -114,7 +116,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     layer = [content] if isinstance(content, dict | list) else []
     for _ in range(DEEPEST):
         inside = [item for one in layer for item in (one.values() if isinstance(one, dict) else one)]
-        if not all(math.isfinite(item) for item in inside if isinstance(item, float)):
+        if not all(abs(item) < _BEYOND_FLOATS for item in inside if isinstance(item, int | float)):
             raise ValueError("a number is not finite")
         layer = [item for item in inside if isinstance(item, dict | list)]
     if layer:

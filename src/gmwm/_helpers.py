@@ -193,6 +193,8 @@ def _serve(connection: Connection, ours: Connection | None, modules: tuple[str, 
     if ours is not None:
         ours.close()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the first process, which ends this one
+    if hasattr(signal, "pthread_sigmask"):  # Polars sets its own handler while it reads; Windows has no masks
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):  # Windows has no SIGHUP
             signal.signal(getattr(signal, name), signal.SIG_DFL)

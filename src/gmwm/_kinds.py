@@ -10,7 +10,9 @@ from types import NoneType, SimpleNamespace, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gmwm._arrays import Matrix
 from gmwm._text import with_article
 from gmwm.errors import ReadError
 from gmwm.remarks import Remark
@@ -24,8 +26,72 @@ _WORDS: Mapping[Any, str] = {
     str: "a string", float: "a number", int: "a whole number", bool: "true or false", NoneType: "null",
 }  # fmt: skip
 _KINDS: dict[type, Mapping[str, Any]] = {}
-_POSITIVE = ("rate", "samples")
+_POSITIVE = frozenset(
+    [
+        "rate",
+        "samples",
+        "levels",
+        "counts",
+        "segments",
+        "strides",
+        "degrees_of_freedom",
+        "freedom",
+        "freedoms",
+        "length",
+        "blocks",
+        "comparisons",
+        "frequency",
+        "recordings",
+        "tau",
+    ]
+)
+_NOT_NEGATIVE = frozenset(
+    [
+        "variance",
+        "lower",
+        "upper",
+        "implied",
+        "decomposition",
+        "allan_deviation",
+        "density",
+        "model_error",
+        "filled",
+        "missing",
+        "duration",
+        "knocks",
+        "spikes",
+        "in_knocks",
+        "count",
+        "energy",
+        "df",
+        "rms",
+        "rms_low",
+        "rms_high",
+        "turn_on",
+        "turn_on_low",
+        "turn_on_high",
+        "width",
+        "error",
+        "errors",
+        "standard_errors",
+        "gravity_error",
+        "level_error",
+        "frequency_error",
+        "amplitude",
+        "amplitude_error",
+        "tau_error",
+    ]
+)
 _SHARES = ("confidence", "efficiency")
+_PROBABILITIES = ("pvalue", "pvalues", "p_value")
+_COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
+"""Fields whose numbers are above zero, not negative, between 0 and 1, and from 0 to 1, and fields that are symmetric
+matrices without negative eigenvalues. A field has the same meaning in all classes."""
+ROUNDING = 1e-6
+"""Largest difference of a symmetric matrix from its transpose, and largest negative eigenvalue, relative to a unit
+diagonal."""
+LARGEST_COUNT = 1 << 62
+"""Largest number of samples or of anything else that is counted."""
 LARGEST = 1e150
 """Largest finite number in a document. The square of a larger number overflows."""
 
@@ -57,9 +123,11 @@ class Document:
 def require_kinds(found: Any, where: str, document: Document) -> None:
     """Raise an error if a field of a result does not have the type of its annotation.
 
-    An integer is allowed for a float. Arrays must not contain NaN, unless the class has the attribute `marks_with_nan`.
+    An integer is allowed for a float. Numbers must not be NaN, unless the class has the attribute `marks_with_nan`.
     All arrays of an object must have the same length. The confidence, the efficiency and the fields that the attribute
-    `shares` of the class lists must be between 0 and 1. No finite number may exceed `LARGEST`.
+    `shares` of the class lists must be between 0 and 1. Counts, degrees of freedom, standard errors and other fields
+    must be in the range that their name implies, and covariances must have no negative eigenvalue. No finite number may
+    exceed `LARGEST`, and no count `LARGEST_COUNT`.
 
     Parameters
     ----------
@@ -79,15 +147,14 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
     for name, kind in _hints(type(found)).items():
         value, key = getattr(found, name), f"{where}.{_KEYS.get(name, name)}".lstrip(".")
         _require(value, kind, key, document)
-        if name in _POSITIVE and not value > 0:
-            raise document.error(f"{key} must be above zero; got {value!r}")
+        _require_range(name, value, key, document)
         if name in (*_SHARES, *getattr(found, "shares", ())) and value is not None and not 0 < value < 1:
             raise document.error(f"{key} must be between 0 and 1; got {value!r}")
+        if not getattr(found, "marks_with_nan", False) and np.any(np.isnan(_numbers_of(value))):
+            raise document.error(f"{key} must contain numbers only; got {_shown(value)}")
         if isinstance(value, np.ndarray):
             if value.ndim == 0:
                 raise document.error(f"{key} must be a list of numbers; got {value.tolist()!r}")
-            if np.any(np.isnan(value)) and not getattr(found, "marks_with_nan", False):
-                raise document.error(f"{key} must contain numbers only; got {value.tolist()!r}")
             if value.ndim == 1:
                 lengths[key] = value.size
     if len(set(lengths.values())) > 1 or 0 in lengths.values():
@@ -123,6 +190,54 @@ def _require(value: Any, kind: Any, key: str, document: Document) -> None:
         inners = get_args(_alone(kind))
         for place, item in enumerate(value):
             _require(item, inners[0] if inners[-1] is ... else inners[place], f"{key}[{place}]", document)
+
+
+def _require_range(name: str, value: Any, key: str, document: Document) -> None:
+    """Raise an error if a number is not in the range that the name of its field implies."""
+    if isinstance(value, Mapping) and name == "decomposition":
+        for term, part in value.items():
+            _require_range(name, part, f"{key}.{term}", document)
+    numbers = _numbers_of(value)
+    if name in _POSITIVE and np.any(numbers <= 0):
+        raise document.error(f"{key} must be above zero; got {_shown(value)}")
+    if name in _NOT_NEGATIVE and np.any(numbers < 0):
+        raise document.error(f"{key} must not be negative; got {_shown(value)}")
+    if name in _POSITIVE | _NOT_NEGATIVE and isinstance(value, int) and value > LARGEST_COUNT:
+        raise document.error(f"{key} must not exceed {LARGEST_COUNT}; got {_shown(value)}")
+    if name in _PROBABILITIES and np.any((numbers < 0) | (numbers > 1)):
+        raise document.error(f"{key} must be from 0 to 1; got {_shown(value)}")
+    if name in _COVARIANCES and isinstance(value, np.ndarray):
+        require_covariance(value, key, document)
+
+
+def require_covariance(values: Matrix, key: str, document: Document) -> None:
+    """Raise an error if a matrix is not square, symmetric and positive semidefinite. Infinite variances are allowed."""
+    if values.ndim != 2 or values.shape[0] != values.shape[1]:
+        raise document.error(f"{key} must be a square matrix; got the shape {values.shape}")
+    diagonal = np.diag(values)
+    if not np.all(diagonal >= 0):
+        raise document.error(f"{key} must not have negative numbers on its diagonal; got {_shown(diagonal)}")
+    known = np.isfinite(diagonal) & (diagonal > 0)
+    scale = np.sqrt(diagonal[known])
+    unit = values[np.ix_(known, known)] / scale[:, None] / scale
+    if not np.all(np.abs(unit - unit.T) <= ROUNDING):
+        raise document.error(f"{key} must be a symmetric matrix")
+    if unit.size and np.linalg.eigvalsh(unit)[0] < -ROUNDING * len(unit):
+        raise document.error(f"{key} must not have a negative eigenvalue")
+
+
+def _numbers_of(value: Any) -> NDArray[np.float64]:
+    """Return the numbers of a number, an array, or a tuple of numbers; an empty array for any other value."""
+    if isinstance(value, tuple) and all(_is(one, float) for one in value):
+        value = [float(one) for one in value]
+    elif not isinstance(value, np.ndarray) and not _is(value, float):
+        value = []
+    return np.asarray(value, dtype=np.float64)
+
+
+def _shown(value: Any) -> str:
+    """Return the text of numbers for a message; the first ones of many."""
+    return repr(value.tolist() if isinstance(value, np.ndarray) else value)[:100]
 
 
 def _is_too_large(value: Any) -> bool:

@@ -167,6 +167,7 @@ def as_confidence(value: object, name: str = "confidence") -> float:
     0.95
     """
     known = isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
+    known = known and abs(value) < 1e300  # type: ignore[arg-type]  # an integer may be too large for a float
     number = float(value) if known else math.nan  # type: ignore[arg-type]
     if not 0.5 <= number < 1:
         percent = number if 50 <= number < 100 else 95.0
@@ -253,7 +254,7 @@ def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
             raise OptionError(argument="scale", expected=f"factors of {', '.join((*SI_UNIT, *AXES))}", got=key)
         try:
             factor = float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             factor = math.nan
         if isinstance(value, bool | str) or not math.isfinite(factor) or factor == 0:
             raise OptionError(argument="scale", expected=f"a finite number other than 0 for {key}", got=value)

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
-from numbers import Real
 
 import numpy as np
 
@@ -233,7 +232,7 @@ def _checked(pair: tuple[float, float]) -> tuple[float, float]:
 
 def _seconds(time: object, name: str) -> float:
     """Check a time (s), and return it."""
-    if isinstance(time, bool) or not isinstance(time, Real) or not 0 <= float(time) < math.inf:
+    if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not 0 <= time < 1e300:
         raise OptionError(argument=name, expected="a time in seconds from the first sample, 0 or more", got=time)
     return float(time)
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import operator
 from dataclasses import replace
 
 import numpy as np
@@ -206,11 +207,26 @@ def test_a_part_of_the_wrong_kind_is_an_error_that_names_it(calibration, path):
         (("settings", "confidence"), "high", ("settings.confidence", "0.5", "'high'")),
         (("recording_remarks",), None, ("'recording_remarks'", "a list", "null")),
         (("recording", "samples"), 1.5, ("recording.samples", "a whole number", "1.5")),
+        (("recording", "samples"), 0, ("recording.samples", "above zero")),
+        (("recording", "missing"), -1.0, ("recording.missing", "negative")),
+        (("recording", "duration"), "NaN", ("recording.duration", "numbers only")),
+        (("recording", "segments"), 10**30, ("recording.segments", "exceed")),
+        (("axes", "gyro_x", "goodness_of_fit", "df"), -1, ("goodness_of_fit.df", "negative")),
+        (("axes", "gyro_x", "goodness_of_fit", "pvalue"), 1.5, ("goodness_of_fit.pvalue", "from 0 to 1")),
+        (("axes", "gyro_x", "contamination", "comparisons"), 0, ("contamination.comparisons", "above zero")),
+        (("axes", "gyro_x", "contamination", "spikes"), -3, ("contamination.spikes", "negative")),
+        (("axes", "gyro_x", "rest", "error"), -1e-4, ("rest.error", "negative")),
+        (("axes", "gyro_x", "model_error"), -0.1, ("model_error", "negative")),
+        (("axes", "gyro_x", "confidence_intervals", "WN.sigma2"), [2.0, 1.0], ("confidence_intervals", "2.0")),
+        (("axes", "gyro_x", "ranking", "wavelet_covariance", 0, 0), -1.0, ("wavelet_covariance", "negative")),
+        (("axes", "gyro_x", "ranking", "weighting_matrix", 0, 1), 1e60, ("weighting_matrix", "symmetric")),
+        (("axes", "gyro_x", "spectrum", "degrees_of_freedom", 0), 0.0, ("spectrum.degrees_of_freedom", "above zero")),
+        (("axes", "gyro_x", "spectrum", "blocks"), 0, ("spectrum.blocks", "above zero")),
     ],
 )
 def test_a_wrong_value_is_named_with_its_file(calibration, tmp_path, path, value, facts):
     file = tmp_path / "wrong.json"
-    content = changed(calibration, path, lambda part, key: part.update({key: value}))
+    content = changed(calibration, path, lambda part, key: operator.setitem(part, key, value))
     file.write_text(json.dumps(content), encoding="utf-8")
     with raises(ReadError, f"{file}: ", *facts):
         Calibration.load(file)

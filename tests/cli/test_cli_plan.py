@@ -6,6 +6,7 @@ import pytest
 
 import gmwm as library
 from gmwm import Model
+from gmwm.cli.plan import _as_seen, fits_in
 from gmwm.durations import parse_length
 
 MODEL = "GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)"
@@ -174,6 +175,18 @@ def test_what_is_refused(gmwm, fits, arguments, facts):
     assert outcome.out == ""
     assert outcome.err.startswith("error: ")
     assert all(fact in outcome.err for fact in facts), outcome.err
+
+
+@pytest.mark.parametrize("name", ["filter", "transform", "unit", "axis", "recordings", "excess"])
+def test_a_value_that_has_a_default_can_be_left_out(fits, tmp_path, name):
+    content = json.loads(fits.read_text())
+    for one in content["axes"].values():
+        one["wavelet_variance"].pop(name, None)
+    (tmp_path / "fits.json").write_text(json.dumps(content))
+    _, found = fits_in(tmp_path)
+    for one in found.values():
+        assert name in one["wavelet_variance"]
+        _as_seen(one)
 
 
 def test_files_that_hold_no_fits(gmwm, tmp_path):

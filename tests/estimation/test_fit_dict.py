@@ -137,6 +137,63 @@ def test_a_number_whose_square_overflows_is_refused(fits, name, number):
         Fit.from_dict({**values, "wavelet_variance": {**curve, name: changed}})
 
 
+def with_one(numbers, value):
+    """Replace the last of some numbers, or the number."""
+    return [*numbers[:-1], value] if isinstance(numbers, list) else value
+
+
+ABSURD = {
+    "samples": [0, -1, 1e400, 10**30],
+    "rate": [0, -1.0, float("nan")],
+    "counts": [0, -1, 10**18],
+    "levels": [0, -1, 63],
+    "variance": [-1e-300, float("nan")],
+    "lower": [-1.0, float("nan")],
+    "upper": [-1.0, float("nan")],
+    "filled": [-1, 10**30, 10**7],
+    "efficiency": [0.0, 1.0, 0.5],
+    "confidence": [0, 1, -1],
+    "model_error": [-0.1, float("nan")],
+    "segments": [[0], [-1, 10], [10**20], [1] * 10, [2999]],
+    "strides": [[0] * 40, [-1], [10**30] * 40],
+    "excess": [[[1.0]], "x"],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in ABSURD.items() for value in values])
+def test_a_curve_that_no_recording_has_is_refused(fits, name, value):
+    values = fits["GM + WN + RW"].to_dict()
+    curve = values["wavelet_variance"]
+    with raises(ReadError):
+        Fit.from_dict({**values, "wavelet_variance": {**curve, name: with_one(curve[name] or value, value)}})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda matrix: -matrix,
+        lambda matrix: matrix * np.nan,
+        lambda matrix: matrix + np.triu(np.ones_like(matrix), 1) * matrix.max(),
+        lambda matrix: matrix - 2 * np.diag(np.diag(matrix)[:1].tolist() + [0.0] * (len(matrix) - 1)),
+        lambda matrix: np.sqrt(np.outer(np.diag(matrix), np.diag(matrix))) * (2 - np.eye(len(matrix))),
+    ],
+)
+def test_weights_that_are_no_covariance_are_refused(fits, change):
+    values = fits["GM + WN + RW"].to_dict()
+    matrix = np.array(values["weighting_matrix"])
+    with raises(ReadError, "weighting_matrix"):
+        Fit.from_dict({**values, "weighting_matrix": change(matrix).tolist()})
+
+
+@pytest.mark.parametrize("name", ["implied", "decomposition"])
+def test_a_negative_variance_of_a_model_is_refused(fits, name):
+    values = fits["GM + WN + RW"].to_dict()
+    part = values[name]
+    wrong = with_one(part, -1.0) if name == "implied" else {**part, "WN": with_one(part["WN"], -1.0)}
+    with raises(ReadError, name):
+        Fit.from_dict({**values, name: wrong})
+
+
 @pytest.mark.parametrize("values", [[], "text", 3, None, {}])
 def test_other_things_are_refused(values):
     with raises(ReadError, "fit", advises=["to_dict()"]):

@@ -13,6 +13,9 @@ from gmwm.errors import OptionError, ReadError
 from gmwm.fleets import Fleet
 from gmwm.fleets.discovery import find_units
 from gmwm.fleets.storage import FORMAT, read_facts
+from gmwm.options import ReadOptions
+from gmwm.readers.parquet import ParquetReader
+from gmwm.readers.text import TextReader
 from tests.helpers import raises
 
 DEEP = "[" * 100_000
@@ -93,7 +96,19 @@ LIMIT = "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1)
 
 
 @pytest.mark.parametrize(
-    "text", [DEEP, '{"a":' * 100_000, LIMIT, "", "nul", "\xff", '{"a": [1e400]}', '{"a": NaN}', "[-Infinity]"]
+    "text",
+    [
+        DEEP,
+        '{"a":' * 100_000,
+        LIMIT,
+        "",
+        "nul",
+        "\xff",
+        '{"a": [1e400]}',
+        '{"a": NaN}',
+        "[-Infinity]",
+        "[1" + "0" * 400 + "]",
+    ],
 )
 def test_documents_that_are_not_json_are_errors(tmp_path, text):
     (tmp_path / "fleet.json").write_bytes(text.encode("latin-1"))
@@ -130,3 +145,16 @@ def test_a_damaged_result_of_a_unit_is_made_again(tmp_path):
         found = fleet(folder, tmp_path / "out", within="WN", workers=0)
         assert (found.kept, found.done, found.failed) in ((0, 1, {}), (1, 0, {}))
         assert len(found) == 1
+
+
+def test_the_process_of_the_user_does_not_decode_parquet(tmp_path, monkeypatch):
+    # For some damaged files, Polars ends the process. Only a worker process may end.
+    recording(tmp_path / "a.parquet")
+    monkeypatch.setattr(ParquetReader, "layouts", lambda *_: pytest.fail("the file was opened"))
+    assert set(find_units(tmp_path, tmp_path / "out", None).by_topic(ReadOptions()).paths) == {"a.parquet"}
+
+
+def test_an_error_of_a_library_does_not_end_the_search(tmp_path, monkeypatch):
+    (tmp_path / "a.csv").write_text("time [s],gyro_x [rad/s]\n" + "".join(f"{k / 100},0.1\n" for k in range(100)))
+    monkeypatch.setattr(TextReader, "layouts", lambda *_: 1 / 0)
+    assert set(find_units(tmp_path, tmp_path / "out", None).by_topic(ReadOptions()).paths) == {"a.csv"}

@@ -214,6 +214,8 @@ def test_power_law_noise_is_approximated_with_a_remark() -> None:
         ({"calibration": {"gyro_x": MODEL}, "rate": None}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "every": 0.0}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "every": "soon"}, OptionError),
+        ({"calibration": {"gyro_x": MODEL}, "every": 1e308}, OptionError),
+        ({"calibration": {"gyro_x": MODEL}, "every": 10**400}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "axes": ["gyro_y"]}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "axes": []}, OptionError),
         ({"calibration": {"gyro_x": MODEL}, "baseline": 3}, OptionError),
@@ -241,6 +243,10 @@ def test_wrong_samples_are_refused() -> None:
         Monitor.from_dict({"format": "other"})
     with pytest.raises(ReadError):
         Monitor.from_dict({**made.to_dict(), "state": {}})
+    state = made.to_dict()
+    for deadline in (-1, 0, 10):
+        with pytest.raises(ReadError, match="deadline"):
+            Monitor.from_dict({**state, "state": {**state["state"], "deadline": deadline}})
     for value in (1e-308, 1e308):
         model = dict.fromkeys(made.to_dict()["models"], f"WN(sigma2={value})")
         with pytest.raises(ReadError):

@@ -37,6 +37,26 @@ def test_dates_are_a_time_base(tmp_path):
         assert imu["gyro_x"].start == start.timestamp()
 
 
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+@pytest.mark.parametrize("first", [-(1 << 63) + 1, -(10**17), 0, 289_918_339_200_000, 10**18, (1 << 63) - 10**12])
+def test_dates_beyond_the_calendar_are_counted(tmp_path, unit, first):
+    step = {"ms": 10, "us": 10_000, "ns": 10_000_000}[unit]
+    stamps = pl.Series(first + step * np.arange(50)).cast(pl.Datetime(unit))
+    imu = read(saved(tmp_path, when=stamps, **{"gyro_x [rad/s]": NOISE}))
+    assert imu.rate == pytest.approx(100, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", [pl.Date(), pl.Duration("ms"), pl.Duration("us"), pl.Duration("ns")])
+@pytest.mark.parametrize("value", [-(1 << 31), 0, (1 << 31) - 1, 1 << 62])
+def test_other_types_of_time_are_told(tmp_path, kind, value):
+    width = pl.Int32 if kind == pl.Date else pl.Int64
+    stamps = pl.Series([min(value, (1 << 31) - 1) if width == pl.Int32 else value] * 50, dtype=width).cast(kind)
+    path = saved(tmp_path, when=stamps, **{"gyro_x [rad/s]": NOISE})
+    assert read(path, rate=100, columns={"gyro_x": "gyro_x [rad/s]"}).rate == 100
+    with contextlib.suppress(GmwmError):
+        read(path, columns={"time": "when", "gyro_x": "gyro_x [rad/s]"})
+
+
 def test_integer_nanoseconds(tmp_path):
     stamps = 10**18 + 2_500_000 * np.arange(50)
     imu = read(saved(tmp_path, timestamp=stamps, **{"gyro_x [rad/s]": NOISE.astype(np.float32)}))

@@ -131,6 +131,21 @@ def test_an_array_of_another_dimension_is_refused(name):
         WaveletAccumulator.from_dict({**state, name: [state[name]]})
 
 
+@pytest.mark.parametrize("value", [1e308, -1e200, float("nan")])
+@pytest.mark.parametrize("name", ["squares", "last_head", "last_tail", "last_squares", "last_heads", "last_tails"])
+def test_a_sum_whose_square_overflows_is_refused(name, value):
+    state = part(walk(5_000)).to_dict()
+    with raises(ReadError):
+        WaveletAccumulator.from_dict({**state, name: [value, *state[name][1:]]})
+
+
+@pytest.mark.parametrize(("name", "value"), [("squares", -1.0), ("counts", -1), ("last_squares", -1.0)])
+def test_a_negative_count_or_sum_of_squares_is_refused(name, value):
+    state = part(walk(5_000)).to_dict()
+    with raises(ReadError):
+        WaveletAccumulator.from_dict({**state, name: [value, *state[name][1:]]})
+
+
 @pytest.mark.parametrize("value", [-1, 10**400, 1 << 62, 1e300])
 @pytest.mark.parametrize("name", ["last_count", "last_start", "lengths", "filled", "every", "some_first"])
 def test_a_number_of_samples_that_no_recording_has_is_refused(name, value):

@@ -164,7 +164,11 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
 
 
 def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
-    return {name: (float(low), float(high)) for name, (low, high) in content.items()}
+    found = {name: (float(low), float(high)) for name, (low, high) in content.items()}
+    for name, (low, high) in found.items():
+        if low > high:
+            raise ReadError(f"the interval of {name} begins at {low!r} and ends at {high!r}", advice=AGAIN)
+    return found
 
 
 def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:

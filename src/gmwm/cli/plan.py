@@ -261,7 +261,7 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
     if content.get("format") == FORMAT:
         found = Calibration.from_dict(content)
         file = None if found.recording is None else found.recording.file
-        return file, {axis: one["fit"] for axis, one in content["axes"].items()}
+        return file, {axis: one.to_dict() for axis, one in found.items()}
     if content.get("command") != "fit":
         raise ReadError('it has neither "format": "gmwm-calibration" nor "command": "fit"')
     file, axes = content.get("file"), content.get("axes")
@@ -269,14 +269,16 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
         raise ReadError("axes must be an object of fits")
     if not isinstance(file, str | None):
         raise ReadError("file must be a string or null")
+    fits = {}
     for axis, one in axes.items():
         try:
-            Fit.from_dict(one)
+            # Values that the document leaves out have defaults.
+            fits[axis] = dict(one) | Fit.from_dict(one).to_dict()
             if one.get("likelihood") is not None:
                 LikelihoodFit.from_dict(one["likelihood"])
         except ReadError as error:
             raise error.at(axis) from error
-    return file, dict(axes)
+    return file, fits
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:

@@ -96,7 +96,7 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
         return np.diag(weights)
     try:
         matrix = np.asarray(weighting, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise OptionError(
             argument="weighting", expected="'diagonal', 'optimal', 'identity' or a matrix of numbers", got=weighting
         ) from error

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import NoReturn
 
 from gmwm._text import printable
-from gmwm.errors import GmwmError, OptionError
+from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.readers import registered
 from gmwm.readers.base import HEAD_BYTES
@@ -55,8 +55,8 @@ class FleetUnits:
         for unit, path in self.paths.items():
             try:
                 several = sensor_topics(path, reading.format)
-            except (GmwmError, OSError):
-                several = ()  # The error is reported when the unit is read.
+            except Exception:  # Also an error of a library: it is reported when the unit is read.
+                several = ()
             if len(several) < 2:
                 paths[unit] = path
                 continue

@@ -92,7 +92,8 @@ def lost(job: Job, deaths: int) -> Outcome:
     """Return the outcome of a job whose process ended each time, although no other job was running."""
     return Outcome(
         job.unit,
-        reason=f"its worker process died {counted(deaths, 'time')} without another job; it may need more memory",
+        reason=f"its worker process died {counted(deaths, 'time')} without another job; it may "
+        "need more memory, or the file may be damaged",
     )
 
 

@@ -57,7 +57,7 @@ def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str 
     try:
         value, unit = given
         whole = isinstance(unit, str) and not isinstance(value, bool) and 0 < float(value) < math.inf
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         whole = False
     if not whole:
         expected = f"a positive number and its unit for {name}, such as (2.0, 'deg/√h')"

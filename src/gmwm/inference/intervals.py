@@ -194,7 +194,7 @@ def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
     size = len(fit.wavelet_variance)
     try:
         array = np.asarray(covariance, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise _no_covariance(f"be a {size} x {size} matrix of numbers", covariance) from error
     if array.shape != (size, size):
         raise _no_covariance(f"be a {size} x {size} matrix; got shape {array.shape}", array.shape)

@@ -438,6 +438,8 @@ class Monitor(OneAtATime):
             known = {axis: Baseline.from_dict(one) for axis, one in content["baselines"].items()}
             made = cls(content["models"], content["every"], rate=content["rate"], baseline=known)
             made._restore(content["state"])
+            if made._deadline is not None and (made._deadline <= made._count or not made._pool):
+                raise ValueError("the deadline must come after the samples so far, and needs an alarm")
             for axis, one in made._axes.items():
                 require_scale(axis, one.whitener.gain.S)
         except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:

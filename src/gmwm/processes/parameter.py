@@ -252,7 +252,10 @@ def _power(base: str, power: int) -> str:
 def _as_number(value: object, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
         raise _wrong(name, "a number", value, argument=name, advice=_ESTIMATED)
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # an integer
+        number = math.inf
     if not math.isfinite(number):
         raise _wrong(name, "finite", value, argument=name, advice=_ESTIMATED)
     return number

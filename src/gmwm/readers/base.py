@@ -159,6 +159,8 @@ class Reader(ABC):
     folder_sign: ClassVar[str] = ""
     """If a recording is a directory, the name of the file in it that identifies the format; "" if a recording is a
     file."""
+    single: ClassVar[bool] = False
+    """Whether every file of the format holds exactly one recording, so that nobody opens it to look for others."""
 
     @abstractmethod
     def sniff(self, path: Path, head: bytes) -> float:

@@ -162,7 +162,7 @@ def _arrays(name: str, values: Any) -> list[Array]:
     if array.dtype.kind == "O":
         try:
             array = array.astype(np.float64)  # None becomes NaN
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return []
     if array.dtype.kind in "Mm":
         array = array.astype("M8[ns]" if array.dtype.kind == "M" else "m8[ns]")

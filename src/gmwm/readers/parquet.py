@@ -33,6 +33,7 @@ class ParquetReader(Reader):
 
     name: ClassVar[str] = "parquet"
     extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
+    single: ClassVar[bool] = True
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 1 if the file begins with PAR1."""
@@ -46,7 +47,7 @@ class ParquetReader(Reader):
             scan = _scan(path)
             schema = scan.collect_schema()
             first = scan.head(1).collect()
-            row = () if first.is_empty() else first.row(0)
+            row = () if first.is_empty() else tuple(map(_first_cell, first.get_columns()))
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
             raise ReadError(
@@ -60,7 +61,7 @@ class ParquetReader(Reader):
             raise ReadError(
                 f"{path} has columns but no rows", code="empty", advice="Check whether the recording was interrupted."
             )
-        return (Layout(channels, tuple(str(value) for value in row)),)
+        return (Layout(channels, row),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield slices of the wanted columns; integers as int64, all others as float64."""
@@ -107,6 +108,16 @@ def _scan(path: Path) -> pl.LazyFrame:
     except UnicodeEncodeError:
         return pl.scan_parquet(BytesIO(path.read_bytes()))
     return pl.scan_parquet(path, glob=False)
+
+
+def _first_cell(series: pl.Series) -> str:
+    """Return the first cell as text. A date beyond the calendar of Python is a number of units since 1970."""
+    import polars as pl
+
+    try:
+        return str(series.to_list()[0])
+    except (ValueError, OverflowError, pl.exceptions.PanicException):
+        return str(series.to_physical().to_list()[0])
 
 
 def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:

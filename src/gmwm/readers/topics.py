@@ -69,7 +69,7 @@ def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
 
 def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
     """Return the names of the recordings in a file that have all six axes. If there is none, return the names of all
-    inertial recordings.
+    inertial recordings; () for a format whose files hold one recording.
 
     Raises
     ------
@@ -77,6 +77,8 @@ def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
         If the file cannot be read.
     """
     file, reader = found_reader(path, format)
+    if reader.single:
+        return ()
     layouts = [layout for layout in reader.layouts(file) if layout.inertial]
     whole = [layout for layout in layouts if set(AXES) <= {channel.axis for channel in layout.channels}]
     return tuple(layout.topic for layout in whole or layouts)

@@ -22,7 +22,7 @@ from gmwm.variance.result import WaveletVariance
 from gmwm.variance.rise import RiseSums
 from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.second_pass import SecondPass, sum_request
-from gmwm.variance.segment_state import SegmentState, as_count
+from gmwm.variance.segment_state import LARGEST_SUM, SegmentState, as_count
 from gmwm.variance.sketch import SKETCH_COLLECTOR, Counts, Sketches
 from gmwm.variance.sketched import SketchCoefficients
 from gmwm.variance.winsorised_mean import ThinnedValues
@@ -287,6 +287,8 @@ class WaveletAccumulator(SegmentedAccumulator):
             )  # fmt: skip
             made._squares = np.array(values["squares"], dtype=np.float64).reshape(made.levels)
             made._counts = np.array(values["counts"], dtype=np.int64).reshape(made.levels)
+            if not np.all((made._squares >= 0) & (made._squares < LARGEST_SUM**2)) or np.any(made._counts < 0):
+                raise ValueError("sums of squares and counts must be finite and not negative")
             made._lengths = [as_count(length) for length in values["lengths"]]
             made._rises = float(values["rises"])
             made.filled, made._line = as_count(values["filled"]), RiseSums(*map(float, values["line"]))

@@ -318,10 +318,9 @@ class WaveletVariance(Summarised):
             raise DataError(
                 f"levels must ascend from 1, and 2^level must not exceed the {samples} samples; got {levels.tolist()}"
             )
-        if not np.all(fields["counts"] > 0):
-            raise DataError(argument="counts", expected="above zero at each level", got=fields["counts"].tolist())
         if fields["robust"] and fields["efficiency"] is None:
             raise DataError("a robust variance must have an efficiency")
+        _checked_efficiency(fields["robust"], fields["efficiency"])
         for name in ("variance", "lower", "upper"):
             fields[name] = np.asarray(fields[name], dtype=np.float64)
         if fields.get("excess") is not None:
@@ -331,7 +330,28 @@ class WaveletVariance(Summarised):
         for name in ("segments", "strides"):
             fields[name] = tuple(int(number) for number in fields.get(name, ()))
         fields["recordings"] = {name: cls.from_dict(one) for name, one in fields.get("recordings", {}).items()}
-        return cls(**fields)
+        found = cls(**fields)
+        found._require_possible()
+        return found
+
+    def _require_possible(self) -> None:
+        """Raise a DataError if no recording of this length has these numbers of coefficients and degrees of freedom."""
+        if not 0 <= self.filled <= self.samples:
+            raise DataError(argument="filled", expected=f"from 0 to the {self.samples} samples", got=self.filled)
+        if self.segments and (min(self.segments) < 1 or sum(self.segments) != self.samples):
+            expected = f"lengths above zero whose sum is the {self.samples} samples"
+            raise DataError(argument="segments", expected=expected, got=self.segments)
+        strides = np.array(self.strides or [1], dtype=np.float64)
+        if np.any(strides < 1) or np.any(strides > self.scales):
+            raise DataError(argument="strides", expected="from 1 to 2^level", got=self.strides)
+        most = self.samples / strides + max(len(self.segments), 1)
+        if np.any(self.counts < 1) or np.any(self.counts > most):
+            expected = f"from 1 to {self.samples} at each level, the number of samples"
+            raise DataError(argument="counts", expected=expected, got=self.counts.tolist())
+        if not np.all(self.degrees_of_freedom > 0):
+            raise DataError(
+                argument="segments", expected="long enough for a coefficient at each level", got=self.segments
+            )
 
     @property
     def remarks(self) -> tuple[Remark, ...]:

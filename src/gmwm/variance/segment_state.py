@@ -193,6 +193,10 @@ class SegmentState:
         if any(one.ndim != 1 for one in (head, tail, squares, heads, tails)):
             raise ValueError("the samples of a segment must be lists of numbers")
         table = np.asarray(values[f"{prefix}blocks"], dtype=np.float64)
+        if not all(np.all(np.abs(one) < LARGEST_SUM) for one in (head, tail, squares, heads, tails, table)):
+            raise ValueError(f"the sums of a segment must be numbers below {LARGEST_SUM:g}")
+        if np.any(squares < 0):
+            raise ValueError("sums of squares must not be negative")
         for level, row in enumerate(table.tolist(), start=exact + 1):
             kept = slice(at, at + int(row[-1]))
             blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
@@ -216,6 +220,10 @@ class SegmentState:
             blocks=tuple(blocks),
             statistics=statistics,
         )
+
+
+LARGEST_SUM = 1e140
+"""Limit of a stored sample or sum of samples. The sum of the squares of larger numbers may overflow."""
 
 
 def as_count(value: Any, least: int = 0) -> int:

@@ -105,7 +105,7 @@ def register(app: Dash, desk: Desk) -> None:
     def settings(session: Session, robust: str, confidence: str) -> Session:
         try:
             level = float(confidence)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise OptionError(argument="confidence", expected="a number", got=confidence) from None
         return session.with_(robust=ROBUST[robust], confidence=level)
 
