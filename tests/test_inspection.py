@@ -63,6 +63,53 @@ def test_knocks_are_found_with_their_times_and_axes():
     assert remark.facts["first"].value == pytest.approx(123.45)
 
 
+def of_rows(stamps, values, tmp_path):
+    """Inspect a file with a time stamp and the values of six axes in each row."""
+    path = tmp_path / "imu.csv"
+    header = "time (s)," + ",".join([f"gyro_{a} (rad/s)" for a in "xyz"] + [f"accel_{a} (m/s^2)" for a in "xyz"])
+    np.savetxt(path, np.column_stack([stamps, values]), "%.9g", ",", header=header, comments="")
+    return inspect(gmwm.read(path))
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")
+@pytest.mark.parametrize("twice", [np.arange(0, 10_000, 7), np.arange(10_000), np.arange(50, 10_000, 100)])
+def test_rows_that_were_written_twice_are_named(twice, tmp_path):
+    rows = np.sort(np.concatenate([np.arange(10_000), twice]))
+    found = of_rows(rows / RATE, still(10_000)[rows], tmp_path)
+    remark = only(found.remarks, "rows-repeated")
+    assert (remark.severity, remark.facts["count"]) == (Severity.WRONG, twice.size)
+    assert "stamps-repeated" not in codes(found.remarks)
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")
+@pytest.mark.parametrize("step", [0.0, 0.005])
+def test_rounded_stamps_or_a_coarse_output_are_not_rows_written_twice(step, tmp_path):
+    values = still(10_000)
+    values = np.round(values / step) * step if step else values
+    found = of_rows(np.floor(np.arange(10_000) / 3) * 0.03, values, tmp_path)
+    assert "rows-repeated" not in codes(found.remarks)
+    assert only(found.remarks, "stamps-repeated")
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0])
+def test_an_axis_that_sticks_is_named(scale):
+    values = still() * scale
+    values[20_000:, 1] = values[20_000, 1]
+    found = look(values)
+    remark = only(found.remarks, "axis-stuck", "gyro_y")
+    assert remark.severity is Severity.WRONG
+    assert 200 <= remark.facts["time"].value <= 210
+    assert remark.facts["share"] == pytest.approx(2 / 3, abs=0.02)
+    assert "recording-moved" not in codes(found.remarks)
+
+
+def test_a_coarse_output_without_changes_is_not_stuck():
+    values = still()
+    values[:, 0] = np.round(values[:, 0] / 7e-3) * 7e-3  # it changes in one of 1000 samples
+    values[20_000:30_000, 0] = 0.0
+    assert "axis-stuck" not in codes(look(values).remarks)
+
+
 def test_motion_is_found():
     values = still()
     values[30_000:33_000, 0] += np.sin(np.arange(3000) / 30) * 0.02

@@ -153,8 +153,8 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
         if not getattr(found, "marks_with_nan", False) and np.any(np.isnan(_numbers_of(value))):
             raise document.error(f"{key} must contain numbers only; got {_shown(value)}")
         if isinstance(value, np.ndarray):
-            if value.ndim == 0:
-                raise document.error(f"{key} must be a list of numbers; got {value.tolist()!r}")
+            if value.ndim == 0 or (value.ndim > 1 and name in _lists(type(found))):
+                raise document.error(f"{key} must be a list of numbers; got {_shown(value)}")
             if value.ndim == 1:
                 lengths[key] = value.size
     if len(set(lengths.values())) > 1 or 0 in lengths.values():
@@ -168,6 +168,11 @@ def _hints(kind: type) -> Mapping[str, Any]:
         types = {field.name: field.type for field in fields(kind)}
         _KINDS[kind] = get_type_hints(SimpleNamespace(__annotations__=types), vars(sys.modules[kind.__module__]))
     return _KINDS[kind]
+
+
+def _lists(kind: type) -> frozenset[str]:
+    """Return the names of the fields with one list of numbers: those whose annotation is `Vector`, or of integers."""
+    return frozenset(field.name for field in fields(kind) if str(field.type) in ("Vector", "NDArray[np.int64]"))
 
 
 def _require(value: Any, kind: Any, key: str, document: Document) -> None:

@@ -201,6 +201,7 @@ def test_a_part_of_the_wrong_kind_is_an_error_that_names_it(calibration, path):
         (("axes", "gyro_x", "datasheet", "rate"), None, ("axes.gyro_x.datasheet.rate", "a number", "null")),
         (("axes", "gyro_x", "datasheet", "level"), 95, ("axes.gyro_x.datasheet.level", "between 0 and 1", "95")),
         (("axes", "gyro_x", "contamination", "tau"), None, ("contamination.tau", "a list of numbers")),
+        (("axes", "gyro_x", "contamination", "levels"), [[1], [2]], ("contamination.levels", "a list of numbers")),
         (("axes", "gyro_x", "fit", "wavelet_variance", "variance"), [1.0], ("gyro_x.fit", "variance", "(1,)")),
         (("axes", "gyro_x", "fit", "wavelet_variance", "counts"), [1], ("gyro_x.fit", "counts", "(1,)")),
         (("settings", "robust"), 3, ("settings.robust", "'auto'", "3")),

@@ -119,3 +119,12 @@ def test_models_without_values_or_noise_are_refused() -> None:
         Finite.of(Model.parse("WN + RW"), RATE)
     with pytest.raises(ModelError):
         Finite.of(Model.parse("WN(sigma2=0)"), RATE)
+
+
+@pytest.mark.parametrize("name", ["power", "information"])
+def test_a_state_whose_matrices_would_overflow_is_refused(name):
+    made = whitener(MODELS[0])
+    made.update(np.random.default_rng(1).normal(size=10))
+    state = made.save()
+    with pytest.raises(ValueError, match="expected a number"):
+        made.load({**state, name: np.full_like(state[name], 1e308)})

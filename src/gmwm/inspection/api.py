@@ -16,11 +16,13 @@ from gmwm.errors import OptionError
 from gmwm.inspection.axis_statistics import AxisStatistics
 from gmwm.inspection.findings import (
     MOVED,
+    OF_STAMPS,
     of_conditions,
     of_gravity,
     of_motion,
     of_rounding,
     of_steps,
+    of_stuck,
     of_time,
     of_trends,
     of_units,
@@ -40,6 +42,9 @@ from gmwm.units import SI_UNIT
 
 _RESTLESS = 4.0
 """Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
+(tests/test_inspection.py)."""
+_CHANGES = 0.1
+"""Share of samples at which the output changes, above which rounding does not explain a window without any change
 (tests/test_inspection.py)."""
 _TURN = 0.1
 """Change of the direction of gravity (degrees) above which there is a remark (tests/test_inspection.py). A bias of 1.7
@@ -190,11 +195,14 @@ class RecordingStatistics:
         self._resolutions, self._values, self._temperature = resolutions, values, temperature
         self._units: dict[str, str] = {}
         self._axes = {axis: AxisStatistics(extent, step or 0.0) for axis, step in resolutions.items()}
+        self._same = 0
 
     def update(self, batch: Batch) -> None:
         """Add the next samples of all axes."""
         self._units = {axis: signal.unit for axis, signal in batch.signals.items()}
         in_threads(lambda axis, one: one.update(batch.signals[axis].values), self._axes)
+        if self._base.duplicates:
+            self._same += _repeated(batch)
 
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
         """Return the inspection, after the last batch. The effect of the conditions is removed before the test for
@@ -217,10 +225,12 @@ class RecordingStatistics:
         sought = (trend_of(axis, _noise(axis, one, conditions), extent) for axis, one in statistics.items())
         trends = tuple(found for found in sought if found is not None)
         restless = {axis: found for axis, one in statistics.items() if (found := _restless(one, extent)) is not None}
+        still = {axis: self._stuck(axis, one) for axis, one in statistics.items()}
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
         moved = tilt is not None and turned and tilt > MOVED
         remarks = (
-            *of_time(extent, self._base),
+            *of_time(extent, self._base, self._same),
+            *of_stuck(still),
             *of_motion(restless, tilt if turned else None, knocks),
             *of_steps(tuple(steps)),
             *of_trends(trends, self._units, extent, self._base.left > 0),
@@ -228,7 +238,7 @@ class RecordingStatistics:
             *of_rounding(axes, extent.rate),
             *of_units(self._densities()),
             *of_conditions(conditions.found, conditions.unknown),
-            *self._remarks,
+            *(remark for remark in self._remarks if remark.code not in OF_STAMPS),
         )
         segments = len(extent.segments)
         return Inspection(
@@ -268,6 +278,18 @@ class RecordingStatistics:
             wander=wander,
         )
 
+    def _stuck(self, axis: str, one: AxisStatistics) -> tuple[float, float] | None:
+        """Return the first time (s) at which the output of an axis does not change for a window, and the share of these
+        windows; None if there are none, or if rounding explains them."""
+        there = one.steps.counts > 0
+        still, step = there & (one.steps.means == 0), self._resolutions[axis] or 0.0
+        moving = there & ~still
+        # The mean square of the differences is step² times the share of samples at which the output changes, or more.
+        if not np.any(still) or not np.any(moving) or np.median(one.steps.means[moving]) < _CHANGES * step**2:
+            return None
+        first, _ = self._extent.windows()[int(np.argmax(still))]
+        return float(self._extent.times([first])[0]), float(np.mean(still[there]))
+
     def _densities(self) -> dict[str, float]:
         """Return the noise density of each gyroscope (rad/s/√Hz), the median over the windows, which knocks do not
         affect."""
@@ -277,6 +299,16 @@ class RecordingStatistics:
             if self._units[axis] == SI_UNIT["gyro"] and np.any(some):
                 found[axis] = float(np.sqrt(np.median(one.steps.means[some]) / 2 / self._extent.rate))
         return found
+
+
+def _repeated(batch: Batch) -> int:
+    """Return the number of samples that equal the sample before on all axes."""
+    same: Any = True
+    for signal in batch.signals.values():
+        same = same & (signal.values[1:] == signal.values[:-1])
+        if not np.any(same):
+            break
+    return int(np.sum(same))
 
 
 def _noise(axis: str, one: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:
@@ -314,7 +346,8 @@ def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float, float]
     """Return the beginning and length (s) of the window with the largest standard deviation without outliers, and the
     ratio of this to the median of all windows; None if the ratio is usual."""
     spreads = np.sqrt(one.calm.variances())
-    usual, worst = float(np.median(spreads)), int(np.argmax(spreads))
+    changing = spreads[one.steps.means > 0]  # windows in which the output is not stuck
+    usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))
     if usual > 0 and spreads[worst] > _RESTLESS * usual:
         first, last = extent.windows()[worst]
         begin, end = extent.times([first, last - 1])

@@ -34,9 +34,16 @@ _WRONG = 0.05
 _JITTER = 0.1
 """Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
 (tests/test_inspection.py)."""
+_TWICE = 0.1
+"""Largest relative difference between the number of repeated time stamps and the number of repeated samples, for rows
+that were written twice. If time stamps are only rounded, the samples differ (tests/test_inspection.py)."""
+_FEW = 1e-3
+"""Share of rows written twice, below which there is no remark on them. N is too large by half of this share."""
 _LATE = 0.5
 """Largest share of the recording that a warm-up may take; otherwise the rest is too short for a calibration
 (docs/howto/record.md)."""
+OF_STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
+"""Remarks of a reader on the time stamps. `of_time` makes them again."""
 AFFECTED = ("B", "K", "R")
 """Symbols of the numbers that are estimated at long scales, where a trend looks like noise."""
 ALL = ("N", "B", "K", "Q", "q_c")
@@ -50,8 +57,8 @@ _ROUNDED = 0.7
 is step²/24σ²."""
 
 
-def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
-    """Yield remarks on gaps and time stamps."""
+def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
+    """Yield remarks on gaps and time stamps. `same` is the number of samples that equal the one before on all axes."""
     filled, count = extent.filled
     if len(extent.joined) > 1:
         missing = sum(duration - 1 / base.rate for _, duration in base.gaps) - filled / base.rate
@@ -63,11 +70,21 @@ def of_time(extent: Extent, base: TimeBase) -> Iterator[Remark]:
     if base.lost:
         yield Remark.of("samples-lost", count=base.lost)
     if base.duplicates:
-        yield Remark.of("stamps-repeated", count=base.duplicates)
+        many = base.duplicates > _FEW * extent.samples
+        twice = many and abs(same / base.duplicates - 1) <= _TWICE
+        yield Remark.of("rows-repeated" if twice else "stamps-repeated", count=base.duplicates)
     if base.backward:
         yield Remark.of("stamps-backward", count=base.backward)
     if base.jitter * base.rate > _JITTER:
         yield Remark.of("stamps-jitter", share=float(base.jitter * base.rate))
+
+
+def of_stuck(still: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
+    """Yield remarks on axes whose output stops changing, with the first such time (s) and the share of the
+    recording."""
+    for axis, found in still.items():
+        if found is not None:
+            yield Remark.of("axis-stuck", axis, time=Quantity(found[0], "s"), share=found[1])
 
 
 def of_motion(

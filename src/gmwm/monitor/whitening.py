@@ -335,10 +335,9 @@ class Whitener:
         self.origin = None if state["origin"] is None else number(state["origin"])
         self.count, self.drifted = whole(state["count"]), whole(state["drifted"])
         m = self.columns = whole(state["columns"])
-        self.power = np.array(state["power"], dtype=np.float64).reshape(self.gain.H.size, m)
-        self.information = np.array(state["information"], dtype=np.float64).reshape(m, m)
+        self.power = numbers([one for row in state["power"] for one in row]).reshape(self.gain.H.size, m)
+        self.information = numbers([one for row in state["information"] for one in row]).reshape(m, m)
         self.moments = numbers(state["moments"]).reshape(m)
-        matrices = np.concatenate([self.power.ravel(), self.information.ravel()])
-        if not np.all(np.isfinite(matrices)) or np.any(np.linalg.eigvalsh(self.information) <= 0):
-            raise ValueError("the matrices of the filter must be finite, and the information positive definite")
+        if np.any(np.linalg.eigvalsh(self.information) <= 0):
+            raise ValueError("the information of the filter must be positive definite")
         self._rows = None

@@ -195,8 +195,8 @@ class SegmentState:
         table = np.asarray(values[f"{prefix}blocks"], dtype=np.float64)
         if not all(np.all(np.abs(one) < LARGEST_SUM) for one in (head, tail, squares, heads, tails, table)):
             raise ValueError(f"the sums of a segment must be numbers below {LARGEST_SUM:g}")
-        if np.any(squares < 0):
-            raise ValueError("sums of squares must not be negative")
+        if squares.size != exact or np.any(squares < 0):
+            raise ValueError(f"a segment must have {exact} sums of squares, and none may be negative")
         for level, row in enumerate(table.tolist(), start=exact + 1):
             kept = slice(at, at + int(row[-1]))
             blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
