@@ -74,6 +74,11 @@ def joint(
 
     recording = load(file, reading)
     signals = chosen_axes(recording, axis)
+    if len(signals) < 2:
+        raise OptionError(
+            f"the model is for two or more axes; got one, {next(iter(signals))}", argument="axis", got=axis,
+            advice="Fit one axis with gmwm fit.",
+        )  # fmt: skip
     with progress("fitting"):
         time = parse_length(certify_within) if certify else False
         found = fit_joint(model, signals, levels=parse_levels(levels), certify=time)

@@ -58,7 +58,7 @@ def same(
     from gmwm.joint import same
 
     if len(files) < 2:
-        raise OptionError(argument="files", expected="at least two recordings", got=[str(file) for file in files])
+        raise OptionError(f"pass at least two recordings; got one, {files[0]}", argument="files", got=str(files[0]))
     recordings = [Imu(chosen_axes(load(file, reading), axis)) for file in files]
     found = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
     return Outcome(
