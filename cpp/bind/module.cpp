@@ -20,6 +20,8 @@ void bind_spectral_shape(nb::module_& m);
 
 NB_MODULE(_core, m) {
   m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
+  // A command ends without a search for reference cycles, and its accumulators may be in some. That is no leak.
+  nb::set_leak_warnings(false);
   bind_arma(m);
   bind_exponential(m);
   bind_haar(m);
