@@ -93,7 +93,8 @@ diagonal."""
 LARGEST_COUNT = 1 << 62
 """Largest number of samples or of anything else that is counted."""
 LARGEST = 1e150
-"""Largest finite number in a document. The square of a larger number overflows."""
+"""Largest finite number in a document, and largest inverse of a number above zero. The square of a larger number
+overflows."""
 
 
 @dataclass(frozen=True)
@@ -205,6 +206,8 @@ def _require_range(name: str, value: Any, key: str, document: Document) -> None:
     numbers = _numbers_of(value)
     if name in _POSITIVE and np.any(numbers <= 0):
         raise document.error(f"{key} must be above zero; got {_shown(value)}")
+    if name in _POSITIVE and np.any(numbers < 1 / LARGEST):
+        raise document.error(f"{key} must be at least {1 / LARGEST:g}; got {_shown(value)}")
     if name in _NOT_NEGATIVE and np.any(numbers < 0):
         raise document.error(f"{key} must not be negative; got {_shown(value)}")
     if name in _POSITIVE | _NOT_NEGATIVE and isinstance(value, int) and value > LARGEST_COUNT:

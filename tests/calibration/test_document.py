@@ -209,6 +209,7 @@ def test_a_part_of_the_wrong_kind_is_an_error_that_names_it(calibration, path):
         (("recording_remarks",), None, ("'recording_remarks'", "a list", "null")),
         (("recording", "samples"), 1.5, ("recording.samples", "a whole number", "1.5")),
         (("recording", "samples"), 0, ("recording.samples", "above zero")),
+        (("axes", "gyro_x", "fit", "wavelet_variance", "rate"), 1e-306, ("wavelet_variance.rate", "at least 1e-150")),
         (("recording", "missing"), -1.0, ("recording.missing", "negative")),
         (("recording", "duration"), "NaN", ("recording.duration", "numbers only")),
         (("recording", "segments"), 10**30, ("recording.segments", "exceed")),
