@@ -146,10 +146,12 @@ def test_a_negative_count_or_sum_of_squares_is_refused(name, value):
         WaveletAccumulator.from_dict({**state, name: [value, *state[name][1:]]})
 
 
-def test_a_wrong_number_of_sums_of_squares_is_refused():
+def test_a_wrong_number_of_sums_is_refused():
     state = part(walk(5_000)).to_dict()
     with raises(ReadError, "sums of squares"):
         WaveletAccumulator.from_dict({**state, "last_squares": state["last_squares"][1:]})
+    with raises(ReadError, "a row of blocks"):
+        WaveletAccumulator.from_dict({**state, "last_blocks": []})
 
 
 @pytest.mark.parametrize("value", [-1, 10**400, 1 << 62, 1e300])

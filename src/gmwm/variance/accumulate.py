@@ -296,8 +296,8 @@ class WaveletAccumulator(SegmentedAccumulator):
                 made._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
             some = np.array(values["some"], dtype=np.float64)
             made._thinned = ThinnedValues(as_count(values["every"], 1), as_count(values["some_first"]), some)
-            made._first = SegmentState.restored("first_", made.exact, values)
-            made._last = SegmentState.restored("last_", made.exact, values)
+            made._first = SegmentState.restored("first_", made.exact, made.levels, values)
+            made._last = SegmentState.restored("last_", made.exact, made.levels, values)
             made._count = as_count(sum(made._lengths) + sum(part.count for part in made._open()))
         except KeyError as error:
             raise ReadError(

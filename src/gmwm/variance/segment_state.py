@@ -182,7 +182,7 @@ class SegmentState:
         return {f"{prefix}bins": bins, f"{prefix}resolutions": resolutions}
 
     @classmethod
-    def restored(cls, prefix: str, exact: int, values: Mapping[str, Any]) -> Self | None:
+    def restored(cls, prefix: str, exact: int, levels: int, values: Mapping[str, Any]) -> Self | None:
         """Restore the state from the output of `arrays`; None if there is no such state."""
         if f"{prefix}count" not in values:
             return None
@@ -197,6 +197,8 @@ class SegmentState:
             raise ValueError(f"the sums of a segment must be numbers below {LARGEST_SUM:g}")
         if squares.size != exact or np.any(squares < 0):
             raise ValueError(f"a segment must have {exact} sums of squares, and none may be negative")
+        if len(table) != max(levels, exact + 1) - exact:
+            raise ValueError(f"a segment must have a row of blocks for each level above {exact}, up to {levels}")
         for level, row in enumerate(table.tolist(), start=exact + 1):
             kept = slice(at, at + int(row[-1]))
             blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
