@@ -134,17 +134,14 @@ def settle(
     else:
         problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
     solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
-    implied = _implied(problem, solution, wv)
     for _ in range(returns):
         found = _iterated(problem, solution, wv, weighting, design=design, fixed=fixed)
         problem, solution = found.problem, found.solution
         if found.reason is not None:
             remark = Remark.of("weights-from-data", wv.axis, reason=found.reason)
             return Settled(problem, finish(problem, solution), (remark,))
-        implied = _implied(problem, solution, wv)
-        last = finish(problem, solution)
-        change = _change(implied, _implied(problem, last, wv))
-        solution, implied = last, _implied(problem, last, wv)
+        before, solution = _implied(problem, solution, wv), finish(problem, solution)
+        change = _change(before, _implied(problem, solution, wv))
         if change <= max(CLOSE, found.change):
             break
     if found.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
