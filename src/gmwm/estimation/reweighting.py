@@ -305,12 +305,22 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)
-    variance = variances(model, design.for_weights) * scale**2
+    return np.diag(reciprocal(variances(model, design.for_weights) * scale**2, model))
+
+
+def reciprocal(variance: Vector, model: Model) -> Vector:
+    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise at some level.
+    """
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
         raise _no_noise(model)
-    return np.diag(weights)
+    return np.asarray(weights)
 
 
 def _no_noise(model: Model) -> ModelError:

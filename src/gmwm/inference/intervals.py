@@ -13,7 +13,7 @@ from gmwm._arrays import Matrix
 from gmwm.confidence_limits import chi_square_limits
 from gmwm.covariance import Design, covariances
 from gmwm.errors import OptionError
-from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
+from gmwm.estimation.reweighting import REWEIGHTED, reciprocal
 from gmwm.estimation.weighting import precision
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
@@ -287,7 +287,8 @@ def _relative_error(fit: Fit, model: Model, name: str) -> float:
     if fit.weighting == "optimal":
         matrix = precision(for_weights)
     else:
-        matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
+        diagonal = fit.weighting in REWEIGHTED
+        matrix = np.diag(reciprocal(np.diag(for_weights), model)) if diagonal else fit.weighting_matrix
     found = sandwich_of(model, design, matrix=matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])
