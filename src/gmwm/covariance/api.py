@@ -42,6 +42,8 @@ def covariance(model: Model, design: Design) -> Matrix:
 def covariances(model: Model, *designs: Design) -> list[Matrix]:
     """Compute `covariance` for designs that differ only in their excess and their model error."""
     own = covariance(model, replace(designs[0], excess=None, model_error=0.0))
+    if all(design.added is None for design in designs):
+        return [own] * len(designs)
     curve = model.wavelet_variance(designs[0].levels, designs[0].rate, designs[0].filter)
     square = np.outer(curve, curve)
     return [own if design.added is None else own + design.added * square for design in designs]
