@@ -21,19 +21,24 @@ from pathlib import Path
 import numpy as np
 import gmwm
 
-state, x = Path(sys.argv[1]), np.load(sys.argv[2])
+state, x, until = Path(sys.argv[1]), np.load(sys.argv[2]), int(sys.argv[3])
 live = gmwm.WaveletAccumulator(rate=100.0, exact=10, robust=True)
 if state.exists():
     live = pickle.loads(state.read_bytes())
 print(len(live), flush=True)
+reached = False
 while len(live) < x.size:
     k = len(live)
-    if k == 100_000:
-        live.gap()
-    live.update(x[k : min(k + 10_000, 100_000 if k < 100_000 else x.size)])
+    if k < until:
+        if k == 100_000:
+            live.gap()
+        live.update(x[k : min(k + 10_000, 100_000 if k < 100_000 else x.size)])
     new = state.with_suffix(".new")
     new.write_bytes(pickle.dumps(live))
     os.replace(new, state)
+    if not reached and len(live) >= until:
+        reached = True
+        print("there", flush=True)  # from here the state is saved again and again, until the kill
 print("done", flush=True)
 """
 
@@ -43,23 +48,14 @@ def test_killed_and_restored(tmp_path):
     x = np.random.default_rng(1).normal(size=SAMPLES).cumsum() * 1e-3 + np.random.default_rng(2).normal(size=SAMPLES)
     np.save(tmp_path / "x.npy", x)
     command = [sys.executable, "-c", MEASURE, str(tmp_path / "state"), str(tmp_path / "x.npy")]
-    begun, kills = [], 0
-    while True:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert process.stdout is not None
-        begun.append(int(process.stdout.readline()))
-        if kills < 3:
-            time.sleep(0.15)
+    for begin, until in ((0, 90_000), (90_000, 160_000), (160_000, 250_000)):
+        with subprocess.Popen([*command, str(until)], stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            assert [process.stdout.readline() for _ in range(2)] == [f"{begin}\n", "there\n"]
+            time.sleep(0.02)
             process.send_signal(signal.SIGKILL)
-        rest = process.stdout.read()
-        process.wait()
-        process.stdout.close()
-        if rest.strip() == "done":
-            break
-        kills += 1
-        assert kills <= 3
-    assert kills >= 1
-    assert begun[0] == 0 < begun[-1] < SAMPLES
+    last = subprocess.run([*command, str(SAMPLES)], stdout=subprocess.PIPE, text=True, check=True)
+    assert last.stdout.split() == ["250000", "there", "done"]
 
     found = pickle.loads((tmp_path / "state").read_bytes())
     whole = gmwm.WaveletAccumulator(rate=100.0, exact=10, robust=True)
