@@ -50,8 +50,8 @@ docs: $(VENV)/.dev ## build the site of the documentation, strictly, into build/
 	@echo "build/docs/index.html"
 	$(if $(OPEN),@$(BIN)/python -m webbrowser "file://$(CURDIR)/build/docs/index.html")
 
-stub: $(VENV)/.dev ## write src/gmwm/_core.pyi, the types of the kernels, from the built module
-	$(BIN)/python -m nanobind.stubgen -q -m gmwm._core -o src/gmwm/_core.pyi
+stub: $(VENV)/.dev ## write src/gmwm/base/_core.pyi, the types of the kernels, from the built module
+	$(BIN)/python -m nanobind.stubgen -q -m gmwm.base._core -o src/gmwm/base/_core.pyi
 
 pictures: $(VENV)/.dev ## draw every picture of the documentation anew, and what its pages print; the same bytes again
 	$(BIN)/python -m docs.pictures
@@ -89,7 +89,7 @@ format: $(VENV)/.dev ## let ruff fix what it can, and format
 
 # What the report carries with it. For another version: change it here, `make vendor SUMS=write`, run the tests.
 PLOTLY := plotly.js-basic-dist-min@4.1.1
-VENDOR := src/gmwm/reports/vendor
+VENDOR := src/gmwm/showing/reports/vendor
 SUMS := check
 
 vendor: ## fetch what the HTML report carries (needs npm and the network) and check its sums

@@ -24,9 +24,9 @@ import benchmarks
 import gmwm
 from benchmarks import children, harness, page, scaling, targets
 from benchmarks.results import Results
-from gmwm import _core
-from gmwm._files import write_text
-from gmwm._threads import processors
+from gmwm.base import _core
+from gmwm.base.atomic_files import write_text
+from gmwm.base.threads import processors
 
 OTHERS = ("numpy", "allantools", "PyWavelets", "statsmodels")
 IDENTITY = {"timings": ("module", "name", "against"), "curves": ("along", "name"), "children": ("name", "samples")}

@@ -9,9 +9,9 @@ import allantools
 import numpy as np
 
 from benchmarks.harness import Case
-from gmwm.variance.allan import allan_variance
-from gmwm.variance.hadamard import hadamard_variance
-from gmwm.variance.total import total_variance
+from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.hadamard import hadamard_variance
+from gmwm.measuring.variance.total import total_variance
 
 
 def cases() -> Iterable[Case]:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness import Case
-from gmwm import filters
-from gmwm.covariance.design import Design
-from gmwm.inference.simulated_curves import simulated_variances
-from gmwm.processes import Model
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance.design import Design
+from gmwm.theory import filters
+from gmwm.theory.processes import Model
 
 SAMPLES, DRAWS = 10**5, 20
 MODELS = (

@@ -9,7 +9,7 @@ import numpy as np
 
 import gmwm
 from benchmarks.harness import Case
-from gmwm.covariance import Design, variances
+from gmwm.measuring.covariance import Design, variances
 
 MODELS = (
     "WN(sigma2=1e-6) + QN(q2=2e-6) + RW(gamma2=1e-13)",

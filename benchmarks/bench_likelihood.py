@@ -17,8 +17,8 @@ import numpy as np
 
 import gmwm
 from benchmarks.harness import Case
-from gmwm.likelihood.problem import Problem
-from gmwm.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.record import as_record
 
 RATE = 100.0
 WALK = gmwm.Model.parse("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-7)")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import gmwm
 from benchmarks.harness import Case
-from gmwm import _core
+from gmwm.base import _core
 
 
 def pyramid(x: NDArray[np.float64], levels: int) -> NDArray[np.float64]:

@@ -27,8 +27,8 @@ import pickle
 state = len(pickle.dumps(live))
 """
 WRITE = """
-from gmwm.simulation import reference_imu, simulate
-from gmwm.writers import write
+from gmwm.theory.simulation import reference_imu, simulate
+from gmwm.recording.writers import write
 write(simulate(reference_imu(), rate=100.0, samples={n}, rng=1), {path!r})
 """
 FILTERED = """

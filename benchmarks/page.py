@@ -12,8 +12,8 @@ from benchmarks.claims import CLAIMS, MARGIN
 from benchmarks.kernels import bandwidth_words
 from benchmarks.picture import draw
 from benchmarks.results import Results
-from gmwm._files import written_whole
-from gmwm.plots.axes import number_text, power_text
+from gmwm.base.atomic_files import written_whole
+from gmwm.showing.plots.axes import number_text, power_text
 
 DOCUMENTS = Path(__file__).resolve().parent.parent / "docs"
 NAME = "benchmarks"

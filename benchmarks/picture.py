@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.results import Results, Row
-from gmwm.plots import style
-from gmwm.plots.axes import limits_of, power_ticks
-from gmwm.plots.figure import Axis, Figure, Line, Panel, Stroke, Tick
+from gmwm.showing.plots import style
+from gmwm.showing.plots.axes import limits_of, power_ticks
+from gmwm.showing.plots.figure import Axis, Figure, Line, Panel, Stroke, Tick
 
 WIDTH, HEIGHT = 180.0, 190.0
 
@@ -44,7 +44,7 @@ def figure(results: Results) -> Figure:
 
 def draw(results: Results, path: Path) -> None:
     """Write the picture."""
-    from gmwm.plots.matplotlib import draw as drawn
+    from gmwm.showing.plots.matplotlib import draw as drawn
 
     drawn(figure(results), path=path)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from benchmarks.bench_fit import GOODNESS, INTERVALS, OPTIMAL
 from benchmarks.results import Results
-from gmwm.plots.axes import number_text
+from gmwm.showing.plots.axes import number_text
 
 CUMSUM = "np.cumsum of 10^6"
 CERTIFIED = "fit from a wavelet variance, certified"

@@ -8,16 +8,16 @@ from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
-from gmwm._template import render
-from gmwm.remarks import Dialect, Fact, Message, Remark, messages
-from gmwm.remarks.registry import SECTIONS, Choice
+from gmwm.base.remarks import Dialect, Fact, Message, Remark, messages
+from gmwm.base.remarks.registry import SECTIONS, Choice
+from gmwm.base.template import render
 
 PAGE = Path(__file__).parent / "howto" / "warnings.md"
 
 HEAD = """\
 # Messages and what to do about them
 
-<!-- Written by `python -m docs.messages` from src/gmwm/remarks/messages.toml. -->
+<!-- Written by `python -m docs.messages` from src/gmwm/base/remarks/messages.toml. -->
 
 gmwm reports everything that you should know about a result as a message with a code and a severity. The terminal shows
 the code in brackets after the message, and JSON files have it as `code`. In Python, the messages are in `remarks` of

@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 import gmwm
-from gmwm.plots.style import BLACK, BLUE, GREEN, GRID, ORANGE
+from gmwm.showing.plots.style import BLACK, BLUE, GREEN, GRID, ORANGE
 
 RATE, STEPS = 100.0, 10
 """Samples of the sensors, and steps of the filter, per second."""

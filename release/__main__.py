@@ -24,7 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 TOOLS = ("cc", "gcc", "c++", "g++", "clang", "clang++", "cl", "cmake", "ninja", "make")
 """What must not be found where the wheel is tried."""
-VENDORED = "gmwm/reports/vendor/plotly-basic"
+VENDORED = "gmwm/showing/reports/vendor/plotly-basic"
 """What the HTML report carries, with a licence of its own beside it."""
 WRITTEN = ("imu.csv", "calibration.json")
 """Some of what the demo writes."""
@@ -131,7 +131,7 @@ def look_into_wheel(wheel: Path) -> None:
     licences = [name for name in names if ".dist-info/licenses/" in name and not name.endswith("/")]
     if {Path(name).name for name in licences} != {"LICENSE", f"{Path(VENDORED).name}.LICENSE"}:
         raise ReleaseError(f"licences in {wheel.name}: {licences}")
-    if f"{VENDORED}.min.js" not in names or not any(name.startswith("gmwm/_core.") for name in names):
+    if f"{VENDORED}.min.js" not in names or not any(name.startswith("gmwm/base/_core.") for name in names):
         raise ReleaseError(f"{wheel.name} lacks the kernels or what the report carries")
     beside = sorted({name.partition("/")[0] for name in names})
     if any(name != "gmwm" and not name.endswith((".dist-info", ".libs")) for name in beside):

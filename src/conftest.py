@@ -2,4 +2,4 @@
 
 from importlib.util import find_spec
 
-collect_ignore_glob = [] if find_spec("dash") else ["gmwm/app/page/*.py"]
+collect_ignore_glob = [] if find_spec("dash") else ["gmwm/applications/app/page/*.py"]

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from gmwm.errors import GmwmError, GmwmWarning
-from gmwm.remarks import Remark
+from gmwm.base.errors import GmwmError, GmwmWarning
+from gmwm.base.remarks import Remark
 
 
 def device(name: str) -> Path:

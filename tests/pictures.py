@@ -3,6 +3,6 @@
 No test asks for a number of pixels.
 """
 
-from gmwm.plots import matplotlib
+from gmwm.showing.plots import matplotlib
 
 matplotlib.PRINT_DPI = 120

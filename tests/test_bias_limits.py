@@ -11,7 +11,7 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN, Signal, WaveletVariance
-from gmwm.datasheets import Datasheet
+from gmwm.choosing.datasheets import Datasheet
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 

@@ -3,11 +3,15 @@
 import re
 import tomllib
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 from ruamel.yaml import YAML
 
+import gmwm
+
 ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "src" / "gmwm"
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 PAGES = ("CODE_OF_CONDUCT.md", "CONTRIBUTING.md", "SECURITY.md", ".github/pull_request_template.md")
 KINDS = {"markdown", "textarea", "input", "dropdown", "checkboxes"}
@@ -51,11 +55,13 @@ def test_links_in_the_files_of_the_root_lead_to_a_file(name):
     assert [link for link in links if link and not (ROOT / link).exists()] == []
 
 
-def test_the_layers_that_are_described_are_those_that_are_checked():
-    section = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Layers\n")[2].partition("\n## ")[0]
-    rows = re.findall(r"^\| [a-z ]+ \| (`.+?`) \|", section.partition("Outside the package")[0], re.MULTILINE)
+def test_the_rooms_that_are_described_are_those_that_are_checked():
+    section = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Rooms\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| (.+?) (?<!\\)\| ", section, re.MULTILINE)
+    described = [f"gmwm.{room}.{name}" for room, packages in rows for name in re.findall(r"`(\w+)`", packages) or [""]]
     with (ROOT / "pyproject.toml").open("rb") as file:
         (contract,) = tomllib.load(file)["tool"]["importlinter"]["contracts"]
-    layers = [set(re.findall(r"\w+", layer)) for layer in contract["layers"]]
-    assert layers[0] == {"__main__"}
-    assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == layers[1:]
+    checked = [name for layer in contract["layers"] for name in re.findall(r"[\w.]+", layer)]
+    assert [name.rstrip(".") for name in described] == [name for name in checked if name != "gmwm.__main__"]
+    modules = {f"gmwm.{room}.{module.name}" for room in gmwm._ROOMS for module in iter_modules([str(PACKAGE / room)])}
+    assert modules <= {*checked, "gmwm.base._core"}

@@ -7,10 +7,10 @@ import pytest
 from scipy.linalg import expm
 
 import gmwm
-from gmwm.continuous_statespace import ContinuousStateSpace
-from gmwm.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.processes import Model
-from gmwm.statespace import StateSpace
+from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.theory.continuous_statespace import ContinuousStateSpace
+from gmwm.theory.processes import Model
+from gmwm.theory.statespace import StateSpace
 from tests.helpers import raises
 
 MODELS = (

@@ -7,10 +7,10 @@ import pytest
 
 import gmwm
 from gmwm import Imu, Signal
-from gmwm._text import moment
-from gmwm.errors import DataError, GmwmWarning, OptionError
-from gmwm.remarks import Quantity, Remark
-from gmwm.time_base import TimeBase
+from gmwm.base.errors import DataError, GmwmWarning, OptionError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.text import moment
+from gmwm.base.time_base import TimeBase
 from tests.helpers import only, raises
 
 

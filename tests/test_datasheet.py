@@ -11,13 +11,13 @@ import pytest
 
 import gmwm
 from gmwm import AR1, DR, GM, QN, RW, SIN, WN, Model, Signal, WaveletVariance, fixed
-from gmwm.datasheets import Datasheet, Entry
-from gmwm.datasheets.bias import lowest
-from gmwm.datasheets.equivalent_terms import translated
-from gmwm.errors import OptionError
-from gmwm.processes import Process, registry
-from gmwm.processes.parameter import Parameter, Value
-from gmwm.units import datasheet_units, noise_unit
+from gmwm.base.errors import OptionError
+from gmwm.base.units import datasheet_units, noise_unit
+from gmwm.choosing.datasheets import Datasheet, Entry
+from gmwm.choosing.datasheets.bias import lowest
+from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.theory.processes import Process, registry
+from gmwm.theory.processes.parameter import Parameter, Value
 from tests.helpers import codes, only, raises
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")

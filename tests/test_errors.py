@@ -4,8 +4,8 @@ import pickle
 
 import pytest
 
-from gmwm._template import Dialect
-from gmwm.errors import DataError, ModelError, OptionError, ReadError
+from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
+from gmwm.base.template import Dialect
 
 
 def test_an_argument_is_named_as_an_option_in_the_shell():

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gmwm.errors import MissingDependencyError, OptionError
-from gmwm.filters import FILTERS, HAAR, WaveletFilter, find_filter, projected
+from gmwm.base.errors import MissingDependencyError, OptionError
+from gmwm.theory.filters import FILTERS, HAAR, WaveletFilter, find_filter, projected
 from tests.helpers import raises
 
 ROOT = Path(__file__).parents[1]
@@ -173,7 +173,7 @@ def test_without_pywavelets_the_extra_is_named():
         "from gmwm.filters import find_filter\n"
         "find_filter('la8')\n"
         "try: find_filter('sym5')\n"
-        f"except __import__('gmwm.errors').errors.{MissingDependencyError.__name__} as error: print(error)"
+        f"except __import__('gmwm.base.errors').errors.{MissingDependencyError.__name__} as error: print(error)"
     )
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert "gmwm[wavelets]" in printed

@@ -11,14 +11,14 @@ import threading
 import pytest
 
 from gmwm import simulate
-from gmwm._helpers import Helpers, helpers, new_helper
-from gmwm.writers import write
+from gmwm.base.helpers import Helpers, helpers, new_helper
+from gmwm.recording.writers import write
 
 FORKS = pytest.mark.skipif(sys.platform != "linux", reason="helpers are forked on Linux only")
 CALLS = """
 import os, signal, time, warnings
 from math import sqrt
-from gmwm._helpers import Helpers
+from gmwm.base.helpers import Helpers
 def own(): return os.getpid()
 def slow(): time.sleep(1); return os.getpid()
 def warn(): warnings.warn("from a helper"); return 1

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.inspection import inspect
-from gmwm.remarks import Severity
-from gmwm.resolution import lsb
-from gmwm.signals import Imu, Signal
-from gmwm.time_base import TimeBase
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Severity
+from gmwm.base.time_base import TimeBase
+from gmwm.measuring.inspection import inspect
+from gmwm.recording.resolution import lsb
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import codes, only, raises
 
 RATE = 100.0

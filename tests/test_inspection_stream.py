@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.inspection.axis_statistics import AxisStatistics
-from gmwm.inspection.time_grid import Extent
-from gmwm.signals import Imu
+from gmwm.measuring.inspection.axis_statistics import AxisStatistics
+from gmwm.measuring.inspection.time_grid import Extent
+from gmwm.recording.signals import Imu
 from tests.helpers import codes, raises
 
 RATE = 100.0

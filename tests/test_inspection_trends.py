@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.inspection import inspect
-from gmwm.remarks import Severity
-from gmwm.signals import Imu, Signal
+from gmwm.base.remarks import Severity
+from gmwm.measuring.inspection import inspect
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import only
 
 RATE = 20.0

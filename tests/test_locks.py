@@ -7,9 +7,9 @@ import threading
 import numpy as np
 import pytest
 
-from gmwm._locks import OneAtATime, one_at_a_time
-from gmwm.spectrum.accumulate import SpectrumAccumulator
-from gmwm.variance.accumulate import WaveletAccumulator
+from gmwm.base.locks import OneAtATime, one_at_a_time
+from gmwm.measuring.spectrum.accumulate import SpectrumAccumulator
+from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
 
 @pytest.fixture

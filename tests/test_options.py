@@ -3,9 +3,9 @@
 import pytest
 
 import gmwm
+from gmwm.base.errors import OptionError, UnitError
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import OptionError, UnitError
-from gmwm.options import ReadOptions, as_confidence
+from gmwm.recording.options import ReadOptions, as_confidence
 from tests.helpers import raises
 
 WRONG_READING = [

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from gmwm import _core
+from gmwm.base import _core
 from release import __main__ as release
 from release import site
 
@@ -78,7 +78,7 @@ def test_an_archive_with_tests_is_refused(tmp_path, surplus):
 
 
 def wheel(path: Path, *left_out: str, more: tuple[str, ...] = ()) -> Path:
-    names = ["gmwm/_core.abi3.so", f"{release.VENDORED}.min.js", "gmwm-1.dist-info/METADATA"]
+    names = ["gmwm/base/_core.abi3.so", f"{release.VENDORED}.min.js", "gmwm-1.dist-info/METADATA"]
     names += ["gmwm-1.dist-info/licenses/", "gmwm-1.dist-info/licenses/LICENSE"]
     names += [f"gmwm-1.dist-info/licenses/src/{release.VENDORED}.LICENSE", *more]
     with zipfile.ZipFile(path, "w") as files:
@@ -91,7 +91,7 @@ def wheel(path: Path, *left_out: str, more: tuple[str, ...] = ()) -> Path:
 @pytest.mark.parametrize(
     "left_out",
     [
-        "gmwm/_core.abi3.so",
+        "gmwm/base/_core.abi3.so",
         f"{release.VENDORED}.min.js",
         "gmwm-1.dist-info/licenses/LICENSE",
         f"gmwm-1.dist-info/licenses/src/{release.VENDORED}.LICENSE",

@@ -12,9 +12,9 @@ import pytest
 
 import gmwm
 from gmwm.calibration.summary_text import summary
-from gmwm.covariance.design import Design
-from gmwm.filters import find_filter
-from gmwm.processes.base import Process
+from gmwm.measuring.covariance.design import Design
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.base import Process
 
 RATE = 100.0
 MODEL = "GM(beta=2.0, sigma2=0.5) + WN(sigma2=1.0)"

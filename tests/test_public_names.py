@@ -11,11 +11,8 @@ import pytest
 
 import gmwm
 
-PACKAGES = [
-    f"gmwm.{module.name}"
-    for module in iter_modules(gmwm.__path__)
-    if module.ispkg and module.name not in ("app", "cli")
-]
+ROOMS = {module.name for module in iter_modules(gmwm.__path__) if module.ispkg}
+PACKAGES = [f"gmwm.{name}" for name in gmwm._PACKAGES if name not in ("app", "errors", "options")]
 DOUBLES = (
     "agreement", "datasheet", "export", "export_formats", "loglikelihood", "parse_model", "plot_imu", "report_data",
     "write", "write_components",
@@ -33,8 +30,24 @@ def test_names_come_from_the_packages_that_type_checkers_see():
     blocks = [node for node in ast.parse(inspect.getsource(gmwm)).body if isinstance(node, ast.If)]
     imports = [node for node in blocks[0].body if isinstance(node, ast.ImportFrom) and node.module != "gmwm"]
     seen = {name.name: node.module for node in imports for name in node.names}
-    listed = {name: f"gmwm.{package}" for package, names in gmwm._NAMES.items() for name in names}
-    assert seen == dict.fromkeys(gmwm.__all__, "gmwm.processes") | listed
+    listed = {name: package for package, names in gmwm._NAMES.items() for name in names}
+    homes = {name: listed.get(name, "processes") for name in gmwm.__all__}
+    rooms = {name: package.rpartition(".")[0] for name, package in gmwm._PACKAGES.items() if name != "app"}
+    assert seen == {name: gmwm._PACKAGES.get(home, f"gmwm.{home}") for name, home in homes.items()} | rooms
+
+
+@pytest.mark.parametrize("name", gmwm._PACKAGES)
+def test_short_and_full_names_are_the_same_package(name):
+    short, full = import_module(f"gmwm.{name}"), import_module(gmwm._PACKAGES[name])
+    assert short is full
+    assert short.__spec__.name == short.__name__ == gmwm._PACKAGES[name]
+
+
+def test_the_rooms_are_few_and_import_nothing():
+    assert {*gmwm._ROOMS, "calibration", "cli"} == ROOMS
+    for room in gmwm._ROOMS:
+        (statement,) = ast.parse(inspect.getsource(import_module(f"gmwm.{room}"))).body
+        assert isinstance(statement, ast.Expr), room
 
 
 def test_help_lists_every_function_and_class():

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gmwm.inspection import inspect
-from gmwm.remarks import Severity
-from gmwm.resolution import before_rounding, lsb
-from gmwm.signals import Imu, Signal
+from gmwm.base.remarks import Severity
+from gmwm.measuring.inspection import inspect
+from gmwm.recording.resolution import before_rounding, lsb
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import only
 
 RATE = 100.0

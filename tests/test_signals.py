@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.axis_names import AXES
-from gmwm.errors import DataError, OptionError, ReadError, UnitError
-from gmwm.signals import Imu, Signal
-from gmwm.time_base import TimeBase
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import DataError, OptionError, ReadError, UnitError
+from gmwm.base.time_base import TimeBase
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import raises
 
 

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm import GM, QN, RW, WN, Model, wavelet_variance
-from gmwm.axis_names import AXES
-from gmwm.errors import DataError, ModelError, OptionError
-from gmwm.readers import read
-from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal
-from gmwm.units import STANDARD_GRAVITY
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.files.readers import read
+from gmwm.theory.simulation import models_by_axis, reference_imu, simulate, simulate_signal
 from tests.helpers import only, raises
 
 WHITE = "WN(sigma2=1e-6)"

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from gmwm.errors import ModelError
-from gmwm.statespace import StateSpace
+from gmwm.base.errors import ModelError
+from gmwm.theory.statespace import StateSpace
 from tests.helpers import raises
 
 DT = 0.1

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from nanobind.stubgen import StubGen
 
-from gmwm import _core
+from gmwm.base import _core
 
-STUB = Path(__file__).parent.parent / "src/gmwm/_core.pyi"
+STUB = Path(__file__).parent.parent / "src/gmwm/base/_core.pyi"
 
 
 def test_the_stub_is_that_of_the_built_module():

@@ -8,14 +8,14 @@ import time
 
 import pytest
 
-from gmwm._threads import in_threads
-from gmwm.errors import DataError, OptionError
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.threads import in_threads
 from tests.helpers import raises
 
 # With siginterrupt off, as libraries with a handler of their own set it, the signal does not end a wait for a lock.
 WORK = """
 import os, signal, time
-from gmwm._threads import in_threads
+from gmwm.base.threads import in_threads
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.siginterrupt(signal.SIGINT, False)
 def work(name, seconds):

@@ -11,12 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gmwm._files import write_text
-from gmwm.axis_names import AXES
-from gmwm.errors import OptionError
-from gmwm.readers import read
-from gmwm.signals import Imu, Signal
-from gmwm.writers import SUFFIXES, write
+from gmwm.base.atomic_files import write_text
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import OptionError
+from gmwm.files.readers import read
+from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.writers import SUFFIXES, write
 from tests.helpers import raises
 
 FIXED = settings(

@@ -31,7 +31,7 @@ from typing import Any
 
 import gmwm
 import validation
-from gmwm._files import written_whole
+from gmwm.base.atomic_files import written_whole
 
 DOCUMENTS = Path(__file__).resolve().parent.parent / "docs" / "validation"
 VERSIONS = ("gmwm", "numpy", "scipy")

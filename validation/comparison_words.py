@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Tick
-from gmwm.plots.matplotlib import save
-from gmwm.plots.style import curve_stroke
+from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Tick
+from gmwm.showing.plots.matplotlib import save
+from gmwm.showing.plots.style import curve_stroke
 
 YARDSTICK = "ML"
 SHOWN = (0, 2, 4)
@@ -210,7 +210,7 @@ def _listed(words: Sequence[str]) -> str:
 
 def draw(result: Result, path: Path) -> None:
     """Errors over those of the likelihood against the length of the record: of all methods, and near 1 with limits."""
-    from gmwm.plots.matplotlib import draw as drawn
+    from gmwm.showing.plots.matplotlib import draw as drawn
 
     models = [model for k, model in enumerate(_models(result)) if k in SHOWN]
     rows = tuple(tuple(panel(result, model) for model in models) for panel in (_all_methods, _near_one))

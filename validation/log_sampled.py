@@ -24,7 +24,7 @@ from scipy.linalg.lapack import dpotri
 from scipy.optimize import minimize
 
 import gmwm
-from gmwm.processes.base import Process
+from gmwm.theory.processes.base import Process
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

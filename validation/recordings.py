@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.covariance import Design
-from gmwm.inference.simulated_curves import simulated_variances
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance import Design
 
 RATE = 100.0
 SAMPLES = 100_000

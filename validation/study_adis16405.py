@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.axis_names import AXES
-from gmwm.plots.axes import quiet, signed_axis, time_axis
-from gmwm.plots.figure import Figure, Line, Panel
-from gmwm.plots.labels import axis_title
-from gmwm.plots.matplotlib import draw as drawn
-from gmwm.plots.matplotlib import save
-from gmwm.plots.style import curve_stroke
+from gmwm.base.axis_names import AXES
+from gmwm.showing.plots.axes import quiet, signed_axis, time_axis
+from gmwm.showing.plots.figure import Figure, Line, Panel
+from gmwm.showing.plots.labels import axis_title
+from gmwm.showing.plots.matplotlib import draw as drawn
+from gmwm.showing.plots.matplotlib import save
+from gmwm.showing.plots.style import curve_stroke
 from validation.legend import legend
 
 NAME = "adis16405"

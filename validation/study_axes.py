@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm._template import joined
-from gmwm.joint import CrossCovariance, JointFit, cross, fit_joint, same
-from gmwm.plots.cross import cross_figure
-from gmwm.plots.joint import joint_figure
-from gmwm.plots.matplotlib import draw as render
+from gmwm.applications.several import CrossCovariance, JointFit, cross, fit_joint, same
+from gmwm.applications.several.cross_plot import cross_figure
+from gmwm.applications.several.joint_plot import joint_figure
+from gmwm.base.template import joined
+from gmwm.showing.plots.matplotlib import draw as render
 
 NAME = "axes"
 SEED = 0

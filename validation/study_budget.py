@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.budgets import budget
+from gmwm.applications.navigation import budget
 
 NAME = "budget"
 SEED = 20261125

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.outliers import contamination
+from gmwm.measuring.outliers import contamination
 from validation.legend import legend
 from validation.recordings import RATE, Array, everywhere
 from validation.study_contamination import SAMPLES, SIZE, SPOILS, TRUTH

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from gmwm.joint import cross
+from gmwm.applications.several import cross
 from validation.legend import legend
 
 NAME = "cross"

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.covariance import as_design, covariance
-from gmwm.estimation.weighting import precision
-from gmwm.inference.asymptotic import sandwich_of
+from gmwm.fitting.estimation.weighting import precision
+from gmwm.fitting.inference.asymptotic import sandwich_of
+from gmwm.measuring.covariance import as_design, covariance
 from validation.likelihood import fisher_errors, haar_gains, moment_errors, most_likely, octave_gains
 
 NAME = "efficiency"

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from gmwm.fleets.outlier_units import deviants
-from gmwm.random_effects import effects, predicted, spread_limits
+from gmwm.applications.fleets.outlier_units import deviants
+from gmwm.base.random_effects import effects, predicted, spread_limits
 from validation.legend import legend
 
 NAME = "fleet"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.joint import fuse
+from gmwm.applications.several import fuse
 
 NAME = "fusion"
 SEED = 20261124

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from gmwm.joint import fit_joint
+from gmwm.applications.several import fit_joint
 from validation.legend import legend
 
 NAME = "joint"

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from gmwm.monitor import Baseline, Monitor, charts
-from gmwm.monitor import api as monitor_api
-from gmwm.processes.model import Model
+from gmwm.applications.monitor import Baseline, Monitor, charts
+from gmwm.applications.monitor import api as monitor_api
+from gmwm.theory.processes.model import Model
 
 NAME = "monitor"
 SEED = 20261124

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize, nnls
 
 import gmwm
-from gmwm._arrays import Matrix, Vector
+from gmwm.base.arrays import Matrix, Vector
 
 NAME = "optimum"
 SEED = 20261121

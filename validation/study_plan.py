@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm._arrays import Vector
-from gmwm.covariance import Design
-from gmwm.inference.simulated_curves import simulated_variances
+from gmwm.base.arrays import Vector
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance import Design
 from validation.legend import legend
 
 NAME = "plan"

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.covariance.tails import excess_covariance, with_common_tails
-from gmwm.estimation.recordings import deviations, half_widths
-from gmwm.inference.intervals import confidence_intervals
-from gmwm.joint.same import level_ratios
-from gmwm.multiple_tests import holm
-from gmwm.signals import Signal
+from gmwm.applications.several.same import level_ratios
+from gmwm.base.multiple_tests import holm
+from gmwm.fitting.estimation.recordings import deviations, half_widths
+from gmwm.fitting.inference.intervals import confidence_intervals
+from gmwm.measuring.covariance.tails import excess_covariance, with_common_tails
+from gmwm.recording.signals import Signal
 from validation.legend import legend
 from validation.study_cross import Array
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.inference import noise_against
-from gmwm.regression.against import Term
-from gmwm.regression.api import regress
-from gmwm.regression.covariates import Covariates
+from gmwm.fitting.inference import noise_against
+from gmwm.measuring.regression.against import Term
+from gmwm.measuring.regression.api import regress
+from gmwm.measuring.regression.covariates import Covariates
 from validation.legend import legend
 
 NAME = "regression"

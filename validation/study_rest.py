@@ -15,7 +15,7 @@ import numpy as np
 
 import gmwm
 from gmwm.calibration.rest import reach_of
-from gmwm.datasheets.bias_changes import BiasTerms
+from gmwm.choosing.datasheets.bias_changes import BiasTerms
 from validation import recordings
 from validation.legend import legend
 

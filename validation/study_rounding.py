@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.signals import Imu, Signal
+from gmwm.recording.signals import Imu, Signal
 from validation.legend import legend
 
 NAME = "rounding"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.joint import same
+from gmwm.applications.several import same
 from validation.study_cross import INDEPENDENT, RATE, Array, Make, walk, white
 
 NAME = "same"

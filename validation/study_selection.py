@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.covariance import Design
-from gmwm.inference.simulated_curves import simulated_variances
-from gmwm.selection.structure import structure_of, within
+from gmwm.choosing.selection.structure import structure_of, within
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance import Design
 from validation import recordings
 from validation.legend import legend
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.covariance import Design
-from gmwm.inference.simulated_curves import simulated_variances
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance import Design
 from validation import recordings
 from validation.legend import legend
 

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.plots.axes import quiet
-from gmwm.plots.figure import Figure, Line, Mark
-from gmwm.plots.matplotlib import draw as drawn
-from gmwm.plots.matplotlib import save
-from gmwm.plots.trace import extremes_there
-from gmwm.plots.tracks import WORDS, tracks_figure
-from gmwm.signals import Signal
+from gmwm.recording.signals import Signal
+from gmwm.showing.plots.axes import quiet
+from gmwm.showing.plots.figure import Figure, Line, Mark
+from gmwm.showing.plots.matplotlib import draw as drawn
+from gmwm.showing.plots.matplotlib import save
+from gmwm.showing.plots.trace import extremes_there
+from gmwm.showing.plots.tracks import WORDS, tracks_figure
 from validation import recordings
 from validation.legend import legend
 

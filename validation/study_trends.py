@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.signals import Imu, Signal
+from gmwm.recording.signals import Imu, Signal
 from validation.legend import legend
 
 NAME = "trends"

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.covariance import covariance
-from gmwm.estimation.reweighting import implied_weights
-from gmwm.inference.asymptotic import sandwich_of
+from gmwm.fitting.estimation.reweighting import implied_weights
+from gmwm.fitting.inference.asymptotic import sandwich_of
+from gmwm.measuring.covariance import covariance
 from validation import recordings
 from validation.legend import legend
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.covariance import as_design, covariance
-from gmwm.estimation.weighting import precision
-from gmwm.inference.asymptotic import relative_jacobian
+from gmwm.fitting.estimation.weighting import precision
+from gmwm.fitting.inference.asymptotic import relative_jacobian
+from gmwm.measuring.covariance import as_design, covariance
 
 NAME = "weighting"
 SEED = 20261127

@@ -7,9 +7,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from docs.pictures.__main__ import LARGEST, moved
 from gmwm.app.server import running
 from gmwm.simulation import reference_imu, simulate
+
+from docs.pictures.__main__ import LARGEST, moved
 
 SIZE = {"width": 1100, "height": 760}
 READY = {

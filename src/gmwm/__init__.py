@@ -32,25 +32,71 @@ Gauss-Markov process, which is in 1/s. Levels are numbered from 1; the scale of 
 variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
 """
 
+import sys
 from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    # Packages of results and special purposes that nothing below imports.
-    from gmwm import exporters as exporters
-    from gmwm import reports as reports
+    from gmwm.applications import fleets as fleets
+    from gmwm.applications import monitor as monitor
+    from gmwm.applications import navigation as navigation
+    from gmwm.applications import several as several
+    from gmwm.applications.fleets import fleet
+    from gmwm.applications.monitor import Monitor
+    from gmwm.applications.several import cross, fit_joint, fuse, same
+    from gmwm.base import errors as errors
+    from gmwm.base import remarks as remarks
+    from gmwm.base import time_base as time_base
+    from gmwm.base import units as units
+    from gmwm.base.errors import GmwmError
     from gmwm.calibration import Calibration, agree, calibrate
-    from gmwm.errors import GmwmError
-    from gmwm.estimation import Fit, fit
-    from gmwm.fleets import fleet
-    from gmwm.inference import plan
-    from gmwm.inspection import inspect
-    from gmwm.joint import cross, fit_joint, fuse, same  # type: ignore[no-redef]  # modules have these names too
-    from gmwm.likelihood import fit_ml
-    from gmwm.monitor import Monitor
-    from gmwm.outliers import contamination
-    from gmwm.plots import compare
-    from gmwm.processes import (
+    from gmwm.choosing import datasheets as datasheets
+    from gmwm.choosing import replicates as replicates
+    from gmwm.choosing import selection as selection
+    from gmwm.choosing.selection import rank, select
+    from gmwm.files import importers as importers
+    from gmwm.files import readers as readers
+    from gmwm.files.readers import read, stream
+    from gmwm.fitting import estimation as estimation
+    from gmwm.fitting import inference as inference
+    from gmwm.fitting import likelihood as likelihood
+    from gmwm.fitting.estimation import Fit, fit
+    from gmwm.fitting.inference import plan
+    from gmwm.fitting.likelihood import fit_ml
+    from gmwm.measuring import covariance as covariance
+    from gmwm.measuring import inspection as inspection
+    from gmwm.measuring import outliers as outliers
+    from gmwm.measuring import regression as regression
+    from gmwm.measuring import spectrum as spectrum
+    from gmwm.measuring import streaming as streaming
+    from gmwm.measuring import variance as variance
+    from gmwm.measuring.inspection import inspect
+    from gmwm.measuring.outliers import contamination
+    from gmwm.measuring.spectrum import psd
+    from gmwm.measuring.variance import (
+        WaveletAccumulator,
+        WaveletVariance,
+        allan_variance,
+        avlr,
+        hadamard_variance,
+        total_variance,
+        wavelet_variance,
+    )
+    from gmwm.recording import options as options
+    from gmwm.recording import signals as signals
+    from gmwm.recording.signals import Imu, Signal
+    from gmwm.showing import exporters as exporters
+    from gmwm.showing import plots as plots
+    from gmwm.showing import reports as reports
+    from gmwm.showing.plots import compare
+    from gmwm.theory import continuous_statespace as continuous_statespace
+    from gmwm.theory import filters as filters
+    from gmwm.theory import processes as processes
+    from gmwm.theory import simulation as simulation
+    from gmwm.theory import statespace as statespace
+    from gmwm.theory.processes import (
         AR,
         AR1,
         ARMA,
@@ -69,20 +115,7 @@ if TYPE_CHECKING:
         Model,
         fixed,
     )  # fmt: skip
-    from gmwm.readers import read, stream
-    from gmwm.selection import rank, select
-    from gmwm.signals import Imu, Signal
-    from gmwm.simulation import simulate, simulate_signal
-    from gmwm.spectrum import psd
-    from gmwm.variance import (
-        WaveletAccumulator,
-        WaveletVariance,
-        allan_variance,
-        avlr,
-        hadamard_variance,
-        total_variance,
-        wavelet_variance,
-    )
+    from gmwm.theory.simulation import simulate, simulate_signal
 
 __version__ = "0.1.0"
 
@@ -146,13 +179,13 @@ _NAMES = {
     "fleets": ("fleet",),
     "inference": ("plan",),
     "inspection": ("inspect",),
-    "joint": ("cross", "fit_joint", "fuse", "same"),
     "likelihood": ("fit_ml",),
     "monitor": ("Monitor",),
     "outliers": ("contamination",),
     "plots": ("compare",),
     "readers": ("read", "stream"),
     "selection": ("rank", "select"),
+    "several": ("cross", "fit_joint", "fuse", "same"),
     "signals": ("Imu", "Signal"),
     "simulation": ("simulate", "simulate_signal"),
     "spectrum": ("psd",),
@@ -164,14 +197,99 @@ _NAMES = {
 """Names of `__all__` by package; the others are in `gmwm.processes`, whose processes define their names. A package is
 imported only when one of its names is used, because the import of all packages takes 0.4 s."""
 
+_ROOMS = {
+    "applications": (
+        "app",
+        "fleets",
+        "monitor",
+        "navigation",
+        "several",
+    ),
+    "base": (
+        "errors",
+        "remarks",
+        "time_base",
+        "units",
+    ),
+    "choosing": (
+        "datasheets",
+        "replicates",
+        "selection",
+    ),
+    "files": (
+        "importers",
+        "readers",
+    ),
+    "fitting": (
+        "estimation",
+        "inference",
+        "likelihood",
+    ),
+    "measuring": (
+        "covariance",
+        "inspection",
+        "outliers",
+        "regression",
+        "spectrum",
+        "streaming",
+        "variance",
+    ),
+    "recording": (
+        "options",
+        "signals",
+    ),
+    "showing": (
+        "exporters",
+        "plots",
+        "reports",
+    ),
+    "theory": (
+        "continuous_statespace",
+        "filters",
+        "processes",
+        "simulation",
+        "statespace",
+    ),
+}
+"""Public packages by room. Programs use the short name, `gmwm.covariance`, so that a room can be rearranged."""
+_PACKAGES = {name: f"gmwm.{room}.{name}" for room, names in _ROOMS.items() for name in names}
+
+
+class _ShortNames:
+    """Finder and loader of public packages by their short names: `gmwm.covariance` is `gmwm.covariance`."""
+
+    @classmethod
+    def find_spec(cls, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        package, _, short = name.partition(".")
+        first, *others = short.split(".")
+        if package != __name__ or first not in _PACKAGES:
+            return None
+        loader: Any = cls()  # importlib.abc.Loader costs 12 ms to import
+        return ModuleSpec(name, loader, origin=".".join([_PACKAGES[first], *others]))
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        module = import_module(str(spec.origin))
+        spec.loader_state = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Restore the specification that the import system has replaced."""
+        short, module.__spec__ = module.__spec__, None
+        if short is not None:
+            module.__spec__ = short.loader_state
+
+
+sys.meta_path.insert(0, _ShortNames)
+_IMPORTED = {"Any", "ModuleSpec", "ModuleType", "TYPE_CHECKING", "import_module", "sys"}
+
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """Import a name of `__all__` or a package."""
+        """Import a name of `__all__`, a package or a room."""
         if name in __all__:
             package = next((package for package, names in _NAMES.items() if name in names), "processes")
-            found = globals()[name] = getattr(import_module(f"gmwm.{package}"), name)
-            return found
+            value = globals()[name] = getattr(import_module(f"gmwm.{package}"), name)
+            return value
         if not name.startswith("_"):
             try:
                 return import_module(f"gmwm.{name}")
@@ -181,4 +299,4 @@ if not TYPE_CHECKING:
         raise AttributeError(f"module 'gmwm' has no attribute {name!r}")
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__all__} - {"Any", "TYPE_CHECKING", "import_module"})
+        return sorted({*globals(), *__all__} - _IMPORTED)

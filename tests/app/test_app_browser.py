@@ -11,9 +11,9 @@ from urllib.parse import urlsplit
 import pytest
 
 import gmwm
-from gmwm.app.server import running
-from gmwm.app.session import Session
-from gmwm.simulation import reference_imu
+from gmwm.applications.app.server import running
+from gmwm.applications.app.session import Session
+from gmwm.theory.simulation import reference_imu
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 if CHROMIUM is None:

@@ -5,8 +5,8 @@ import os
 
 import pytest
 
-from gmwm.app.folders import Folders
-from gmwm.errors import OptionError, ReadError
+from gmwm.applications.app.folders import Folders
+from gmwm.base.errors import OptionError, ReadError
 from tests.helpers import raises
 
 

@@ -3,7 +3,7 @@
 import threading
 import time
 
-from gmwm.app.jobs import Cancelled, Jobs
+from gmwm.applications.app.jobs import Cancelled, Jobs
 
 
 def test_a_result_is_made_once():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.app.overview import COLUMNS, Overview, overview, shown_times
-from gmwm.chunks import Chunk
+from gmwm.applications.app.overview import COLUMNS, Overview, overview, shown_times
+from gmwm.recording.chunks import Chunk
 
 
 @pytest.mark.parametrize("size", [1000, 7919])

@@ -14,10 +14,10 @@ from urllib.parse import urlsplit
 import pytest
 
 import gmwm
-from gmwm.app.folders import Folders
-from gmwm.app.server import LOADED, opened, running
-from gmwm.app.session import Session
-from gmwm.errors import OptionError, ReadError
+from gmwm.applications.app.folders import Folders
+from gmwm.applications.app.server import LOADED, opened, running
+from gmwm.applications.app.session import Session
+from gmwm.base.errors import OptionError, ReadError
 from tests.helpers import raises
 
 pytest.importorskip("dash", reason="needs Dash: pip install '.[app]'")

@@ -6,10 +6,10 @@ import shlex
 import pytest
 
 import gmwm
-from gmwm.app.commands import python_lines, shell_lines
-from gmwm.app.session import EMPTY, Session
+from gmwm.applications.app.commands import python_lines, shell_lines
+from gmwm.applications.app.session import EMPTY, Session
+from gmwm.base.errors import ModelError, OptionError, ReadError
 from gmwm.cli.main import app
-from gmwm.errors import ModelError, OptionError, ReadError
 from tests.helpers import raises
 
 FULL = Session(

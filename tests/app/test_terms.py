@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.app.figures import fitted, movable, moved
-from gmwm.app.session import Session
-from gmwm.app.terms import adding, held_at, holding, removing, replacing
-from gmwm.errors import OptionError
+from gmwm.applications.app.figures import fitted, movable, moved
+from gmwm.applications.app.session import Session
+from gmwm.applications.app.terms import adding, held_at, holding, removing, replacing
+from gmwm.base.errors import OptionError
 from tests.helpers import raises
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.app.folders import Folders
-from gmwm.app.jobs import Jobs
-from gmwm.app.session import Session
-from gmwm.app.workspace import Workspace
+from gmwm.applications.app.folders import Folders
+from gmwm.applications.app.jobs import Jobs
+from gmwm.applications.app.session import Session
+from gmwm.applications.app.workspace import Workspace
 
 RATE, SAMPLES = 20.0, 60_000
 ENDS = 1.0

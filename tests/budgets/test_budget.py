@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.budgets import Budget, budget
-from gmwm.budgets.response import RADIUS, mean_squares, navigation
-from gmwm.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.processes import Model
+from gmwm.applications.navigation import Budget, budget
+from gmwm.applications.navigation.response import RADIUS, mean_squares, navigation
+from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.theory.processes import Model
 from tests.helpers import only, raises
 
 RATE = 100.0

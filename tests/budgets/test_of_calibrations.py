@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import gmwm
-from gmwm.remarks import Quantity, Remark
+from gmwm.base.remarks import Quantity, Remark
 from tests.helpers import only
 
 

@@ -10,10 +10,10 @@ import pytest
 
 import gmwm
 from gmwm import agree
-from gmwm.datasheets import Datasheet, Entry
-from gmwm.errors import OptionError, UnitError
-from gmwm.importers.quantities import as_reference
-from gmwm.remarks import Remark
+from gmwm.base.errors import OptionError, UnitError
+from gmwm.base.remarks import Remark
+from gmwm.choosing.datasheets import Datasheet, Entry
+from gmwm.files.importers.quantities import as_reference
 from tests.helpers import codes, only, raises
 
 TRUTH = {

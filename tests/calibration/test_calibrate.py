@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base.errors import DataError, OptionError
 from gmwm.calibration.api import STAGES
 from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
-from gmwm.errors import DataError, OptionError
-from gmwm.selection.structure import structure_of
+from gmwm.choosing.selection.structure import structure_of
 from tests.helpers import codes, only, raises
 
 from .conftest import TRUTH, WITHIN

@@ -10,9 +10,9 @@ import pytest
 
 import gmwm
 from gmwm import Calibration
+from gmwm.base.errors import ReadError
+from gmwm.base.remarks import Remark
 from gmwm.calibration.document import FORMAT, VERSION
-from gmwm.errors import ReadError
-from gmwm.remarks import Remark
 from tests.helpers import raises
 
 

@@ -5,8 +5,8 @@ import json
 import pytest
 
 import gmwm
+from gmwm.base.errors import ModelError, OptionError
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import ModelError, OptionError
 from tests.helpers import raises
 
 pytestmark = pytest.mark.slow

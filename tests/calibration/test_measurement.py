@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import batches
 from gmwm.calibration.measurement import Pair, measured_axis
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.outliers import Replaced, screened
+from gmwm.measuring.outliers import Replaced, screened
+from gmwm.recording import batches
 from tests.helpers import codes, only
 
 N, RATE = 60_000, 100.0

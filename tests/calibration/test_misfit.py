@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base.remarks import Quantity, Severity
 from gmwm.calibration.findings import CLOSE, LARGE, SCALES
 from gmwm.calibration.misfit import misfit_of
-from gmwm.inference.model_error import MANY
-from gmwm.processes import Process, registry
-from gmwm.remarks import Quantity, Severity
+from gmwm.fitting.inference.model_error import MANY
+from gmwm.theory.processes import Process, registry
 from tests.helpers import codes, only
 
 from .conftest import WITHIN

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.signals import Imu, Signal
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import only
 
 RATE, SAMPLES = 20.0, 40_000

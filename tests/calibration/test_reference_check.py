@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError, UnitError
-from gmwm.exporters.given import given_calibration
-from gmwm.importers import given_noise
+from gmwm.base.errors import OptionError, UnitError
+from gmwm.files.importers import given_noise
+from gmwm.showing.exporters.given import given_calibration
 from tests.exporters.consumers import CONSUMERS
 from tests.helpers import only, raises
 

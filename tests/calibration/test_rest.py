@@ -10,8 +10,8 @@ import pytest
 import gmwm
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.rest import BiasAtRest, gravity_of, reach_of
-from gmwm.datasheets.bias_changes import BiasTerms, Variance
-from gmwm.processes import Model
+from gmwm.choosing.datasheets.bias_changes import BiasTerms, Variance
+from gmwm.theory.processes import Model
 from tests.helpers import raises
 
 RATE = 100.0

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base.errors import DataError, OptionError
 from gmwm.calibration import Calibration
-from gmwm.errors import DataError, OptionError
-from gmwm.signals import Imu
+from gmwm.recording.signals import Imu
 from tests.helpers import codes, raises
 
 RATE = 50.0

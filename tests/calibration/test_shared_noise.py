@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.applications.several import block_means as module
+from gmwm.applications.several.block_means import block_means, shared_noise
+from gmwm.applications.several.result import SharedNoise
+from gmwm.base.remarks import texts
 from gmwm.calibration import Calibration
 from gmwm.calibration.recording_findings import shared_remarks
-from gmwm.exporters import export_formats
-from gmwm.exporters.text import plain
-from gmwm.joint import block_means as module
-from gmwm.joint.block_means import block_means, shared_noise
-from gmwm.joint.result import SharedNoise
-from gmwm.remarks import texts
-from gmwm.signals import Imu, Signal
+from gmwm.recording.signals import Imu, Signal
+from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters.text import plain
 from tests.helpers import only
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")

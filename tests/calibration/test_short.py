@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base.errors import DataError
 from gmwm.calibration.findings import LEAST_SCALES, SCALES
-from gmwm.errors import DataError
-from gmwm.inference.goodness import usable_levels
-from gmwm.selection.search import SLOW
+from gmwm.choosing.selection.search import SLOW
+from gmwm.fitting.inference.goodness import usable_levels
 from tests.helpers import raises
 
 WHITE = "WN(sigma2=1.0)"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base.remarks import Severity
 from gmwm.calibration.spectrum_findings import line_share
-from gmwm.remarks import Severity
-from gmwm.spectrum import Line
+from gmwm.measuring.spectrum import Line
 
 RATE, SAMPLES = 100.0, 60_000
 

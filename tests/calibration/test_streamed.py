@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import batches
+from gmwm.base.errors import OptionError
 from gmwm.calibration.measurement import curves_and_inspection, measured_recording
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import OptionError
-from gmwm.inspection.api import FirstPass
-from gmwm.readers import text
-from gmwm.streaming import passes
+from gmwm.files.readers import text
+from gmwm.measuring.inspection.api import FirstPass
+from gmwm.measuring.streaming import passes
+from gmwm.recording import batches
 from tests.helpers import codes, only, raises
 
 MODELS = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-10)", "gyro_y": "WN(sigma2=1e-7)", "accel_z": "WN(sigma2=4e-6)"}

@@ -7,12 +7,12 @@ import pytest
 
 import gmwm
 from gmwm import SIN, WN
+from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.calibration.summary_text import HELD
 from gmwm.calibration.tables import in_order, merged, number
-from gmwm.datasheets import Entry
-from gmwm.outliers import excess_text
-from gmwm.plots.imu import imu_figure
-from gmwm.remarks import Quantity, Remark, Severity
+from gmwm.choosing.datasheets import Entry
+from gmwm.measuring.outliers import excess_text
+from gmwm.showing.plots.imu import imu_figure
 from tests.helpers import codes, only
 
 from .conftest import WITHIN

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gmwm.cli.main import app
-from gmwm.simulation import simulate
+from gmwm.theory.simulation import simulate
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import pytest
 import gmwm as library
 from gmwm import Calibration
 from gmwm.cli.agree import names_of
-from gmwm.importers.quantities import parse_reference
-from gmwm.readers import read
+from gmwm.files.importers.quantities import parse_reference
+from gmwm.files.readers import read
 
 TRUTH = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}
 

@@ -5,11 +5,11 @@ import csv
 import numpy as np
 import pytest
 
-from gmwm.readers import read
-from gmwm.variance.allan import allan_variance
-from gmwm.variance.allan_regression import avlr
-from gmwm.variance.hadamard import hadamard_variance
-from gmwm.variance.total import total_variance
+from gmwm.files.readers import read
+from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan_regression import avlr
+from gmwm.measuring.variance.hadamard import hadamard_variance
+from gmwm.measuring.variance.total import total_variance
 
 KINDS = {
     "overlapping": allan_variance,

@@ -33,7 +33,7 @@ def test_text_and_picture(gmwm, results, tmp_path):
 def test_json_has_the_numbers(gmwm, results):
     content = gmwm("budget", results / "one", "--duration", "1min", "--rest", "10s", "--json").json
     fits = json.loads((results / "one" / "fits.json").read_text())["axes"]
-    found = library.budgets.budget({a: library.Fit.from_dict(f) for a, f in fits.items()}, 60.0, rest=10.0)
+    found = library.navigation.budget({a: library.Fit.from_dict(f) for a, f in fits.items()}, 60.0, rest=10.0)
     assert content["growth"]["tilt_x"]["error"] == found["tilt_x"].error.tolist()
     assert content["rest"] == 10.0
     assert {remark["code"] for remark in content["remarks"]} == {"budget-axes-missing"}

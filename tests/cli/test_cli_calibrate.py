@@ -8,10 +8,10 @@ import pytest
 
 import gmwm as library
 from gmwm import Calibration
+from gmwm.base.remarks import Dialect
 from gmwm.calibration.summary_text import summary
-from gmwm.readers import read
-from gmwm.remarks import Dialect
-from gmwm.reports.content import report_data
+from gmwm.files.readers import read
+from gmwm.showing.reports.content import report_data
 from tests.helpers import only
 
 pytestmark = pytest.mark.slow
@@ -166,7 +166,7 @@ def test_what_stops_a_second_run_leaves_all_files_of_the_first(
     def stop(*_, **__):
         raise error
 
-    monkeypatch.setattr("gmwm.reports.report", stop)
+    monkeypatch.setattr("gmwm.showing.reports.report", stop)
     outcome = gmwm("calibrate", recording, "--within", "WN + RW", "--output", tmp_path)
     assert outcome.code == (130 if error is KeyboardInterrupt else 2)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -3,7 +3,7 @@
 import pytest
 
 import gmwm as library
-from gmwm.readers import api, streams
+from gmwm.files.readers import api, streams
 
 WITHIN = "GM + WN + RW"
 

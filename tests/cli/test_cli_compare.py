@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm as library
-from gmwm.readers import read
-from gmwm.simulation import simulate
+from gmwm.files.readers import read
+from gmwm.theory.simulation import simulate
 
 
 @pytest.mark.slow

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.readers import read
-from gmwm.signals import Imu
-from gmwm.simulation import simulate
+from gmwm.base.axis_names import AXES
+from gmwm.files.readers import read
+from gmwm.recording.signals import Imu
+from gmwm.theory.simulation import simulate
 
 
 @pytest.fixture(scope="module")

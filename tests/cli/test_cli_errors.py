@@ -146,7 +146,7 @@ def test_a_bug_is_not_hidden(gmwm, recording, monkeypatch):
     def fall(*_, **__):
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr("gmwm.inspection.inspect", fall)
+    monkeypatch.setattr("gmwm.measuring.inspection.inspect", fall)
     with pytest.raises(ZeroDivisionError):
         gmwm("info", recording)
 
@@ -155,7 +155,7 @@ def test_an_interrupt_ends_with_130(gmwm, recording, monkeypatch):
     def press(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gmwm.inspection.inspect", press)
+    monkeypatch.setattr("gmwm.measuring.inspection.inspect", press)
     outcome = gmwm("info", recording)
     assert (outcome.code, outcome.out, outcome.err) == (130, "", "interrupted\n")
 

@@ -6,7 +6,7 @@ import pytest
 
 import gmwm as library
 from gmwm import Calibration
-from gmwm.exporters import export_formats
+from gmwm.showing.exporters import export_formats
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from gmwm._files import write_text, written_whole
-from gmwm.exporters.tables import _text
+from gmwm.base.atomic_files import write_text, written_whole
+from gmwm.showing.exporters.tables import _text
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs POSIX streams and signals")
 

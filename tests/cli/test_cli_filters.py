@@ -3,7 +3,7 @@
 import pytest
 
 import gmwm as library
-from gmwm.readers import read
+from gmwm.files.readers import read
 
 
 @pytest.mark.slow

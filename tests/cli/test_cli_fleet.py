@@ -4,7 +4,7 @@ import polars as pl
 import pytest
 
 import gmwm as library
-from gmwm.fleets import Fleet
+from gmwm.applications.fleets import Fleet
 
 WITHIN = "WN + RW"
 FILES = ["fleet.json", "fleet.parquet", "fleet.png", "summary.txt", "units"]

@@ -4,14 +4,14 @@ import json
 
 import pytest
 
-from gmwm.importers import given_noise
+from gmwm.files.importers import given_noise
 
 DATASHEET = "gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, B=20µg"
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    from gmwm.exporters.given import given_calibration
+    from gmwm.showing.exporters.given import given_calibration
 
     path = tmp_path_factory.mktemp("given") / "imu.yaml"
     path.write_text(given_calibration(given_noise(DATASHEET, 200.0)).export(), encoding="utf-8")

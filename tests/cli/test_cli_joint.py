@@ -5,7 +5,7 @@ import polars
 import pytest
 
 import gmwm as library
-from gmwm.readers import read
+from gmwm.files.readers import read
 
 
 @pytest.fixture(scope="module")

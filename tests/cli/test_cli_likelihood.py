@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gmwm as library
-from gmwm.likelihood.summary import inference, intervals_if_known
-from gmwm.readers import read
-from gmwm.regression.against import Asked
-from gmwm.remarks import Dialect, Remark
+from gmwm.base.remarks import Dialect, Remark
+from gmwm.files.readers import read
+from gmwm.fitting.likelihood.summary import inference, intervals_if_known
+from gmwm.measuring.regression.against import Asked
 from tests.helpers import only
 
 MODEL = "GM + WN"

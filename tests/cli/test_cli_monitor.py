@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import gmwm as library
 from gmwm.cli.main import app
-from gmwm.readers import growing_files
+from gmwm.files.readers import growing_files
 
 RATE = 100.0
 SIGMA = 4.4e-4

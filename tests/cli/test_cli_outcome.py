@@ -4,10 +4,10 @@ import json
 
 import pytest
 
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.remarks import Dialect, Remark, Severity, messages
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.output import NewFile, Outcome, collected_warnings, finish, tell, text_file
-from gmwm.errors import DataError, OptionError
-from gmwm.remarks import Dialect, Remark, Severity, messages
 
 SHAKEN = Remark.of("gravity-removed", "a.csv")
 LISTED = Remark.of("no-line-end", "a.csv")

@@ -13,7 +13,7 @@ from typer.main import get_command
 import gmwm as library
 from gmwm.cli.commands import NAMES
 from gmwm.cli.main import accept_all_characters, app
-from gmwm.processes import registry
+from gmwm.theory.processes import registry
 
 pytestmark = pytest.mark.slow
 

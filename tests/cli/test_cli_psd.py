@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm as library
-from gmwm.readers import read, stream
+from gmwm.files.readers import read, stream
 
 
 @pytest.fixture(scope="module")

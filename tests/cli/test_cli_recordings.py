@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gmwm import Calibration
-from gmwm.simulation import simulate
+from gmwm.theory.simulation import simulate
 from tests.readers.rosbag_files import START, STEP, imu, numbers, store_of, written
 
 DAYS = ("monday", "tuesday", "wednesday")

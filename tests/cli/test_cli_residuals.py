@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm as library
-from gmwm.readers import read
+from gmwm.files.readers import read
 
 
 @pytest.mark.slow

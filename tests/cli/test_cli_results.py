@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import gmwm as library
+from gmwm.base.remarks import Dialect
 from gmwm.calibration.summary_text import summary
+from gmwm.choosing.selection.structure import structure_of
 from gmwm.cli.calibrate import calibrated
-from gmwm.inference.summary import IntervalMethod, inference
-from gmwm.readers import read
-from gmwm.remarks import Dialect
-from gmwm.selection.structure import structure_of
-from gmwm.simulation import reference_imu
+from gmwm.files.readers import read
+from gmwm.fitting.inference.summary import IntervalMethod, inference
+from gmwm.theory.simulation import reference_imu
 
 AXES = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 

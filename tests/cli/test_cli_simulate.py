@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gmwm.readers import read
+from gmwm.files.readers import read
 
 MODEL = ("--model", "gyro_x=2*GM(beta=1, sigma2=1e-8) + WN(sigma2=1e-6)", "--model", "accel_z=WN(sigma2=1e-4)")
 

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 import gmwm as library
-from gmwm.readers import read
+from gmwm.files.readers import read
 
 MODEL = "WN(sigma2=4e-7) + RW(gamma2=1e-11)"
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import gmwm as library
 from gmwm.cli.main import app
-from gmwm.readers import growing_files
+from gmwm.files.readers import growing_files
 
 HEAD = "time [s],gyro_x [rad/s],gyro_y [rad/s]\n"
 

@@ -5,8 +5,8 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN, Signal
-from gmwm.covariance import wavelet_covariance
-from gmwm.covariance.empirical import empirical_covariance
+from gmwm.measuring.covariance import wavelet_covariance
+from gmwm.measuring.covariance.empirical import empirical_covariance
 from tests.helpers import raises
 
 RATE = 100.0

@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm import AR1, DR, FN, GM, QN, RW, WN
-from gmwm.covariance import gaussian, wavelet_covariance
+from gmwm.measuring.covariance import gaussian, wavelet_covariance
 from tests.helpers import raises
 
 _spec = importlib.util.spec_from_file_location(

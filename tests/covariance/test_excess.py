@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gmwm import RW, WN, fit, wavelet_variance
-from gmwm.covariance import Design, covariance, covariances
-from gmwm.covariance.api import variances
-from gmwm.errors import DataError
-from gmwm.variance.result import WaveletVariance
+from gmwm.base.errors import DataError
+from gmwm.measuring.covariance import Design, covariance, covariances
+from gmwm.measuring.covariance.api import variances
+from gmwm.measuring.variance.result import WaveletVariance
 
 MODEL = WN(sigma2=4e-6) + RW(gamma2=1e-10)
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from gmwm import AR1, DR, GM, QN, RW, WN
-from gmwm.covariance import covariance, filtered, gaussian, variances
-from gmwm.covariance.design import Design
-from gmwm.covariance.robust import hermite_weights
-from gmwm.filters import find_filter
-from gmwm.processes import Parameter, Process
-from gmwm.processes.model import as_model
-from gmwm.processes.parameter import Value
-from gmwm.variance.transform import deepest_level
+from gmwm.measuring.covariance import covariance, filtered, gaussian, variances
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.covariance.robust import hermite_weights
+from gmwm.measuring.variance.transform import deepest_level
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes import Parameter, Process
+from gmwm.theory.processes.model import as_model
+from gmwm.theory.processes.parameter import Value
 
 RATE = 100.0
 MODELS = {

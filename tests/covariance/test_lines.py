@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from gmwm import DR, FN, GM, RW, WN
-from gmwm.covariance import covariance, lines, ratio_variances, variances, wavelet_covariance
-from gmwm.covariance.design import Design
-from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.estimation.reweighting import implied_weights
-from gmwm.filters import find_filter
-from gmwm.processes import SIN, Model
-from gmwm.variance.transform import deepest_level
-from gmwm.variance.transform import variances as measured
+from gmwm.base.errors import MissingTheoryError, ModelError
+from gmwm.fitting.estimation.reweighting import implied_weights
+from gmwm.measuring.covariance import covariance, lines, ratio_variances, variances, wavelet_covariance
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.variance.transform import deepest_level
+from gmwm.measuring.variance.transform import variances as measured
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes import SIN, Model
 from tests.helpers import raises
 
 RATE = 100.0

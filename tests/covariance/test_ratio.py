@@ -10,11 +10,11 @@ from scipy.special import gammaincc
 from scipy.stats import pearson3, skew
 
 import gmwm
-from gmwm.covariance import Design, filtered, ratio_variances, variances
-from gmwm.covariance.gaussian import covariance
-from gmwm.covariance.ratio import ratio_errors, ratio_law
-from gmwm.covariance.robust import hermite_weights, ratio_skewness
-from gmwm.inference.simulated_curves import simulated_variances
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance import Design, filtered, ratio_variances, variances
+from gmwm.measuring.covariance.gaussian import covariance
+from gmwm.measuring.covariance.ratio import ratio_errors, ratio_law
+from gmwm.measuring.covariance.robust import hermite_weights, ratio_skewness
 
 RATE = 100.0
 MODELS = ("WN(sigma2=1.0)", "RW(gamma2=1.0)", "GM(beta=5.0, sigma2=1.0) + WN(sigma2=1.0)")
@@ -49,7 +49,7 @@ def test_uncorrelated_coefficients_have_the_efficiency() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.6, 0.9])
 def test_skewness_is_that_of_simulated_ratios(efficiency: float) -> None:
-    from gmwm.variance.biweight import biweight
+    from gmwm.measuring.variance.biweight import biweight
 
     # Uncorrelated coefficients, their root by Newton's method on all records at once.
     law, w = biweight(efficiency), np.random.default_rng(5).standard_normal((10_000, 1000))

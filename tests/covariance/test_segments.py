@@ -5,9 +5,9 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN
-from gmwm.covariance import as_design, covariance, ratio_variances, segments, variances, wavelet_covariance
-from gmwm.inference.simulated_curves import simulated_variances
-from gmwm.processes.model import as_model
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance import as_design, covariance, ratio_variances, segments, variances, wavelet_covariance
+from gmwm.theory.processes.model import as_model
 from tests.helpers import raises
 
 RATE = 100.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmwm import AR, AR1, ARMA, DR, GM, MA, MAT, PL, QN, RW, SARMA, WN
-from gmwm.covariance import (
+from gmwm.measuring.covariance import (
     Design,
     covariance,
     filtered,
@@ -17,11 +17,11 @@ from gmwm.covariance import (
     variances,
     wavelet_covariance,
 )
-from gmwm.covariance.robust import hermite_weights
-from gmwm.processes import Process
-from gmwm.processes.model import Model, as_model
-from gmwm.processes.parameter import Fixed, Parameter, Value
-from gmwm.processes.short_memory import LONGEST
+from gmwm.measuring.covariance.robust import hermite_weights
+from gmwm.theory.processes import Process
+from gmwm.theory.processes.model import Model, as_model
+from gmwm.theory.processes.parameter import Fixed, Parameter, Value
+from gmwm.theory.processes.short_memory import LONGEST
 from tests.covariance.test_sums import double_sum
 
 _spec = importlib.util.spec_from_file_location(

@@ -8,10 +8,10 @@ import pytest
 
 import gmwm
 from gmwm import AR1, DR, GM, QN, RW, WN
-from gmwm.covariance import Design, variances, wavelet_covariance
-from gmwm.covariance.robust import hermite_weights
-from gmwm.processes.model import as_model
-from gmwm.variance.biweight import biweight
+from gmwm.measuring.covariance import Design, variances, wavelet_covariance
+from gmwm.measuring.covariance.robust import hermite_weights
+from gmwm.measuring.variance.biweight import biweight
+from gmwm.theory.processes.model import as_model
 from tests.helpers import raises
 
 _spec = importlib.util.spec_from_file_location(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm import Signal, wavelet_variance
-from gmwm.covariance.tails import TailSums, excess_covariance
+from gmwm.measuring.covariance.tails import TailSums, excess_covariance
 
 N, RATE = 100_000, 100.0
 

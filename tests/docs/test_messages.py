@@ -5,8 +5,8 @@ import re
 import pytest
 
 from docs.messages import PAGE, examples, page
-from gmwm.remarks import Severity, messages
-from gmwm.remarks.registry import SECTIONS
+from gmwm.base.remarks import Severity, messages
+from gmwm.base.remarks.registry import SECTIONS
 
 TEXT = PAGE.read_text(encoding="utf-8")
 HEADINGS = re.findall(r"^(#+) (.+)$", TEXT, re.MULTILINE)

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gmwm.cli.main import app
-from gmwm.simulation import reference_imu, simulate
+from gmwm.theory.simulation import reference_imu, simulate
 from tests.docs import pages, shown
 
 pytestmark = pytest.mark.docs

@@ -7,12 +7,12 @@ import pytest
 
 import gmwm
 from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, fixed
-from gmwm.errors import FitWarning
-from gmwm.estimation import Sampled
-from gmwm.estimation.problem import pose
-from gmwm.estimation.solver import KEPT, solve
-from gmwm.estimation.starts import scanned_points, scans_alone
-from gmwm.estimation.variable_projection import Surface
+from gmwm.base.errors import FitWarning
+from gmwm.fitting.estimation import Sampled
+from gmwm.fitting.estimation.problem import pose
+from gmwm.fitting.estimation.solver import KEPT, solve
+from gmwm.fitting.estimation.starts import scanned_points, scans_alone
+from gmwm.fitting.estimation.variable_projection import Surface
 from tests.helpers import codes, only, raises
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gmwm.estimation.atoms import grid, shapes, table, unit_curve
-from gmwm.filters import HAAR
-from gmwm.processes import registry
+from gmwm.fitting.estimation.atoms import grid, shapes, table, unit_curve
+from gmwm.theory.filters import HAAR
+from gmwm.theory.processes import registry
 
 CURVED = [p for p in registry.values() if p.search(10**6, 100.0)]
 

@@ -9,9 +9,9 @@ from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.covariance import wavelet_covariance
-from gmwm.errors import ModelError, OptionError
-from gmwm.estimation.varies import Varies
+from gmwm.base.errors import ModelError, OptionError
+from gmwm.fitting.estimation.varies import Varies
+from gmwm.measuring.covariance import wavelet_covariance
 from tests.helpers import raises
 
 N = 1 << 14

@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, WN, WaveletVariance, fixed
-from gmwm.errors import FitWarning
+from gmwm.base.errors import FitWarning
 from tests.helpers import raises
 
 X = np.random.default_rng(1).normal(size=1000)

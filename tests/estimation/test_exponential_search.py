@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import _core
-from gmwm.errors import FitWarning
-from gmwm.estimation.branch_and_bound import CERTIFIED_GAP, Search
-from gmwm.estimation.exponential_search import ExponentialSearch, search_of
-from gmwm.estimation.problem import pose
-from gmwm.estimation.weighting import weighting_matrix
-from gmwm.processes import AR1, DR, GM, QN, RW, WN, Model, exponential
+from gmwm.base import _core
+from gmwm.base.errors import FitWarning
+from gmwm.fitting.estimation.branch_and_bound import CERTIFIED_GAP, Search
+from gmwm.fitting.estimation.exponential_search import ExponentialSearch, search_of
+from gmwm.fitting.estimation.problem import pose
+from gmwm.fitting.estimation.weighting import weighting_matrix
+from gmwm.theory.processes import AR1, DR, GM, QN, RW, WN, Model, exponential
 from tests.oracles import exponential as twin
 
 RATE = 100.0

@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm import Fit, WaveletVariance
-from gmwm.errors import ReadError
+from gmwm.base.errors import ReadError
 from tests.helpers import raises
 
 MODELS = {

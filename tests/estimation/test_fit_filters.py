@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, ModelError, OptionError
-from gmwm.filters import FILTERS, find_filter
-from gmwm.processes import DR, GM, QN, RW, WN
-from gmwm.variance import WaveletVariance, wavelet_variance
-from gmwm.variance.transform import dwt, modwt
+from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.measuring.variance import WaveletVariance, wavelet_variance
+from gmwm.measuring.variance.transform import dwt, modwt
+from gmwm.theory.filters import FILTERS, find_filter
+from gmwm.theory.processes import DR, GM, QN, RW, WN
 from tests.helpers import raises
 
 RATE = 100.0

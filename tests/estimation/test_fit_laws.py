@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import AR1, DR, GM, QN, RW, WN, Model, WaveletVariance
-from gmwm.remarks import texts
+from gmwm.base.remarks import texts
 
 RATE = 100.0
 CHAIN = ("WN", "GM + WN", "GM + WN + RW", "2*GM + WN + RW", "2*GM + WN + RW + QN", "3*GM + WN + RW + QN + DR")

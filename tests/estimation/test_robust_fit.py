@@ -5,8 +5,8 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN
-from gmwm.covariance.mixture import smoothed
-from gmwm.estimation.weighting import sampling_variance
+from gmwm.fitting.estimation.weighting import sampling_variance
+from gmwm.measuring.covariance.mixture import smoothed
 from tests.helpers import raises
 
 RATE = 100.0

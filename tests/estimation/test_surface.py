@@ -8,9 +8,9 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN, fixed
-from gmwm.errors import FitWarning
-from gmwm.estimation import Sampled
-from gmwm.processes import Parameter
+from gmwm.base.errors import FitWarning
+from gmwm.fitting.estimation import Sampled
+from gmwm.theory.processes import Parameter
 from tests.helpers import raises
 
 SIGMA2 = Parameter("sigma2", "σ²", "variance", signal_power=2, scale_power=1)
@@ -159,7 +159,7 @@ def test_draws_serve_every_process_and_a_signal():
 
 
 def test_draws_follow_the_paper():
-    from gmwm.processes.start_context import Occasion
+    from gmwm.theory.processes.start_context import Occasion
 
     rng, draws, levels = np.random.default_rng(1), 4000, np.arange(1, 11)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.covariance.mixture import smoothed
-from gmwm.estimation.estimator import refitted
-from gmwm.estimation.weighting import weighting_matrix
+from gmwm.fitting.estimation.estimator import refitted
+from gmwm.fitting.estimation.weighting import weighting_matrix
+from gmwm.measuring.covariance.mixture import smoothed
 from tests.helpers import codes
 
 TRUTH = gmwm.Model.parse("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm._template import fact_text
-from gmwm.exporters.api import _options
-from gmwm.exporters.base import HORIZON, find_exporter
-from gmwm.exporters.text import plain
-from gmwm.processes import Model
-from gmwm.variance.api import wavelet_variance
+from gmwm.base.template import fact_text
+from gmwm.measuring.variance.api import wavelet_variance
+from gmwm.showing.exporters.api import _options
+from gmwm.showing.exporters.base import HORIZON, find_exporter
+from gmwm.showing.exporters.text import plain
+from gmwm.theory.processes import Model
 
 RATE, SAMPLES = 200.0, 400_000
 UNITS = {"gyro": "rad/s", "accel": "m/s²"}
@@ -77,7 +77,7 @@ def as_golden(calibration, format):
         return " ".join([f"[{group[0].code}]", *(remark.subject for remark in group), *facts])
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gmwm.remarks.rendering._group_text", coded)
+        patch.setattr("gmwm.base.remarks.rendering._group_text", coded)
         return calibration.export(format=format)
 
 

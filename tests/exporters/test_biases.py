@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gmwm.base.errors import DataError
 from gmwm.calibration.rest import BiasAtRest
-from gmwm.errors import DataError
-from gmwm.exporters import export_formats
-from gmwm.exporters.base import find_exporter
+from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters.base import find_exporter
 from tests.helpers import only, raises
 
 from .conftest import remarks_in, words

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.exporters import export_formats
-from gmwm.processes import Model
-from gmwm.remarks import Quantity, texts
+from gmwm.base.remarks import Quantity, texts
+from gmwm.showing.exporters import export_formats
+from gmwm.theory.processes import Model
 from tests.helpers import only, raises
 
 from .conftest import RATE, SAMPLES, TRUTHS, as_golden, calibrated, remarks_in, words

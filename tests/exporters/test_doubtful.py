@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base.remarks import Quantity, Severity, texts
 from gmwm.calibration.findings import rejected, unusable
 from gmwm.calibration.misfit import misfit_of
-from gmwm.exporters import export_all, export_formats
-from gmwm.exporters.base import find_exporter
-from gmwm.remarks import Quantity, Severity, texts
+from gmwm.showing.exporters import export_all, export_formats
+from gmwm.showing.exporters.base import find_exporter
 from tests.helpers import only
 
 from .conftest import TRUTHS, calibrated, exact_curve, remarks_in, words

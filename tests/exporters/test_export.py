@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
-from gmwm.exporters import export_all, export_formats
-from gmwm.exporters.text import plain, unended
-from gmwm.remarks import Quantity, Remark
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.showing.exporters import export_all, export_formats
+from gmwm.showing.exporters.text import plain, unended
 from tests.helpers import codes, only, raises, warns
 
 from .conftest import RATE, TRUTHS, calibrated, exact_curve, remarks_in, words

@@ -8,8 +8,8 @@ import pytest
 
 import gmwm
 from gmwm import GM
-from gmwm.exporters import export_formats
-from gmwm.remarks import texts
+from gmwm.base.remarks import texts
+from gmwm.showing.exporters import export_formats
 
 from .conftest import RATE, SAMPLES, calibrated, remarks_in, words
 from .consumers import CONSUMERS, MARKOV

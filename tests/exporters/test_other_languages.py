@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.exporters.statespace import MATRICES
+from gmwm.showing.exporters.statespace import MATRICES
 
 from .conftest import exact_curve
 

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from gmwm.remarks import texts
+from gmwm.base.remarks import texts
 
 from .conftest import RATE, calibrated, remarks_in, words
 from .consumers import CONSUMERS, MARKOV

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from gmwm.continuous_statespace import ContinuousStateSpace
-from gmwm.statespace import StateSpace
+from gmwm.theory.continuous_statespace import ContinuousStateSpace
+from gmwm.theory.statespace import StateSpace
 
 from .conftest import RATE
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.exporters.heads import FAR, NEARER
-from gmwm.exporters.two_states import apart, two_states
+from gmwm.showing.exporters.heads import FAR, NEARER
+from gmwm.showing.exporters.two_states import apart, two_states
 
 from .conftest import RATE, calibrated, exact_curve, words
 from .test_state_space import loaded

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import Imu, Signal, batches
-from gmwm.batches import Batch, Batches, joined
-from gmwm.chunks import Chunk
-from gmwm.filling import filled, gaps
-from gmwm.filling.gaps import joined_ranges
-from gmwm.streaming.passes import feed_chunks
+from gmwm import Imu, Signal
+from gmwm.measuring.streaming.passes import feed_chunks
+from gmwm.recording import batches
+from gmwm.recording.batches import Batch, Batches, joined
+from gmwm.recording.chunks import Chunk
+from gmwm.recording.gaps import filled, gaps
+from gmwm.recording.gaps.gaps import joined_ranges
 
 RATE = 100.0
 

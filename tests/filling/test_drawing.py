@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gmwm.filling import drawn
+from gmwm.recording.gaps import drawn
 
 N = 1 << 15
 

@@ -7,10 +7,10 @@ import pytest
 
 import gmwm
 from gmwm import Signal
-from gmwm.covariance import Design, covariance
-from gmwm.errors import DataError
-from gmwm.processes.model import as_model
-from gmwm.variance.transform import dwt, modwt
+from gmwm.base.errors import DataError
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.variance.transform import dwt, modwt
+from gmwm.theory.processes.model import as_model
 from tests.helpers import raises
 
 RATE = 100.0

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import Imu, Signal, batches
-from gmwm.batches import Batch, joined
-from gmwm.filling import fill_gaps, filled, gaps
+from gmwm import Imu, Signal
+from gmwm.recording import batches
+from gmwm.recording.batches import Batch, joined
+from gmwm.recording.gaps import fill_gaps, filled, gaps
 
 RATE, N = 100.0, 60_000
 

@@ -11,15 +11,15 @@ import pytest
 
 import gmwm
 from gmwm import Calibration, GmwmError, calibrate, fleet, read, simulate
+from gmwm.applications.fleets import Fleet, unit_job
+from gmwm.applications.fleets.discovery import find_units
+from gmwm.applications.fleets.table import RUN_AGAIN
+from gmwm.applications.fleets.unit_job import Job, UnitOptions
+from gmwm.applications.fleets.workers import allowing_lost_workers, on_cluster
+from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import DataError, GmwmWarning, OptionError, ReadError
-from gmwm.fleets import Fleet, unit_job
-from gmwm.fleets.discovery import find_units
-from gmwm.fleets.table import RUN_AGAIN
-from gmwm.fleets.unit_job import Job, UnitOptions
-from gmwm.fleets.workers import allowing_lost_workers, on_cluster
-from gmwm.options import ReadOptions
-from gmwm.readers.api import read_file
+from gmwm.files.readers.api import read_file
+from gmwm.recording.options import ReadOptions
 from tests.helpers import raises
 
 pytestmark = pytest.mark.slow
@@ -515,7 +515,7 @@ def test_results_of_another_fleet_are_told(few, tmp_path):
 
 def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("gmwm.streaming.scheduling.PATIENCE", 0.5)
+    monkeypatch.setattr("gmwm.measuring.streaming.scheduling.PATIENCE", 0.5)
     with raises(OptionError, "tcp://127.0.0.1:9"):
         fleet(few, tmp_path / "out", within=WITHIN, scheduler="tcp://127.0.0.1:9")
     assert not (tmp_path / "out").exists()
@@ -523,7 +523,7 @@ def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatc
 
 def test_large_recordings_are_read_in_chunks(few, tmp_path, monkeypatch):
     whole = fleet(few, tmp_path / "whole", within=WITHIN, workers=0)
-    monkeypatch.setattr("gmwm.readers.streams.LARGE", 1000)
+    monkeypatch.setattr("gmwm.files.readers.streams.LARGE", 1000)
     monkeypatch.setattr(unit_job, "read_file", None)  # not come to
     found = fleet(few, tmp_path / "chunks", within=WITHIN, workers=0)
     assert found.done == 6

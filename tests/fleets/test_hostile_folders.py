@@ -8,14 +8,14 @@ import pytest
 
 import gmwm
 from gmwm import Calibration, calibrate, fleet, simulate
-from gmwm._files import DEEPEST, read_json
-from gmwm.errors import OptionError, ReadError
-from gmwm.fleets import Fleet
-from gmwm.fleets.discovery import find_units
-from gmwm.fleets.storage import FORMAT, read_facts
-from gmwm.options import ReadOptions
-from gmwm.readers.parquet import ParquetReader
-from gmwm.readers.text import TextReader
+from gmwm.applications.fleets import Fleet
+from gmwm.applications.fleets.discovery import find_units
+from gmwm.applications.fleets.storage import FORMAT, read_facts
+from gmwm.base.atomic_files import DEEPEST, read_json
+from gmwm.base.errors import OptionError, ReadError
+from gmwm.files.readers.parquet import ParquetReader
+from gmwm.files.readers.text import TextReader
+from gmwm.recording.options import ReadOptions
 from tests.helpers import raises
 
 DEEP = "[" * 100_000

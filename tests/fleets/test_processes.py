@@ -9,10 +9,10 @@ from multiprocessing import active_children
 import pytest
 
 from gmwm import fleet, simulate
+from gmwm.applications.fleets.processes import Processes
+from gmwm.applications.fleets.unit_job import Job, UnitOptions
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.fleets.processes import Processes
-from gmwm.fleets.unit_job import Job, UnitOptions
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 pytestmark = pytest.mark.slow
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import gmwm
 from gmwm import fleet
 from gmwm.cli.main import app
-from gmwm.readers.topics import sensor_topics
+from gmwm.files.readers.topics import sensor_topics
 from tests.readers.test_dataflash import ACC, GYR, IMU, VALUES, imu, log, message
 
 pytestmark = pytest.mark.slow

@@ -9,14 +9,14 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from gmwm.errors import DataError, OptionError
-from gmwm.fleets.axes import hotelling
-from gmwm.fleets.findings import of_units
-from gmwm.fleets.outlier_units import deviants, looked_for
-from gmwm.fleets.statistics import fleet_statistics
-from gmwm.fleets.summary_text import summary
-from gmwm.random_effects import between_units, effects, predicted, spread_limits
-from gmwm.remarks import Remark, Severity
+from gmwm.applications.fleets.axes import hotelling
+from gmwm.applications.fleets.findings import of_units
+from gmwm.applications.fleets.outlier_units import deviants, looked_for
+from gmwm.applications.fleets.statistics import fleet_statistics
+from gmwm.applications.fleets.summary_text import summary
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.random_effects import between_units, effects, predicted, spread_limits
+from gmwm.base.remarks import Remark, Severity
 from tests.helpers import codes, only, raises
 
 Z = stats.norm.ppf(0.975)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.errors import GmwmError, GmwmWarning
-from gmwm.readers.topics import inertial_topics
+from gmwm.base.errors import GmwmError, GmwmWarning
+from gmwm.files.readers.topics import inertial_topics
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 UNITS = {"gyro": "rad/s", "accel": "m/s²"}
@@ -128,7 +128,7 @@ def _fleet(path: Path) -> None:
 
 
 def _accumulator(path: Path) -> None:
-    from gmwm._files import read_json
+    from gmwm.base.atomic_files import read_json
 
     live = gmwm.WaveletAccumulator.from_dict(_json(read_json, path))
     live.update([0.1, 0.2, -0.1])
@@ -136,7 +136,7 @@ def _accumulator(path: Path) -> None:
 
 
 def _monitor(path: Path) -> None:
-    from gmwm._files import read_json
+    from gmwm.base.atomic_files import read_json
 
     live = gmwm.Monitor.from_dict(_json(read_json, path))
     live.update({axis: np.zeros(50) for axis in live.axes})

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from gmwm.errors import GmwmError, OptionError, UnitError
-from gmwm.importers import given_noise
-from gmwm.processes import Model
+from gmwm.base.errors import GmwmError, OptionError, UnitError
+from gmwm.files.importers import given_noise
+from gmwm.theory.processes import Model
 from tests.helpers import raises
 
 DEG = math.pi / 180

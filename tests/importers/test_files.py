@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.exporters import export_formats
-from gmwm.exporters.given import given_calibration
-from gmwm.importers import given_noise
-from gmwm.importers.files import FORMATS
+from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.files.importers import given_noise
+from gmwm.files.importers.files import FORMATS
+from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters.given import given_calibration
 from tests.exporters.consumers import CONSUMERS, PER_AXIS
 from tests.helpers import raises
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from gmwm.errors import ModelError
-from gmwm.importers import Values
-from gmwm.importers.values import FLOOR, PEAK
-from gmwm.processes import GM
+from gmwm.base.errors import ModelError
+from gmwm.files.importers import Values
+from gmwm.files.importers.values import FLOOR, PEAK
+from gmwm.theory.processes import GM
 
 RATE = 50.0
 

@@ -7,10 +7,10 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN
-from gmwm.filters import HAAR
-from gmwm.inference.summary import IntervalMethod, inference, short_values
-from gmwm.processes.base import Process
-from gmwm.processes.parameter import Parameter
+from gmwm.fitting.inference.summary import IntervalMethod, inference, short_values
+from gmwm.theory.filters import HAAR
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.parameter import Parameter
 from tests.helpers import codes, only, raises
 
 RATE = 100.0

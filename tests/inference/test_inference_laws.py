@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN, WaveletVariance
-from gmwm.covariance import Design
-from gmwm.inference.asymptotic import relative_covariance
+from gmwm.fitting.inference.asymptotic import relative_covariance
+from gmwm.measuring.covariance import Design
 
 RATE = 100.0
 TRUTHS = (
@@ -58,7 +58,7 @@ def test_scaling_the_data_scales_intervals_and_tests(truth: str, seed: int, fact
 
 
 def _parameters(fit):
-    from gmwm.inference.intervals import parameters_by_name
+    from gmwm.fitting.inference.intervals import parameters_by_name
 
     return parameters_by_name(fit.model)
 
@@ -111,7 +111,7 @@ def test_what_the_slopes_do_not_tell_apart_is_infinite() -> None:
 @pytest.mark.parametrize("weighting", WEIGHTINGS)
 def test_the_weights_are_those_of_the_estimate(weighting: str) -> None:
     # A fixed point: fitting once more with the weights that the estimate implies changes nothing.
-    from gmwm.estimation.reweighting import implied_weights
+    from gmwm.fitting.estimation.reweighting import implied_weights
 
     wv = recorded(TRUTHS[2], 1)
     fit = gmwm.fit("GM + WN + RW", wv, weighting=weighting)

@@ -7,8 +7,7 @@ import pytest
 from scipy.special import gammaincc
 
 from gmwm import fit, wavelet_variance
-from gmwm.covariance import Design, covariance
-from gmwm.inference.model_error import (
+from gmwm.fitting.inference.model_error import (
     IMPLAUSIBLE,
     LARGEST,
     MANY,
@@ -20,7 +19,8 @@ from gmwm.inference.model_error import (
     nearly_fitted,
     relative_misfit,
 )
-from gmwm.processes.model import Model
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.theory.processes.model import Model
 
 RATE = 100.0
 TRUTH = Model.parse("WN(sigma2=4e-6) + GM(beta=0.2, sigma2=2e-7)")

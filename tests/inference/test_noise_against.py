@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
-from gmwm.inference import noise_against
+from gmwm.base.errors import DataError, OptionError
+from gmwm.fitting.inference import noise_against
 from tests.helpers import raises
 
 N = 1 << 14

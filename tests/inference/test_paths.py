@@ -11,14 +11,14 @@ import pytest
 from scipy.signal import lfilter
 
 from gmwm import GM, RW, WN, Model, wavelet_variance
-from gmwm.covariance import wavelet_covariance
-from gmwm.covariance.design import Design
-from gmwm.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.filters import find_filter
-from gmwm.inference.simulated_curves import BATCH, simulated_variances
-from gmwm.processes.base import Process
-from gmwm.processes.parameter import Parameter
-from gmwm.statespace import StateSpace
+from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.fitting.inference.simulated_curves import BATCH, simulated_variances
+from gmwm.measuring.covariance import wavelet_covariance
+from gmwm.measuring.covariance.design import Design
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.parameter import Parameter
+from gmwm.theory.statespace import StateSpace
 from tests.helpers import raises
 
 SUM = "WN(sigma2=1.0) + GM(beta=0.5, sigma2=2.0) + RW(gamma2=0.01) + QN(q2=3.0) + DR(omega=0.001)"

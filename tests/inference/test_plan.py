@@ -8,10 +8,10 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN
-from gmwm._text import duration_text
-from gmwm.covariance import Design, covariance
-from gmwm.errors import ModelError, OptionError
-from gmwm.inference.asymptotic import sandwich, sandwich_of
+from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.text import duration_text
+from gmwm.fitting.inference.asymptotic import sandwich, sandwich_of
+from gmwm.measuring.covariance import Design, covariance
 from tests.helpers import only, raises
 
 RATE = 100.0

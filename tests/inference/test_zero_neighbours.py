@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gmwm import Model, fit
-from gmwm.covariance import Design, wavelet_covariance
-from gmwm.errors import FitWarning
-from gmwm.inference.asymptotic import sandwich_of
+from gmwm.base.errors import FitWarning
+from gmwm.fitting.inference.asymptotic import sandwich_of
+from gmwm.measuring.covariance import Design, wavelet_covariance
 
 TRUTH = Model.parse("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=5e-6)")
 

@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gmwm.errors import OptionError
-from gmwm.joint import fit_joint
-from gmwm.joint.certificate import GAP, Prover
-from gmwm.joint.search import descend
+from gmwm.applications.several import fit_joint
+from gmwm.applications.several.certificate import GAP, Prover
+from gmwm.applications.several.search import descend
+from gmwm.base.errors import OptionError
 from tests.helpers import raises
 from tests.joint.test_joint_fit import RATE, signals
 

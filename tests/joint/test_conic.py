@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gmwm import _core
-from gmwm.joint.conic import Cone, least_squares
-from gmwm.joint.moments import entries
+from gmwm.applications.several.conic import Cone, least_squares
+from gmwm.applications.several.moments import entries
+from gmwm.base import _core
 
 
 def problem(seed, d=None):

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import batches
-from gmwm.covariance.design import Design
-from gmwm.errors import DataError, OptionError
-from gmwm.joint.cross import _freedom, _Noise, cross
-from gmwm.joint.pairs import Pairs
-from gmwm.multiple_tests import holm
-from gmwm.processes.model import Model
-from gmwm.variance import wavelet_variance
+from gmwm.applications.several.cross import _freedom, _Noise, cross
+from gmwm.applications.several.pairs import Pairs
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.multiple_tests import holm
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.variance import wavelet_variance
+from gmwm.recording import batches
+from gmwm.theory.processes.model import Model
 from tests.helpers import raises
 
 RATE = 50.0

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.joint import fuse
-from gmwm.joint.difference_filter import ArrayNoise, wavelet_variance
-from gmwm.joint.fusion import best_weights
-from gmwm.joint.matrices import wavelet_matrices
-from gmwm.readers import read_array
+from gmwm.applications.several import fuse
+from gmwm.applications.several.difference_filter import ArrayNoise, wavelet_variance
+from gmwm.applications.several.fusion import best_weights
+from gmwm.applications.several.matrices import wavelet_matrices
+from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.files.readers import read_array
 from validation.study_fusion import exact, simulated, units
 
 

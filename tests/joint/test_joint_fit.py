@@ -8,11 +8,11 @@ import pytest
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.errors import DataError, ModelError, OptionError
-from gmwm.joint import fit_joint
-from gmwm.joint.search import _derivatives
-from gmwm.joint.terms import joint_terms
-from gmwm.plots.joint import joint_figure
+from gmwm.applications.several import fit_joint
+from gmwm.applications.several.joint_plot import joint_figure
+from gmwm.applications.several.search import _derivatives
+from gmwm.applications.several.terms import joint_terms
+from gmwm.base.errors import DataError, ModelError, OptionError
 
 RATE = 100.0
 AXES = ("gyro_x", "gyro_y", "gyro_z")

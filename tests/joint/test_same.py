@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
-from gmwm.joint import same
+from gmwm.applications.several import same
+from gmwm.base.errors import DataError, OptionError
 
 RATE = 50.0
 

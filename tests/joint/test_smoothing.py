@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import Imu, Signal
-from gmwm.errors import DataError, OptionError
+from gmwm.base.errors import DataError, OptionError
 from tests.helpers import raises
 
 RATE = 100.0

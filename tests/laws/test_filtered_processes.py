@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gmwm.errors import MissingTheoryError
-from gmwm.filters import FILTERS, HAAR, find_filter
-from gmwm.processes import AR1, DR, GM, RW, WN, Process, every_class
-from gmwm.variance.transform import variances
+from gmwm.base.errors import MissingTheoryError
+from gmwm.measuring.variance.transform import variances
+from gmwm.theory.filters import FILTERS, HAAR, find_filter
+from gmwm.theory.processes import AR1, DR, GM, RW, WN, Process, every_class
 from tests.helpers import raises
 
 oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "filters.py")))

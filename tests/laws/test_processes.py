@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 
-from gmwm.errors import MissingTheoryError, OptionError
-from gmwm.processes import Process, every_class, ordered_classes, registry
+from gmwm.base.errors import MissingTheoryError, OptionError
+from gmwm.theory.processes import Process, every_class, ordered_classes, registry
 from tests.helpers import raises
 
 TESTS = Path(__file__).parents[1]

@@ -7,12 +7,12 @@ import pytest
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.likelihood import LikelihoodFit
-from gmwm.likelihood.conditions import Regressed
-from gmwm.likelihood.problem import Problem
-from gmwm.likelihood.record import as_record
-from gmwm.regression.against import Asked
+from gmwm.base.errors import OptionError
+from gmwm.fitting.likelihood import LikelihoodFit
+from gmwm.fitting.likelihood.conditions import Regressed
+from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.record import as_record
+from gmwm.measuring.regression.against import Asked
 from tests.helpers import raises
 
 N = 400

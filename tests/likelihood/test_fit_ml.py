@@ -8,11 +8,11 @@ import pytest
 from scipy.optimize import minimize
 
 from gmwm import Imu, Model, fit, fit_ml
-from gmwm.errors import DataError, FitWarning, MissingTheoryError, ModelError, OptionError, ReadError
-from gmwm.likelihood import LikelihoodFit
-from gmwm.likelihood.problem import Problem
-from gmwm.likelihood.record import as_record
-from gmwm.signals import Signal
+from gmwm.base.errors import DataError, FitWarning, MissingTheoryError, ModelError, OptionError, ReadError
+from gmwm.fitting.likelihood import LikelihoodFit
+from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.record import as_record
+from gmwm.recording.signals import Signal
 from tests.helpers import only, raises
 from validation.likelihood import fisher_errors, most_likely
 

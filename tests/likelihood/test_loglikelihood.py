@@ -10,12 +10,13 @@ import pytest
 from statsmodels.tsa.statespace.initialization import Initialization
 from statsmodels.tsa.statespace.kalman_filter import KalmanFilter
 
-from gmwm import Model, Signal, _core
-from gmwm.errors import DataError, MissingTheoryError
-from gmwm.likelihood.problem import Problem
-from gmwm.likelihood.record import as_record
-from gmwm.likelihood.system import assemble, require_state
-from gmwm.processes import every_class
+from gmwm import Model, Signal
+from gmwm.base import _core
+from gmwm.base.errors import DataError, MissingTheoryError
+from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.system import assemble, require_state
+from gmwm.theory.processes import every_class
 from tests.helpers import raises
 from validation.likelihood import concentrated
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import FitWarning
+from gmwm.base.errors import FitWarning
 from tests.helpers import codes, only
 
 pytestmark = pytest.mark.slow

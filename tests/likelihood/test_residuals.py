@@ -7,10 +7,10 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from statsmodels.tsa.stattools import acf
 
 from gmwm import Model, fit_ml
-from gmwm.errors import OptionError
-from gmwm.likelihood import Residuals
-from gmwm.likelihood.problem import Problem
-from gmwm.likelihood.record import as_record
+from gmwm.base.errors import OptionError
+from gmwm.fitting.likelihood import Residuals
+from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.record import as_record
 from tests.helpers import raises
 
 RATE = 100.0

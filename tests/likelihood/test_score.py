@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gmwm import Model
-from gmwm.likelihood.problem import Problem
-from gmwm.likelihood.record import as_record
-from gmwm.likelihood.system import STEP, assemble, slopes
+from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.system import STEP, assemble, slopes
 from validation.likelihood import fisher_errors
 
 oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "gaussian.py")))

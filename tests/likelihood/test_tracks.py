@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gmwm import Model, fit, fit_ml
-from gmwm.errors import ModelError, OptionError
-from gmwm.likelihood.system import assemble
-from gmwm.signals import Signal
+from gmwm.base.errors import ModelError, OptionError
+from gmwm.fitting.likelihood.system import assemble
+from gmwm.recording.signals import Signal
 from tests.helpers import raises
 
 ORACLES = Path(__file__).parents[1] / "oracles"

@@ -10,9 +10,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
-from gmwm.monitor.charts import BLOCKS, NOISE, Charts, ChartSettings, differences, white_shape, window
-from gmwm.monitor.setup import as_lists
-from gmwm.monitor.thresholds import level_threshold, noise_run_length, noise_threshold, shape_factor, spike_limit
+from gmwm.applications.monitor.charts import BLOCKS, NOISE, Charts, ChartSettings, differences, white_shape, window
+from gmwm.applications.monitor.setup import as_lists
+from gmwm.applications.monitor.thresholds import (
+    level_threshold,
+    noise_run_length,
+    noise_threshold,
+    shape_factor,
+    spike_limit,
+)
 
 Array = NDArray[np.float64]
 SETTINGS = ChartSettings.of_model(rate=1.5)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 import gmwm
 from gmwm import Model, Monitor
-from gmwm.chunks import Chunk
-from gmwm.errors import DataError, ModelError, OptionError, ReadError
-from gmwm.monitor import Baseline, Event
+from gmwm.applications.monitor import Baseline, Event
+from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
+from gmwm.recording.chunks import Chunk
 
 RATE = 100.0
 SIGMA = 4.4e-4

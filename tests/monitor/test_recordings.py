@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import gmwm
-from gmwm.monitor import Monitor, baselines
+from gmwm.applications.monitor import Monitor, baselines
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 GYROS = ("gyro_x", "gyro_y", "gyro_z")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
-from gmwm.monitor import UnitEvent, redundant
+from gmwm.applications.monitor import UnitEvent, redundant
+from gmwm.base.errors import DataError, OptionError
 
 RATE = 100.0
 SIGMA = 4.4e-4

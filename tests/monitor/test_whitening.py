@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from gmwm import Model
-from gmwm.errors import ModelError
-from gmwm.monitor.finite_state import Finite
-from gmwm.monitor.whitening import FRAME, Gain, Whitener
+from gmwm.applications.monitor.finite_state import Finite
+from gmwm.applications.monitor.whitening import FRAME, Gain, Whitener
+from gmwm.base.errors import ModelError
 
 RATE = 100.0
 N = 400

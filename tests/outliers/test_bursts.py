@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gmwm import Signal
-from gmwm.outliers import Bursts, find_bursts
-from gmwm.outliers.bursts import BurstFinder
+from gmwm.measuring.outliers import Bursts, find_bursts
+from gmwm.measuring.outliers.bursts import BurstFinder
 
 N, RATE = 50_000, 100.0
 

@@ -6,8 +6,8 @@ from scipy.signal import butter, lfilter
 
 import gmwm
 from gmwm import Signal
-from gmwm.outliers import cleaned, find_bursts
-from gmwm.outliers.cleaning import LEAST, LONGEST, MARGIN, MOST
+from gmwm.measuring.outliers import cleaned, find_bursts
+from gmwm.measuring.outliers.cleaning import LEAST, LONGEST, MARGIN, MOST
 
 N, RATE = 200_000, 100.0
 

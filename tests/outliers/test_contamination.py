@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.outliers import Verdict, contamination
-from gmwm.remarks import Severity, texts
+from gmwm.base.remarks import Severity, texts
+from gmwm.measuring.outliers import Verdict, contamination
 from tests.helpers import codes, only, raises
 
 RATE = 100.0

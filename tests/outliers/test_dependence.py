@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gmwm import wavelet_variance
-from gmwm.outliers import contamination, dependence, other_efficiency
-from gmwm.outliers.dependence import Dependence
+from gmwm.measuring.outliers import contamination, dependence, other_efficiency
+from gmwm.measuring.outliers.dependence import Dependence
 
 RATE = 100.0
 

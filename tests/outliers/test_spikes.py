@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gmwm import Signal, wavelet_variance
-from gmwm.errors import DataError, OptionError
-from gmwm.outliers import find_spikes, repaired
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.outliers import find_spikes, repaired
 from tests.helpers import raises
 from tests.outliers.test_bursts import QUIET, ringing
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.variance.result import WaveletVariance
+from gmwm.measuring.variance.result import WaveletVariance
 
 
 @pytest.fixture(scope="session")

@@ -1,13 +1,21 @@
 import numpy as np
 import pytest
 
-from gmwm.errors import OptionError
-from gmwm.plots.allan import SLOPES, allan_figure, allan_panel, avlr_panel, plot_allan, plot_allan_axes, plot_avlr
-from gmwm.plots.figure import Line
-from gmwm.signals import Signal
-from gmwm.variance.allan import allan_variance
-from gmwm.variance.allan_regression import avlr
-from gmwm.variance.hadamard import hadamard_variance
+from gmwm.base.errors import OptionError
+from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan_regression import avlr
+from gmwm.measuring.variance.hadamard import hadamard_variance
+from gmwm.recording.signals import Signal
+from gmwm.showing.plots.allan import (
+    SLOPES,
+    allan_figure,
+    allan_panel,
+    avlr_panel,
+    plot_allan,
+    plot_allan_axes,
+    plot_avlr,
+)
+from gmwm.showing.plots.figure import Line
 from tests.helpers import raises
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmwm.plots.axes import limits_near, limits_of, number_text, power_ticks, time_axis, value_axis
+from gmwm.showing.plots.axes import limits_near, limits_of, number_text, power_ticks, time_axis, value_axis
 
 exponents = st.floats(-24, 24)
 profile = settings(derandomize=True, max_examples=150, deadline=None)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gmwm.budgets import budget
-from gmwm.plots.budget import LEAST_SHARE, budget_figure
+from gmwm.applications.navigation import budget
+from gmwm.applications.navigation.plot import LEAST_SHARE, budget_figure
 
 NOISE = {
     "gyro_x": "WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-9)", "gyro_y": "WN(sigma2=2e-6) + RW(gamma2=1e-16)",

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots import plot_autocorrelation, plot_coefficients
-from gmwm.plots.autocorrelation import signal_autocorrelation_panel
-from gmwm.plots.coefficients import coefficients_figure
-from gmwm.variance import dwt, modwt
+from gmwm.base.errors import OptionError
+from gmwm.measuring.variance import dwt, modwt
+from gmwm.showing.plots import plot_autocorrelation, plot_coefficients
+from gmwm.showing.plots.autocorrelation import signal_autocorrelation_panel
+from gmwm.showing.plots.coefficients import coefficients_figure
 from tests.helpers import raises
 
 RATE = 50.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.plots import imu
-from gmwm.plots.comparison import automatic_labels
+from gmwm.showing.plots import imu
+from gmwm.showing.plots.comparison import automatic_labels
 from tests.helpers import raises
 
 SIGNALS = {

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots.curves import ABOVE
-from gmwm.plots.fit import fit_panel
-from gmwm.plots.imu import imu_figure
-from gmwm.plots.overlay import overlay_panel
-from gmwm.plots.style import GREY, curve_stroke, letter_stroke, term_stroke, term_strokes
-from gmwm.plots.variance import wavelet_variance_panel
-from gmwm.processes import registry
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots.curves import ABOVE
+from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.plots.imu import imu_figure
+from gmwm.showing.plots.overlay import overlay_panel
+from gmwm.showing.plots.style import GREY, curve_stroke, letter_stroke, term_stroke, term_strokes
+from gmwm.showing.plots.variance import wavelet_variance_panel
+from gmwm.theory.processes import registry
 from tests.helpers import raises
 
 
@@ -153,7 +153,7 @@ def test_what_acts_as_another_process_says_so(fit):
 
 
 def test_levels_left_out_are_open_symbols(fit):
-    from gmwm.plots.curves import observed_marks, view_for
+    from gmwm.showing.plots.curves import observed_marks, view_for
 
     wv = fit.wavelet_variance
     used = wv.levels < 19

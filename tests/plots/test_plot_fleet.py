@@ -7,10 +7,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.errors import OptionError
-from gmwm.fleets.statistics import fleet_statistics
-from gmwm.plots.fleet import fleet_figure, plot_fleet
-from gmwm.units import datasheet_units
+from gmwm.applications.fleets.plot import fleet_figure, plot_fleet
+from gmwm.applications.fleets.statistics import fleet_statistics
+from gmwm.base.errors import OptionError
+from gmwm.base.units import datasheet_units
 from tests.helpers import raises
 
 DEG = datasheet_units("rad/s/√Hz")["deg/√h"]

@@ -6,8 +6,8 @@ import pytest
 from matplotlib.figure import Figure as MatplotlibFigure
 
 import gmwm
-from gmwm.plots import plot_comparison, plot_fit, plot_imu, plot_plan
-from gmwm.plots.legend import folded, width_of
+from gmwm.showing.plots import plot_comparison, plot_fit, plot_imu, plot_plan
+from gmwm.showing.plots.legend import folded, width_of
 
 LONG = "a recording with a name that is much longer than any legend of one line can hold on a page of a journal"
 

@@ -8,15 +8,15 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.fleets.statistics import fleet_statistics
-from gmwm.plots.allan import _stretched, allan_panel, avlr_panel
-from gmwm.plots.fit import fit_panel
-from gmwm.plots.fleet import HALF, _height_axis, fleet_figure
-from gmwm.plots.plan import plan_panel
-from gmwm.plots.series import recording_figure, signal_panel
-from gmwm.plots.spectrum import spectrum_panel
-from gmwm.plots.tracks import tracks_figure
-from gmwm.signals import Imu, Signal
+from gmwm.applications.fleets.plot import HALF, _height_axis, fleet_figure
+from gmwm.applications.fleets.statistics import fleet_statistics
+from gmwm.recording.signals import Imu, Signal
+from gmwm.showing.plots.allan import _stretched, allan_panel, avlr_panel
+from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.plots.plan import plan_panel
+from gmwm.showing.plots.series import recording_figure, signal_panel
+from gmwm.showing.plots.spectrum import spectrum_panel
+from gmwm.showing.plots.tracks import tracks_figure
 
 NOISE = np.random.default_rng(4).normal(size=4000)
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as MatplotlibFigure
 
-from gmwm.errors import OptionError
-from gmwm.plots import plot_comparison, plot_fit, plot_imu, plot_wavelet_variance
-from gmwm.plots.figure import Figure
-from gmwm.plots.fit import fit_panel
-from gmwm.plots.imu import imu_figure
-from gmwm.plots.matplotlib import draw
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots import plot_comparison, plot_fit, plot_imu, plot_wavelet_variance
+from gmwm.showing.plots.figure import Figure
+from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.plots.imu import imu_figure
+from gmwm.showing.plots.matplotlib import draw
 from tests.helpers import raises
 
 

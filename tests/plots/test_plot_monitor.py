@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gmwm import Model, Monitor
-from gmwm.chunks import Chunk
-from gmwm.errors import DataError
-from gmwm.monitor import Trace
-from gmwm.plots.monitor import trace_figure
+from gmwm.applications.monitor import Trace
+from gmwm.applications.monitor.plot import trace_figure
+from gmwm.base.errors import DataError
+from gmwm.recording.chunks import Chunk
 
 MODEL = Model.parse("WN(sigma2=1e-6) + RW(gamma2=1e-14)")
 EPOCH = 1.7e9

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots.plan import plan_panel, plot_plan
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots.plan import plan_panel, plot_plan
 from tests.helpers import raises
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots.axes import signed_axis
-from gmwm.plots.figure import Axis, Band, Figure, Line, Panel, Stroke, Tick
-from gmwm.plots.matplotlib import draw
-from gmwm.plots.ranking import candidates_figure, distance, plot_ranking, ranking_figure
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots.axes import signed_axis
+from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Panel, Stroke, Tick
+from gmwm.showing.plots.matplotlib import draw
+from gmwm.showing.plots.ranking import candidates_figure, distance, plot_ranking, ranking_figure
 from tests.helpers import raises
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.likelihood.innovations import Residuals
-from gmwm.plots.autocorrelation import LEVEL
-from gmwm.plots.residuals import (
+from gmwm.base.errors import OptionError
+from gmwm.fitting.likelihood.innovations import Residuals
+from gmwm.showing.plots.autocorrelation import LEVEL
+from gmwm.showing.plots.residuals import (
     correlation_panel,
     order_limits,
     plot_residuals,

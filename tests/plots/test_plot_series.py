@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots import plot_components, plot_recording, plot_signal
-from gmwm.plots.linear import even_axis, even_ticks, power_of, time_unit
-from gmwm.plots.series import DOTS, PAGE, components_figure, recording_figure, signal_panel
-from gmwm.plots.style import term_strokes
-from gmwm.plots.trace import extremes, trace
-from gmwm.signals import Imu, Signal
+from gmwm.base.errors import OptionError
+from gmwm.recording.signals import Imu, Signal
+from gmwm.showing.plots import plot_components, plot_recording, plot_signal
+from gmwm.showing.plots.linear import even_axis, even_ticks, power_of, time_unit
+from gmwm.showing.plots.series import DOTS, PAGE, components_figure, recording_figure, signal_panel
+from gmwm.showing.plots.style import term_strokes
+from gmwm.showing.plots.trace import extremes, trace
 from tests.helpers import raises
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)

@@ -5,8 +5,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots.shared_axes import named_panel
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots.shared_axes import named_panel
 from tests.helpers import raises
 
 RATE = 100.0

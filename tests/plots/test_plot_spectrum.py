@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots.spectrum import density_unit, spectra_figure, spectrum_panel
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots.spectrum import density_unit, spectra_figure, spectrum_panel
 from tests.helpers import raises
 
 RATE, SAMPLES = 100.0, 100_000

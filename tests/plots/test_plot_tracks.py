@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gmwm
-from gmwm.errors import DataError, OptionError
-from gmwm.plots.figure import Band, Line
-from gmwm.plots.trace import envelope, even_trace, extremes_there, isolated
-from gmwm.plots.tracks import COLUMNS, plot_tracks, tracks_figure
-from gmwm.signals import Signal
+from gmwm.base.errors import DataError, OptionError
+from gmwm.recording.signals import Signal
+from gmwm.showing.plots.figure import Band, Line
+from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, isolated
+from gmwm.showing.plots.tracks import COLUMNS, plot_tracks, tracks_figure
 from tests.helpers import raises
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)

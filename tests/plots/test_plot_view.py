@@ -3,11 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from gmwm.errors import OptionError
-from gmwm.plots.labels import axis_title, duration_text, model_text, parameter_text, term_label
-from gmwm.plots.view import view_of
-from gmwm.processes import Model, Parameter, registry
-from gmwm.units import STANDARD_GRAVITY
+from gmwm.base.errors import OptionError
+from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.showing.plots.labels import axis_title, duration_text, model_text, parameter_text, term_label
+from gmwm.showing.plots.view import view_of
+from gmwm.theory.processes import Model, Parameter, registry
 from tests.helpers import raises
 
 

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from gmwm import calibrate, simulate
-from gmwm.plots import matplotlib as renderer
-from gmwm.plots.png import encoded, png
+from gmwm.showing.plots import matplotlib as renderer
+from gmwm.showing.plots.png import encoded, png
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from gmwm import AR, AR1, ARMA, MA, SARMA, WN, Model, fixed, wavelet_variance
-from gmwm.covariance import wavelet_covariance
-from gmwm.errors import ModelError
-from gmwm.filters import find_filter
-from gmwm.processes import every_class, ordered_classes, rational, registry
-from gmwm.processes.linear_recursion import CANCELLING
+from gmwm.base.errors import ModelError
+from gmwm.measuring.covariance import wavelet_covariance
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes import every_class, ordered_classes, rational, registry
+from gmwm.theory.processes.linear_recursion import CANCELLING
 from tests.helpers import codes, raises
 
 ORACLES = Path(__file__).parents[1] / "oracles"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gmwm import AR, ARMA, MA, fixed
-from gmwm.datasheets import Entry
-from gmwm.processes.band_limit import PEAK, SHORT
+from gmwm.choosing.datasheets import Entry
+from gmwm.theory.processes.band_limit import PEAK, SHORT
 
 RATE = 50.0
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.special import gamma, kv
 
 from gmwm import fit_ml
-from gmwm.errors import FitWarning
-from gmwm.processes import FGN, FN, MAT, PL, Model
-from gmwm.processes.ladder import BAND, approximated, state_space_error
-from gmwm.statespace import _Block
+from gmwm.base.errors import FitWarning
+from gmwm.theory.processes import FGN, FN, MAT, PL, Model
+from gmwm.theory.processes.ladder import BAND, approximated, state_space_error
+from gmwm.theory.statespace import _Block
 from tests.helpers import only
 
 RATE = 100.0

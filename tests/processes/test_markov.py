@@ -5,8 +5,8 @@ import warnings
 import pytest
 
 from gmwm import AR1, GM, Model, fit
-from gmwm.errors import FitWarning
-from gmwm.processes.markov import FEW_TIMES
+from gmwm.base.errors import FitWarning
+from gmwm.theory.processes.markov import FEW_TIMES
 from tests.helpers import codes
 
 RATE = 100.0

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from gmwm import GM, MAT, WN, fit
-from gmwm.covariance import variances
-from gmwm.covariance.design import Design
-from gmwm.errors import MissingTheoryError
-from gmwm.filters import HAAR, find_filter
-from gmwm.processes import Process, filtered, smooth_autocovariance
-from gmwm.processes.bessel import matern
-from gmwm.processes.model import as_model
+from gmwm.base.errors import MissingTheoryError
+from gmwm.measuring.covariance import variances
+from gmwm.measuring.covariance.design import Design
+from gmwm.theory.filters import HAAR, find_filter
+from gmwm.theory.processes import Process, filtered, smooth_autocovariance
+from gmwm.theory.processes.bessel import matern
+from gmwm.theory.processes.model import as_model
 from tests.helpers import raises
 
 RATE = 100.0

@@ -4,8 +4,8 @@ import pickle
 import numpy as np
 import pytest
 
-from gmwm.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.processes import AR1, DR, GM, QN, RW, WN, Model, as_model, fixed
+from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.theory.processes import AR1, DR, GM, QN, RW, WN, Model, as_model, fixed
 from tests.helpers import raises
 
 RATE = 100.0

@@ -6,10 +6,10 @@ from types import new_class
 import numpy as np
 import pytest
 
-from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.processes import WN, Model, Parameter, Process, registry
-from gmwm.processes.parameter import Value
-from gmwm.statespace import StateSpace
+from gmwm.base.errors import MissingTheoryError, ModelError
+from gmwm.theory.processes import WN, Model, Parameter, Process, registry
+from gmwm.theory.processes.parameter import Value
+from gmwm.theory.statespace import StateSpace
 from tests.helpers import raises
 
 THETA = Parameter("theta", "θ", "moving average coefficient", domain="real")
@@ -146,7 +146,8 @@ def test_a_class_defined_anew_takes_the_place_of_the_older(own_registry):
 
 
 @pytest.mark.parametrize(
-    "other", [{"module": "elsewhere"}, {"qualname": "Another"}, {"name": "ma9"}, {"module": "gmwm.processes.noise"}]
+    "other",
+    [{"module": "elsewhere"}, {"qualname": "Another"}, {"name": "ma9"}, {"module": "gmwm.theory.processes.noise"}],
 )
 def test_a_name_belongs_to_one_class(own_registry, other):
     older = defined()
@@ -157,7 +158,7 @@ def test_a_name_belongs_to_one_class(own_registry, other):
 
 @pytest.mark.parametrize("name", ["WN", "wn"])
 def test_no_class_takes_the_place_of_a_built_in_one(own_registry, name):
-    with raises(ModelError, "gmwm.processes.noise.WN, a process of gmwm", argument="name", got=name):
+    with raises(ModelError, "gmwm.theory.processes.noise.WN, a process of gmwm", argument="name", got=name):
         type("WN", (WN,), {"name": name, "__module__": WN.__module__, "__qualname__": WN.__qualname__})
     assert registry["WN"] is WN
 

@@ -3,8 +3,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gmwm.errors import ModelError
-from gmwm.processes import AR1, DR, GM, WN, Parameter, fixed
+from gmwm.base.errors import ModelError
+from gmwm.theory.processes import AR1, DR, GM, WN, Parameter, fixed
 from tests.helpers import raises
 
 

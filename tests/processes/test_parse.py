@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmwm.errors import ModelError
-from gmwm.processes import AR, AR1, ARMA, DR, GM, MA, QN, RW, SARMA, WN, Model, fixed, registry
+from gmwm.base.errors import ModelError
+from gmwm.theory.processes import AR, AR1, ARMA, DR, GM, MA, QN, RW, SARMA, WN, Model, fixed, registry
 from tests.helpers import raises
 
 profile = settings(derandomize=True, deadline=None, max_examples=150, database=None)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gmwm import _core
+from gmwm.base import _core
 
 SHAPES = [(1, 1), (1, 500), (3, 2), (4, 100), (11, 33), (0, 5)]
 

@@ -8,12 +8,12 @@ import pytest
 
 import gmwm
 from gmwm import FGN, FN, PL, RW, WN, Model, WaveletVariance
-from gmwm.covariance import wavelet_covariance
-from gmwm.covariance.design import Design
-from gmwm.datasheets import effective_noise
-from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.processes.circulant_embedding import amplitudes
-from gmwm.processes.haar_covariance import LagGrid
+from gmwm.base.errors import MissingTheoryError, ModelError
+from gmwm.choosing.datasheets import effective_noise
+from gmwm.measuring.covariance import wavelet_covariance
+from gmwm.measuring.covariance.design import Design
+from gmwm.theory.processes.circulant_embedding import amplitudes
+from gmwm.theory.processes.haar_covariance import LagGrid
 from tests.helpers import raises
 
 RATE = 100.0

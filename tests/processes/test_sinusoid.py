@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gmwm import SIN, WN, fit, fixed
-from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.filters import FILTERS, find_filter
-from gmwm.processes import Model
+from gmwm.base.errors import MissingTheoryError, ModelError
+from gmwm.theory.filters import FILTERS, find_filter
+from gmwm.theory.processes import Model
 from tests.helpers import raises
 
 RATE = 100.0

@@ -8,10 +8,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from gmwm.errors import GmwmError, OptionError, ReadError
-from gmwm.readers import byte_sources, find_reader, read
-from gmwm.readers.byte_sources import PackedError
-from gmwm.remarks import Remark
+from gmwm.base.errors import GmwmError, OptionError, ReadError
+from gmwm.base.remarks import Remark
+from gmwm.files.readers import byte_sources, find_reader, read
+from gmwm.files.readers.byte_sources import PackedError
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(6).normal(size=(200, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

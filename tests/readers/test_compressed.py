@@ -6,9 +6,9 @@ import io
 import numpy as np
 import pytest
 
-from gmwm.errors import GmwmError, ReadError
-from gmwm.readers import find_reader, read, text
-from gmwm.readers.byte_sources import PackedError, zstd_library
+from gmwm.base.errors import GmwmError, ReadError
+from gmwm.files.readers import find_reader, read, text
+from gmwm.files.readers.byte_sources import PackedError, zstd_library
 from tests.helpers import raises
 
 VALUES = np.random.default_rng(2).normal(size=(3000, 2))

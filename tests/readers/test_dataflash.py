@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import ReadError
-from gmwm.readers import dataflash, find_reader, read, stream
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import ReadError
+from gmwm.files.readers import dataflash, find_reader, read, stream
 from tests.helpers import only, raises
 
 IMU = (162, "IMU", "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz")

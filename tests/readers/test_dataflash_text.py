@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import ReadError
-from gmwm.readers import dataflash_text, find_reader, read, stream
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import ReadError
+from gmwm.files.readers import dataflash_text, find_reader, read, stream
 from tests.helpers import only, raises
 
 ROWS = 400

@@ -9,8 +9,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from gmwm.errors import ReadError, UnitError
-from gmwm.readers import read, stream
+from gmwm.base.errors import ReadError, UnitError
+from gmwm.files.readers import read, stream
 from tests.helpers import raises
 
 ROWS = 300

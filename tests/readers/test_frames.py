@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.signals import Imu
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.recording.signals import Imu
 from tests.helpers import raises, warns
 
 ROWS = 400

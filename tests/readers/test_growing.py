@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, ReadError, UnitError
-from gmwm.options import ReadOptions
-from gmwm.readers import growing_files
-from gmwm.readers.growing_files import GrowingFile, GrowingPipe, Lines, growing_stream
+from gmwm.base.errors import DataError, ReadError, UnitError
+from gmwm.files.readers import growing_files
+from gmwm.files.readers.growing_files import GrowingFile, GrowingPipe, Lines, growing_stream
+from gmwm.recording.options import ReadOptions
 from tests.helpers import raises
 
 

@@ -6,10 +6,10 @@ import h5py
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import GmwmError, MissingDependencyError, ReadError, UnitError
-from gmwm.readers import arrays, find_reader, read
-from gmwm.readers.byte_sources import PackedError
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import GmwmError, MissingDependencyError, ReadError, UnitError
+from gmwm.files.readers import arrays, find_reader, read
+from gmwm.files.readers.byte_sources import PackedError
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(9).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -15,9 +15,9 @@ import pytest
 import scipy.io
 
 import gmwm
-from gmwm.errors import DataError, ReadError
-from gmwm.readers.archive import MAX_TABLES
-from gmwm.readers.byte_sources import PackedError
+from gmwm.base.errors import DataError, ReadError
+from gmwm.files.readers.archive import MAX_TABLES
+from gmwm.files.readers.byte_sources import PackedError
 from tests.helpers import codes, only, raises, warns
 
 ROWS = 20_000

@@ -5,10 +5,10 @@ import struct
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import DataError, ReadError
-from gmwm.readers import find_reader, read
-from gmwm.remarks import Quantity
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import DataError, ReadError
+from gmwm.base.remarks import Quantity
+from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 
 HEADER = "8sbdiidddiid32s4s32s12s?iii354s"

@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, ReadError
-from gmwm.readers import interpretation, parquet, read, stream, text
-from gmwm.readers.lost_samples import gaps_of
-from gmwm.readers.parts import PartReader
+from gmwm.base.errors import DataError, ReadError
+from gmwm.files.readers import interpretation, parquet, read, stream, text
+from gmwm.files.readers.lost_samples import gaps_of
+from gmwm.files.readers.parts import PartReader
 from tests.helpers import raises, warns
 
 ROWS = 6000

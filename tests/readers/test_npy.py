@@ -7,12 +7,12 @@ import zipfile
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import GmwmError, ReadError, TimeBaseWarning
-from gmwm.readers import arrays, find_reader, read
-from gmwm.readers.byte_sources import PackedError
-from gmwm.readers.npy import PicklesError
-from gmwm.remarks import Quantity
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import GmwmError, ReadError, TimeBaseWarning
+from gmwm.base.remarks import Quantity
+from gmwm.files.readers import arrays, find_reader, read
+from gmwm.files.readers.byte_sources import PackedError
+from gmwm.files.readers.npy import PicklesError
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(3).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -7,8 +7,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.errors import GmwmError, ReadError
-from gmwm.readers import parquet, read
+from gmwm.base.errors import GmwmError, ReadError
+from gmwm.files.readers import parquet, read
 from tests.helpers import raises
 
 NOISE = np.random.default_rng(2).normal(size=50)

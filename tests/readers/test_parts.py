@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError, ReadError
-from gmwm.readers import arrays, interpretation, parquet, parts, stream, text, waypoint
-from gmwm.readers.base import Mark, find_reader
-from gmwm.readers.parts import PartReader
-from gmwm.readers.reading_warnings import of_file
-from gmwm.readers.streams import Stream
+from gmwm.base.errors import OptionError, ReadError
+from gmwm.files.readers import arrays, interpretation, parquet, parts, stream, text, waypoint
+from gmwm.files.readers.base import Mark, find_reader
+from gmwm.files.readers.parts import PartReader
+from gmwm.files.readers.reading_warnings import of_file
+from gmwm.files.readers.streams import Stream
 from tests.helpers import only, raises
 from tests.readers.test_imr import imr
 from tests.readers.test_stream import FORMATS_AND_STAMPS, ROWS, columns, stamps, written

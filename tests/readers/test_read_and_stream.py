@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.errors import ReadError
-from gmwm.readers import interpretation, parquet, temperature, text
+from gmwm.base.errors import ReadError
+from gmwm.files.readers import interpretation, parquet, temperature, text
 from tests.helpers import only, raises
 
 ROWS = 9000

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmwm.errors import InferredUnitWarning
-from gmwm.inspection import inspect
-from gmwm.readers import read
+from gmwm.base.errors import InferredUnitWarning
+from gmwm.files.readers import read
+from gmwm.measuring.inspection import inspect
 from tests.helpers import codes
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"

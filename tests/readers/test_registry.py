@@ -12,11 +12,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from gmwm import writers
-from gmwm.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
-from gmwm.readers import Channel, Layout, Reader, Rows, base, find_reader, read, register, registered
-from gmwm.remarks import Remark
-from gmwm.signals import Imu
+from gmwm.base.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
+from gmwm.base.remarks import Remark
+from gmwm.files.readers import Channel, Layout, Reader, Rows, base, find_reader, read, register, registered
+from gmwm.recording import writers
+from gmwm.recording.signals import Imu
 from tests.helpers import raises
 
 
@@ -80,7 +80,7 @@ def test_a_name_is_registered_once(increments, other):
 
 def test_no_reader_takes_the_place_of_a_built_in_one(increments):
     (built_in,) = [type(reader) for reader in registered() if reader.name == "parquet"]
-    with raises(OptionError, "'parquet'", "already", "gmwm.readers.parquet"):
+    with raises(OptionError, "'parquet'", "already", "gmwm.files.readers.parquet"):
         register(built_in)
 
 

@@ -10,10 +10,10 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.readers import find_reader, read
-from gmwm.remarks import Remark
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.base.remarks import Remark
+from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 from tests.readers.rosbag_files import (
     CONTAINERS,
@@ -67,8 +67,8 @@ def test_small_batches_give_the_same(tmp_path, monkeypatch):
     for container in ("ros1", "db3", "mcap"):
         path = recorded(tmp_path, container, data)
         for name in ("bag_ros1", "bag_sqlite", "bag_mcap"):
-            monkeypatch.setattr(f"gmwm.readers.{name}.BATCH_BYTES", 1000)
-        monkeypatch.setattr("gmwm.readers.bag_sqlite._FIRST", 3)
+            monkeypatch.setattr(f"gmwm.files.readers.{name}.BATCH_BYTES", 1000)
+        monkeypatch.setattr("gmwm.files.readers.bag_sqlite._FIRST", 3)
         assert read(path)["gyro_y"].values.tolist() == data[:, 1].tolist()
 
 

@@ -11,11 +11,11 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from gmwm.errors import GmwmError, GmwmWarning, ReadError
-from gmwm.readers import bagfiles, read
-from gmwm.readers.bag_mcap import McapStorage
-from gmwm.readers.bag_types import definition
-from gmwm.readers.bagfiles import Topic, unpacked
+from gmwm.base.errors import GmwmError, GmwmWarning, ReadError
+from gmwm.files.readers import bagfiles, read
+from gmwm.files.readers.bag_mcap import McapStorage
+from gmwm.files.readers.bag_types import definition
+from gmwm.files.readers.bagfiles import Topic, unpacked
 from tests.helpers import raises
 from tests.readers.rosbag_files import CONTAINERS, START, STEP, flat, imu, numbers, recorded, store_of, written
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError, ReadError
-from gmwm.readers import read, stream
-from gmwm.signals import Imu
+from gmwm.base.errors import OptionError, ReadError
+from gmwm.files.readers import read, stream
+from gmwm.recording.signals import Imu
 from tests.helpers import only, raises
 
 ROWS = 1200

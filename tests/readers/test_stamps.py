@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gmwm
-from gmwm.errors import OptionError, ReadError, UnitError
-from gmwm.readers import interpretation, read, stream, text
-from gmwm.readers.growing_files import Lines, growing_stream
-from gmwm.readers.text_stamps import Midnights, described, is_stamp, times_of
+from gmwm.base.errors import OptionError, ReadError, UnitError
+from gmwm.files.readers import interpretation, read, stream, text
+from gmwm.files.readers.growing_files import Lines, growing_stream
+from gmwm.files.readers.text_stamps import Midnights, described, is_stamp, times_of
 from tests.helpers import only, raises
 from tests.readers.test_parts import same as same_parts
 from tests.readers.test_stream import columns, stamps, written

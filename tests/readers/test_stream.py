@@ -11,9 +11,9 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
-from gmwm.readers import arrays, interpretation, parquet, stream, text
-from gmwm.remarks import Remark
+from gmwm.base.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
+from gmwm.base.remarks import Remark
+from gmwm.files.readers import arrays, interpretation, parquet, stream, text
 from tests.helpers import only, raises
 
 ROWS = 20_000

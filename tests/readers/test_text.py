@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmwm.errors import DataError, OptionError, ReadError, UnitError
-from gmwm.readers import read, text
+from gmwm.base.errors import DataError, OptionError, ReadError, UnitError
+from gmwm.files.readers import read, text
 from tests.helpers import only, raises
 
 UNITS = ("s", *["rad/s"] * 3, *["m/s^2"] * 3)

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmwm.errors import OptionError, ReadError, TimeBaseWarning, UnitError
-from gmwm.readers import read
-from gmwm.readers.clock import clock_of
-from gmwm.readers.time_stamps import as_stamps
-from gmwm.remarks import Quantity, Remark
+from gmwm.base.errors import OptionError, ReadError, TimeBaseWarning, UnitError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.files.readers import read
+from gmwm.files.readers.clock import clock_of
+from gmwm.files.readers.time_stamps import as_stamps
 from tests.helpers import only, raises
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.axis_names import AXES
-from gmwm.errors import DataError, GmwmError, OptionError, ReadError
-from gmwm.readers import find_reader, read, ulog_messages
-from gmwm.readers import ulog as ulog_module
-from gmwm.readers.ulog import UlogReader
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import DataError, GmwmError, OptionError, ReadError
+from gmwm.files.readers import find_reader, read, ulog_messages
+from gmwm.files.readers import ulog as ulog_module
+from gmwm.files.readers.ulog import UlogReader
 from tests.helpers import device, raises
 
 pyulog = pytest.importorskip("pyulog")

@@ -8,8 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.errors import InferredUnitWarning, UnitError
-from gmwm.readers import read
+from gmwm.base.errors import InferredUnitWarning, UnitError
+from gmwm.files.readers import read
 from tests.helpers import only, raises, warns
 
 REST = np.random.default_rng(8).normal((0.1, -0.2, 1.0), 0.01, (64, 3))

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from gmwm.errors import DataError, OptionError, ReadError, UnitError
-from gmwm.readers import find_reader, read
+from gmwm.base.errors import DataError, OptionError, ReadError, UnitError
+from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 
 VALUES = np.round(np.random.default_rng(5).normal(size=(40, 6)) * 0.05 + [0, 0, 0, 0, 0, 9.8], 6)

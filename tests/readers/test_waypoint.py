@@ -5,11 +5,11 @@ import struct
 import numpy as np
 import pytest
 
-from gmwm.axis_names import AXES
-from gmwm.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
-from gmwm.imu_records import TYPES, counts
-from gmwm.readers import find_reader, read, waypoint
-from gmwm.signals import Imu, Signal
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
+from gmwm.files.readers import find_reader, read, waypoint
+from gmwm.recording.imu_records import TYPES, counts
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import only, raises
 
 RATE = 62.5  # no whole number: a rate that is rounded shows

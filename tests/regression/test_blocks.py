@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gmwm.regression.blocks import Clock
+from gmwm.measuring.regression.blocks import Clock
 
 RATE = 10.0
 SEGMENTS = ((0, 37), (37, 100), (100, 131))

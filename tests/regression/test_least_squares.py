@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm import GM, RW, WN
-from gmwm.regression.least_squares import RegressionDesign
+from gmwm.measuring.regression.least_squares import RegressionDesign
 
 N = 200
 NOISE = (WN(sigma2=1.0), GM(beta=0.02, sigma2=0.5), RW(gamma2=1e-3))

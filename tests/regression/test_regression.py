@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
-from gmwm.regression.against import Asked, Term
-from gmwm.regression.conditions import Conditions
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.regression.against import Asked, Term
+from gmwm.measuring.regression.conditions import Conditions
 from tests.helpers import codes, only, raises
 
 N = 1 << 14

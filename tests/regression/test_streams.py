@@ -7,13 +7,13 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm import batches
-from gmwm.errors import OptionError
-from gmwm.inspection import inspect
-from gmwm.readers import interpretation, parquet
-from gmwm.regression import blocks
-from gmwm.regression.against import Asked
-from gmwm.regression.conditions import Conditions
+from gmwm.base.errors import OptionError
+from gmwm.files.readers import interpretation, parquet
+from gmwm.measuring.inspection import inspect
+from gmwm.measuring.regression import blocks
+from gmwm.measuring.regression.against import Asked
+from gmwm.measuring.regression.conditions import Conditions
+from gmwm.recording import batches
 from tests.helpers import raises
 
 ROWS = 30_000

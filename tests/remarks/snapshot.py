@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from docs.messages import examples
-from gmwm.remarks import Dialect, messages
+from gmwm.base.remarks import Dialect, messages
 
 FOLDER = Path(__file__).parent
 

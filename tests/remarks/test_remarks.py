@@ -6,9 +6,20 @@ import re
 import pytest
 
 from docs.messages import examples
-from gmwm.remarks import Dialect, Quantity, Remark, Severity, brief, gravest, merged, messages, sorted_remarks, texts
-from gmwm.remarks.registry import SECTIONS, Choice
-from gmwm.remarks.registry import message as message_of
+from gmwm.base.remarks import (
+    Dialect,
+    Quantity,
+    Remark,
+    Severity,
+    brief,
+    gravest,
+    merged,
+    messages,
+    sorted_remarks,
+    texts,
+)
+from gmwm.base.remarks.registry import SECTIONS, Choice
+from gmwm.base.remarks.registry import message as message_of
 from tests.remarks.snapshot import file_of, rendered
 
 ALL = [pytest.param(message, id=message.code) for message in messages().values()]

@@ -9,10 +9,10 @@ import pytest
 from scipy.special import stdtrit
 
 import gmwm
-from gmwm.errors import DataError, FitWarning, OptionError
-from gmwm.estimation.recordings import deviations, half_widths, spread_of_mean
-from gmwm.estimation.result import Fit
-from gmwm.signals import Signal
+from gmwm.base.errors import DataError, FitWarning, OptionError
+from gmwm.fitting.estimation.recordings import deviations, half_widths, spread_of_mean
+from gmwm.fitting.estimation.result import Fit
+from gmwm.recording.signals import Signal
 from tests.helpers import codes, raises
 
 RATE = 100.0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.remarks import Remark
+from gmwm.base.remarks import Remark
 
 TRUTH = {
     "gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)",

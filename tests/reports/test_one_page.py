@@ -6,12 +6,12 @@ import re
 import pytest
 
 import gmwm
+from gmwm.base.errors import OptionError
 from gmwm.calibration.findings import unusable
-from gmwm.errors import OptionError
-from gmwm.plots.labels import axis_title
-from gmwm.reports import printing, report_data
-from gmwm.reports.one_page import MOST, one_page, one_page_data
-from gmwm.reports.write import page
+from gmwm.showing.plots.labels import axis_title
+from gmwm.showing.reports import printing, report_data
+from gmwm.showing.reports.one_page import MOST, one_page, one_page_data
+from gmwm.showing.reports.write import page
 from tests.helpers import raises
 
 PAGES = re.compile(rb"/Type\s*/Page\b(?!s)")
@@ -34,7 +34,7 @@ def test_it_has_the_verdict_four_numbers_a_plot_and_the_data(calibration):
 
 def test_cautions_are_three_of_two_sentences_and_a_count(calibration, monkeypatch):
     texts = [f"Axis {k} drifts by 3.7 deg/h. Use `--detrend`. N is not affected." for k in range(5)]
-    monkeypatch.setattr("gmwm.reports.one_page.with_groups", lambda *_: [("drift", text) for text in texts])
+    monkeypatch.setattr("gmwm.showing.reports.one_page.with_groups", lambda *_: [("drift", text) for text in texts])
     cautions = one_page_data(calibration)["cautions"]
     assert cautions[:MOST] == [f"Axis {k} drifts by 3.7 deg/h. Use `--detrend`." for k in range(3)]
     assert cautions[MOST:] == ["2 more cautions are in the report."]
@@ -62,8 +62,8 @@ def test_names_from_files_are_escaped(hostile):
 
 @pytest.mark.slow
 def test_matplotlib_draws_the_page_without_a_browser(calibration, tmp_path, monkeypatch):
-    monkeypatch.setattr("gmwm.reports.write.browser", lambda: None)
-    monkeypatch.setattr("gmwm.reports.printing.browser", lambda: None)
+    monkeypatch.setattr("gmwm.showing.reports.write.browser", lambda: None)
+    monkeypatch.setattr("gmwm.showing.reports.printing.browser", lambda: None)
     file = calibration.report(tmp_path / "unit.pdf", one_page=True)
     content = file.read_bytes()
     assert content.startswith(b"%PDF")
@@ -88,7 +88,9 @@ def test_a_browser_prints_one_page_and_a_short_report(calibration, tmp_path):
 @pytest.mark.browser
 def test_many_axes_and_long_cautions_are_still_one_page(calibration, tmp_path, monkeypatch):
     one = "The mean settles over the first hour: " + ", ".join(f"gyro_{k} (149.2 deg/h, 33 min)" for k in range(20))
-    monkeypatch.setattr("gmwm.reports.one_page.with_groups", lambda *_: [("a", f"{one}, {k}.") for k in range(6)])
+    monkeypatch.setattr(
+        "gmwm.showing.reports.one_page.with_groups", lambda *_: [("a", f"{one}, {k}.") for k in range(6)]
+    )
     lost = {f"sensor_{k}": "the signal is constant" for k in range(12)}
     many = dataclasses.replace(calibration, failed=lost)
     content = many.report(tmp_path / "one.pdf", one_page=True).read_bytes()

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
-from gmwm.plots.axes import signed_axis, time_axis, value_axis
-from gmwm.plots.figure import Band, Foot, Line, Panel, Stroke, Text
-from gmwm.plots.fit import fit_panel
-from gmwm.remarks import Quantity, Remark
-from gmwm.reports import report_data
-from gmwm.reports.citation import citation
-from gmwm.reports.plotly import Scale, plotly_panel
-from gmwm.reports.verdict import verdict
-from gmwm.reports.write import _worded
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.showing.plots.axes import signed_axis, time_axis, value_axis
+from gmwm.showing.plots.figure import Band, Foot, Line, Panel, Stroke, Text
+from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.reports import report_data
+from gmwm.showing.reports.citation import citation
+from gmwm.showing.reports.plotly import Scale, plotly_panel
+from gmwm.showing.reports.verdict import verdict
+from gmwm.showing.reports.write import _worded
 from tests.helpers import raises
 
 ROOT = Path(__file__).resolve().parents[2]

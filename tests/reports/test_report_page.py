@@ -8,7 +8,7 @@ from importlib.resources import files
 import pytest
 
 import gmwm
-from gmwm.errors import OptionError
+from gmwm.base.errors import OptionError
 from tests.helpers import raises
 from tests.reports.conftest import HOSTILE
 
@@ -111,7 +111,7 @@ def test_another_ending_is_refused(calibration, tmp_path, name):
 
 
 def test_what_it_carries_is_what_was_fetched():
-    folder = files("gmwm.reports").joinpath("vendor")
+    folder = files("gmwm.showing.reports").joinpath("vendor")
     sums = dict(reversed(line.split("  ")) for line in folder.joinpath("SHA256SUMS").read_text().splitlines())
     assert {"plotly-basic.min.js", "plotly-basic.LICENSE", "VERSION"} == set(sums)
     for name, expected in sums.items():

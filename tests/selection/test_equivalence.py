@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtri, ndtr
 
-from gmwm.selection.equivalence import DEGREE, drawn_errors, factor_of
+from gmwm.choosing.selection.equivalence import DEGREE, drawn_errors, factor_of
 
 
 def test_errors_are_chi_square_quantiles_of_correlated_normal_scores():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.selection.structure import without_drift
+from gmwm.choosing.selection.structure import without_drift
 from tests.helpers import codes
 
 RATE, SEGMENT, LOST = 100.0, 2000, 9000

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import gmwm
-from gmwm.selection.structure import structure_of
+from gmwm.choosing.selection.structure import structure_of
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 UNITS = {"gyro": "deg/s", "accel": "g"}

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.covariance.api import wavelet_covariance
-from gmwm.errors import DataError, ModelError, OptionError
-from gmwm.remarks import Remark
-from gmwm.selection.structure import structure_of
+from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.base.remarks import Remark
+from gmwm.choosing.selection.structure import structure_of
+from gmwm.measuring.covariance.api import wavelet_covariance
 from tests.helpers import codes, only, raises
 
 RATE = 100.0

@@ -6,12 +6,12 @@ from scipy import signal
 
 import gmwm
 from gmwm import Model, wavelet_variance
-from gmwm.datasheets import datasheet
-from gmwm.processes.sinusoid import SIN
-from gmwm.selection.api import select_within
-from gmwm.selection.options import RankingOptions
-from gmwm.selection.search import FELT, MOST_FREE, REJECTED, SLOW, _largest, _lines, search, within_family
-from gmwm.selection.structure import freedom
+from gmwm.choosing.datasheets import datasheet
+from gmwm.choosing.selection.api import select_within
+from gmwm.choosing.selection.options import RankingOptions
+from gmwm.choosing.selection.search import FELT, MOST_FREE, REJECTED, SLOW, _largest, _lines, search, within_family
+from gmwm.choosing.selection.structure import freedom
+from gmwm.theory.processes.sinusoid import SIN
 
 RATE = 100.0
 OPTIONS = RankingOptions(draws=200)

@@ -9,9 +9,9 @@ from scipy import signal
 from scipy.integrate import quad
 
 import gmwm
-from gmwm.estimation import fit as fitted
-from gmwm.selection.shape_error import SAMPLED, band_errors, with_sampling_error
-from gmwm.spectrum.short_memory import Alternative, SpectralShape, short_memory
+from gmwm.choosing.selection.shape_error import SAMPLED, band_errors, with_sampling_error
+from gmwm.fitting.estimation import fit as fitted
+from gmwm.measuring.spectrum.short_memory import Alternative, SpectralShape, short_memory
 
 RATE = 100.0
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import welch
 
 from gmwm import Imu, Signal, psd
-from gmwm.errors import DataError, OptionError
-from gmwm.spectrum import PowerSpectra, PowerSpectrum, SpectrumAccumulator
-from gmwm.spectrum.accumulate import FOLD
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.spectrum import PowerSpectra, PowerSpectrum, SpectrumAccumulator
+from gmwm.measuring.spectrum.accumulate import FOLD
 from tests.helpers import raises
 
 RATE = 100.0

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy import optimize, signal
 
-from gmwm import _core, psd
-from gmwm.spectrum import short_memory as fits
-from gmwm.spectrum.short_memory import (
+from gmwm import psd
+from gmwm.base import _core
+from gmwm.measuring.spectrum import short_memory as fits
+from gmwm.measuring.spectrum.short_memory import (
     FLAT,
     FLOOR,
     KNOWN,

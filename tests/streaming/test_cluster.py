@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.errors import (
+from gmwm.base.errors import (
     GmwmError,
     GmwmWarning,
     MissingDependencyError,
@@ -19,10 +19,10 @@ from gmwm.errors import (
     ReadError,
     TimeBaseWarning,
 )
-from gmwm.readers import arrays, interpretation, parquet, text
-from gmwm.remarks import Remark
-from gmwm.streaming import cluster, scheduling
-from gmwm.streaming.scheduling import connected
+from gmwm.base.remarks import Remark
+from gmwm.files.readers import arrays, interpretation, parquet, text
+from gmwm.measuring.streaming import cluster, scheduling
+from gmwm.measuring.streaming.scheduling import connected
 from tests.helpers import raises, warns
 
 UNITS = {"gyro": "deg/s"}
@@ -35,7 +35,7 @@ def client():
 
     class Smaller(distributed.WorkerPlugin):  # of a worker that replaces one, too; by value, as the test is not there
         def setup(self, worker):
-            from gmwm.readers import arrays, parquet, text
+            from gmwm.files.readers import arrays, parquet, text
 
             arrays.ROWS = parquet.ROWS = 20_000
             text.BLOCK_BYTES = 400_000

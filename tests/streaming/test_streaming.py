@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.readers import interpretation, parquet
-from gmwm.signals import Signal
-from gmwm.variance.accumulate import WaveletAccumulator
+from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.files.readers import interpretation, parquet
+from gmwm.measuring.variance.accumulate import WaveletAccumulator
+from gmwm.recording.signals import Signal
 from tests.helpers import raises
 
 

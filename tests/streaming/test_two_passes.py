@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import batches
-from gmwm.errors import DataError, OptionError
-from gmwm.streaming import measured_curves
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.streaming import measured_curves
+from gmwm.recording import batches
 from tests.helpers import raises
 
 RATE = 100.0

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gmwm import Model, fit, wavelet_variance
-from gmwm.covariance import Design, covariance
-from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.signals import Signal
-from gmwm.variance.accumulate import WaveletAccumulator
-from gmwm.variance.result import WaveletVariance
+from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.variance.accumulate import WaveletAccumulator
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
 from tests.helpers import codes, raises
 
 RATE = 100.0

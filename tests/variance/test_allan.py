@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmwm.errors import DataError, OptionError
-from gmwm.readers import read
-from gmwm.signals import Signal
-from gmwm.variance import wavelet_variance
-from gmwm.variance.allan import allan_variance
-from gmwm.variance.clusters import ClusterVariance
-from gmwm.variance.hadamard import hadamard_variance
-from gmwm.variance.total import total_variance
+from gmwm.base.errors import DataError, OptionError
+from gmwm.files.readers import read
+from gmwm.measuring.variance import wavelet_variance
+from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.clusters import ClusterVariance
+from gmwm.measuring.variance.hadamard import hadamard_variance
+from gmwm.measuring.variance.total import total_variance
+from gmwm.recording.signals import Signal
 from tests.helpers import raises
 
 RECORDING = Path(__file__).resolve().parents[3] / "shared" / "data" / "adis16405_static_1.parquet"

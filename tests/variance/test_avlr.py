@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmwm.errors import OptionError
-from gmwm.readers import read
-from gmwm.variance.allan import allan_variance
-from gmwm.variance.allan_regression import AllanRegression, avlr
-from gmwm.variance.clusters import ClusterVariance
-from gmwm.variance.hadamard import hadamard_variance
-from gmwm.variance.slope_line import LAWS, coefficient_unit
-from gmwm.variance.total import total_variance
+from gmwm.base.errors import OptionError
+from gmwm.files.readers import read
+from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan_regression import AllanRegression, avlr
+from gmwm.measuring.variance.clusters import ClusterVariance
+from gmwm.measuring.variance.hadamard import hadamard_variance
+from gmwm.measuring.variance.slope_line import LAWS, coefficient_unit
+from gmwm.measuring.variance.total import total_variance
 from tests.helpers import only, raises
 
 RECORDING = Path(__file__).resolve().parents[3] / "shared" / "data" / "adis16405_static_1.parquet"

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gmwm import _core
+from gmwm.base import _core
 from tests.oracles import allan as oracle
 
 

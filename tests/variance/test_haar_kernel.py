@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gmwm import _core
+from gmwm.base import _core
 
 ROOT = Path(__file__).resolve().parents[2]
 oracle = SimpleNamespace(**runpy.run_path(str(ROOT / "tests" / "oracles" / "haar.py")))

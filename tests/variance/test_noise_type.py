@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gmwm.variance.allan import allan_variance
-from gmwm.variance.hadamard import hadamard_variance
-from gmwm.variance.noise_type import AUTOCORRELATION, NOISE_TYPES, b1_ratio, noise_type
+from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.hadamard import hadamard_variance
+from gmwm.measuring.variance.noise_type import AUTOCORRELATION, NOISE_TYPES, b1_ratio, noise_type
 
 
 def flicker(size, generator, warm_up=8192):
@@ -83,7 +83,7 @@ def test_a_ramp_is_told_from_a_random_walk():
 
 
 def test_autocorrelations_are_those_of_the_covariance():
-    from gmwm.variance.edf import _covariance
+    from gmwm.measuring.variance.edf import _covariance
 
     for d, known in AUTOCORRELATION.items():
         for alpha, r1 in known.items():

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.covariance import Design, covariance
-from gmwm.errors import DataError, OptionError
-from gmwm.processes.model import Model
-from gmwm.signals import Signal
-from gmwm.variance.pooling import pooled, without
-from gmwm.variance.result import WaveletVariance
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.variance.pooling import pooled, without
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
+from gmwm.theory.processes.model import Model
 from tests.helpers import raises
 
 RATE = 100.0

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gmwm
-from gmwm import _core
-from gmwm.errors import DataError
-from gmwm.variance.biweight import biweight
-from gmwm.variance.coefficients import HaarCoefficients, PlainCoefficients
-from gmwm.variance.robust import SAMPLE, haar_robust_variances, robust_variance, robust_variances
+from gmwm.base import _core
+from gmwm.base.errors import DataError
+from gmwm.measuring.variance.biweight import biweight
+from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients
+from gmwm.measuring.variance.robust import SAMPLE, haar_robust_variances, robust_variance, robust_variances
 from tests.helpers import only, raises
 
 ORACLES = Path(__file__).resolve().parents[1] / "oracles"

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import _core
-from gmwm.variance.biweight import NORMAL_QUARTILE, biweight, newton, scan
-from gmwm.variance.coefficients import HaarCoefficients
+from gmwm.base import _core
+from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, biweight, newton, scan
+from gmwm.measuring.variance.coefficients import HaarCoefficients
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 RECORDING = SHARED / "data" / "adis16405_static_1.parquet"

@@ -6,14 +6,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gmwm import _core, wavelet_variance
-from gmwm.errors import DataError, OptionError
-from gmwm.signals import Signal
-from gmwm.variance.accumulate import WaveletAccumulator
-from gmwm.variance.robust import robust_variance
-from gmwm.variance.second_pass import SecondPass
-from gmwm.variance.second_pass_sums import MOST, MedianCells
-from gmwm.variance.winsorised_mean import KEPT, ThinnedValues
+from gmwm import wavelet_variance
+from gmwm.base import _core
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.variance.accumulate import WaveletAccumulator
+from gmwm.measuring.variance.robust import robust_variance
+from gmwm.measuring.variance.second_pass import SecondPass
+from gmwm.measuring.variance.second_pass_sums import MOST, MedianCells
+from gmwm.measuring.variance.winsorised_mean import KEPT, ThinnedValues
+from gmwm.recording.signals import Signal
 from tests.helpers import raises
 
 RATE = 100.0

@@ -7,10 +7,10 @@ import pytest
 
 import gmwm
 from gmwm import Signal, WaveletVariance, wavelet_variance
-from gmwm.errors import DataError
-from gmwm.filters import find_filter
-from gmwm.variance.robust import robust_variance
-from gmwm.variance.transform import coefficient_counts, deepest_level, inner_coefficients
+from gmwm.base.errors import DataError
+from gmwm.measuring.variance.robust import robust_variance
+from gmwm.measuring.variance.transform import coefficient_counts, deepest_level, inner_coefficients
+from gmwm.theory.filters import find_filter
 from tests.helpers import raises
 
 THREE_GAPS = (1000, 611, 2300, 97)
@@ -96,7 +96,7 @@ def test_degrees_of_freedom_of_long_and_of_very_short_segments():
 
 def test_limits_hold_the_pooled_degrees_of_freedom():
     found = wavelet_variance(signal(THREE_GAPS))
-    again = gmwm.confidence_limits.chi_square_limits(found.variance, found.degrees_of_freedom, 0.95)
+    again = gmwm.measuring.confidence_limits.chi_square_limits(found.variance, found.degrees_of_freedom, 0.95)
     np.testing.assert_allclose([found.lower, found.upper], again, rtol=1e-12)
 
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm import _core
-from gmwm.variance.coefficients import HaarCoefficients, PlainCoefficients, PooledCoefficients
-from gmwm.variance.robust import haar_robust_variances, robust_variance, robust_variances
-from gmwm.variance.sketch import BEYOND, OCTAVE, Sketch, Sketches
-from gmwm.variance.sketched import SketchCoefficients
+from gmwm.base import _core
+from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients, PooledCoefficients
+from gmwm.measuring.variance.robust import haar_robust_variances, robust_variance, robust_variances
+from gmwm.measuring.variance.sketch import BEYOND, OCTAVE, Sketch, Sketches
+from gmwm.measuring.variance.sketched import SketchCoefficients
 from tests.helpers import raises
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=25)

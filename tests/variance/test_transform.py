@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmwm.errors import DataError, OptionError
-from gmwm.filters import FILTERS, find_filter
-from gmwm.signals import Signal
-from gmwm.variance.transform import dwt, modwt
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.variance.transform import dwt, modwt
+from gmwm.recording.signals import Signal
+from gmwm.theory.filters import FILTERS, find_filter
 from tests.helpers import raises
 
 pywt = pytest.importorskip("pywt")

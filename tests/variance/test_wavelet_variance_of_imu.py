@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
-from gmwm.variance import WaveletVariances
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.variance import WaveletVariances
 from tests.helpers import raises
 
 IMU = gmwm.simulate("WN(sigma2=4e-8) + RW(gamma2=1e-13)", rate=100.0, samples=2000, rng=1)

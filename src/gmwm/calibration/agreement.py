@@ -10,22 +10,22 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.axis_names import sensor_of
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import OptionError, UnitError
+from gmwm.base.multiple_tests import holm
 from gmwm.calibration.agreement_result import Agreement, SharedNumber
 from gmwm.calibration.findings import rejected
 from gmwm.calibration.result import Calibration
 from gmwm.calibration.tables import in_order, merged
-from gmwm.datasheets import Datasheet, Entry
-from gmwm.datasheets.bias import SYMBOL as BIAS
-from gmwm.errors import OptionError, UnitError
-from gmwm.importers.quantities import as_reference
-from gmwm.multiple_tests import holm
-from gmwm.options import as_size
-from gmwm.processes.linear_recursion import Lagged
-from gmwm.processes.model import Model
-from gmwm.processes.noise import QN, WN
-from gmwm.processes.sinusoid import SIN
-from gmwm.variance.slope_line import LAWS
+from gmwm.choosing.datasheets import Datasheet, Entry
+from gmwm.choosing.datasheets.bias import SYMBOL as BIAS
+from gmwm.files.importers.quantities import as_reference
+from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.recording.options import as_size
+from gmwm.theory.processes.linear_recursion import Lagged
+from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.noise import QN, WN
+from gmwm.theory.processes.sinusoid import SIN
 
 _FARTHEST = 40.0
 """Number of standard errors beyond which a normal p-value is zero in double precision."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from gmwm._text import rounded
+from gmwm.base.remarks import Remark, sorted_remarks
+from gmwm.base.text import rounded
 from gmwm.calibration.tables import number
-from gmwm.remarks import Remark, sorted_remarks
-from gmwm.variance.slope_line import LAWS
+from gmwm.measuring.variance.slope_line import LAWS
 
 if TYPE_CHECKING:
     from gmwm.calibration.agreement_result import Agreement, SharedNumber

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gmwm._text import Summarised
+from gmwm.base.remarks import Remark
+from gmwm.base.text import Summarised
 from gmwm.calibration.agreement_findings import remarks_of, verdict_of
 from gmwm.calibration.agreement_text import summary
-from gmwm.datasheets import Entry
-from gmwm.importers.quantities import Reference
-from gmwm.remarks import Remark
+from gmwm.choosing.datasheets import Entry
+from gmwm.files.importers.quantities import Reference
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
-from gmwm._tables import headed
+from gmwm.base.remarks import Dialect, texts
+from gmwm.base.tables import headed
 from gmwm.calibration.tables import WIDTH, bulleted, key, number, wrapped
-from gmwm.remarks import Dialect, texts
-from gmwm.variance.slope_line import LAWS
+from gmwm.measuring.variance.slope_line import LAWS
 
 if TYPE_CHECKING:
     from gmwm.calibration.agreement_result import Agreement, SharedNumber

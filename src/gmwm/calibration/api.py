@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gmwm._helpers import Helpers
-from gmwm._text import counted
-from gmwm._threads import in_threads
+from gmwm.applications.several.result import SharedNoise
+from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
+from gmwm.base.helpers import Helpers
+from gmwm.base.remarks import Remark
+from gmwm.base.text import counted
+from gmwm.base.threads import in_threads
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.baselines import kept_samples, with_baseline, with_baselines
 from gmwm.calibration.choice import chosen_model, final_fit
@@ -27,25 +30,22 @@ from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import Means, means_of, with_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.several import Part, Together, measured_together, regression_of, worst
-from gmwm.datasheets import datasheet
-from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
-from gmwm.estimation.result import Fit
-from gmwm.inference.goodness import GoodnessOfFit, usable_levels
-from gmwm.inference.model_error import nearly_fitted, relative_misfit
-from gmwm.inference.planning import SEEN, relative_errors
-from gmwm.inspection import Inspection
-from gmwm.joint.result import SharedNoise
-from gmwm.options import as_whole_number
-from gmwm.outliers import Verdict
-from gmwm.processes.model import Model, ModelLike
-from gmwm.processes.validation import as_seed
-from gmwm.processes.walk import RW
-from gmwm.readers.streams import Stream
-from gmwm.regression.against import AUTO, Against
-from gmwm.regression.result import Regression
-from gmwm.remarks import Remark
-from gmwm.signals import Imu, Signal
-from gmwm.variance.result import WaveletVariance
+from gmwm.choosing.datasheets import datasheet
+from gmwm.files.readers.streams import Stream
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.goodness import GoodnessOfFit, usable_levels
+from gmwm.fitting.inference.model_error import nearly_fitted, relative_misfit
+from gmwm.fitting.inference.planning import SEEN, relative_errors
+from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.outliers import Verdict
+from gmwm.measuring.regression.against import AUTO, Against
+from gmwm.measuring.regression.result import Regression
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.options import as_whole_number
+from gmwm.recording.signals import Imu, Signal
+from gmwm.theory.processes.model import Model, ModelLike
+from gmwm.theory.processes.validation import as_seed
+from gmwm.theory.processes.walk import RW
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """Names of the steps of the calibration of one axis, as the progress callback gets them."""

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
-from gmwm.datasheets import Datasheet, Entry, datasheet
-from gmwm.errors import GmwmError
-from gmwm.estimation.result import Fit
-from gmwm.inference.intervals import with_quick_intervals
-from gmwm.processes.base import Process
-from gmwm.selection.ranking import Candidate, Ranking
+from gmwm.base.errors import GmwmError
+from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
+from gmwm.choosing.selection.ranking import Candidate, Ranking
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.intervals import with_quick_intervals
+from gmwm.theory.processes.base import Process
 
 LIKELY = 0.02
 """Smallest weight of a model in the average, relative to the best model (docs/validation/sensors.md)."""

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from gmwm._threads import in_threads
-from gmwm.batches import Batch, batches, cut, joined
+from gmwm.applications.monitor import Baseline
+from gmwm.base.errors import DataError, ModelError
+from gmwm.base.threads import in_threads
 from gmwm.calibration.measurement import BEGINNING, AxisMeasurement, clean
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.several import Part
-from gmwm.errors import DataError, ModelError
-from gmwm.monitor import Baseline
-from gmwm.readers.streams import Stream
-from gmwm.signals import Imu, Signal
+from gmwm.files.readers.streams import Stream
+from gmwm.recording.batches import Batch, batches, cut, joined
+from gmwm.recording.signals import Imu, Signal
 
 
 def kept_samples(axis: str, parts: Mapping[str, Part]) -> list[Signal]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.estimation.estimator import as_fit
-from gmwm.estimation.result import Fit
-from gmwm.estimation.reweighting import settle
-from gmwm.processes.model import Model
-from gmwm.selection.search import Searched, given_curve, given_model, search, within_family
-from gmwm.spectrum import PowerSpectrum
-from gmwm.variance.result import WaveletVariance
+from gmwm.choosing.selection.search import Searched, given_curve, given_model, search, within_family
+from gmwm.fitting.estimation.estimator import as_fit
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import settle
+from gmwm.measuring.spectrum import PowerSpectrum
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.model import Model
 
 
 def chosen_model(

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from gmwm.errors import DataError
-from gmwm.remarks import Remark
+from gmwm.base.errors import DataError
+from gmwm.base.remarks import Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.recording_info import Recording

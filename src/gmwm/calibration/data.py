@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.axis_names import sensor_of
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.calibration.measurement import Measured
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import DataError, OptionError
-from gmwm.readers.streams import Stream
-from gmwm.signals import Imu, Signal
-from gmwm.units import SI_UNIT, find_unit
+from gmwm.files.readers.streams import Stream
+from gmwm.recording.signals import Imu, Signal
 
 _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
 

@@ -12,25 +12,25 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gmwm._files import read_json
-from gmwm._kinds import Document, require_kinds
-from gmwm._text import with_article
+from gmwm.applications.monitor import Baseline
+from gmwm.base.atomic_files import read_json
+from gmwm.base.errors import ReadError
+from gmwm.base.kinds import Document, require_kinds
+from gmwm.base.remarks import Remark
+from gmwm.base.text import with_article
 from gmwm.calibration.options import AGAIN, CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.datasheets import Datasheet
-from gmwm.errors import ReadError
-from gmwm.estimation.result import Fit
-from gmwm.inference.goodness import GoodnessOfFit
-from gmwm.inference.intervals import Interval
-from gmwm.inference.model_error import RelativeMisfit
-from gmwm.monitor import Baseline
-from gmwm.outliers import Verdict
-from gmwm.regression.result import Regression
-from gmwm.remarks import Remark
-from gmwm.spectrum import PowerSpectrum
+from gmwm.choosing.datasheets import Datasheet
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.goodness import GoodnessOfFit
+from gmwm.fitting.inference.intervals import Interval
+from gmwm.fitting.inference.model_error import RelativeMisfit
+from gmwm.measuring.outliers import Verdict
+from gmwm.measuring.regression.result import Regression
+from gmwm.measuring.spectrum import PowerSpectrum
 
 FORMAT = "gmwm-calibration"
 VERSION = 2

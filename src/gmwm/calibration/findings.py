@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm._text import duration_text
+from gmwm.base.multiple_tests import holm
+from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
+from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
 from gmwm.calibration.spectrum_findings import spectrum_remarks
-from gmwm.covariance.design import Design
-from gmwm.filters import find_filter
-from gmwm.inference.goodness import usable_in, usable_levels
-from gmwm.inference.model_error import implausible_levels
-from gmwm.inference.planning import SEEN
-from gmwm.multiple_tests import holm
-from gmwm.outliers import excess_text
-from gmwm.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
+from gmwm.fitting.inference.goodness import usable_in, usable_levels
+from gmwm.fitting.inference.model_error import implausible_levels
+from gmwm.fitting.inference.planning import SEEN
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.outliers import excess_text
+from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.outliers import Dependence, Replaced, Verdict
-    from gmwm.variance import WaveletVariance
+    from gmwm.measuring.outliers import Dependence, Replaced, Verdict
+    from gmwm.measuring.variance import WaveletVariance
 
 SIZE = 0.05
 """Significance level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""

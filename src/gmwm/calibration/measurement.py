@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gmwm._arrays import Vector, freeze
-from gmwm._text import duration_text
-from gmwm._threads import in_threads
-from gmwm.batches import Batch, Batches, Streamed, cut, end_to_end, feed
+from gmwm.applications.several.block_means import shared_noise
+from gmwm.applications.several.result import SharedNoise
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.errors import DataError, GmwmError
+from gmwm.base.text import duration_text
+from gmwm.base.threads import in_threads
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import DataError, GmwmError
-from gmwm.inspection import Inspection
-from gmwm.inspection.api import FirstPass
-from gmwm.joint.block_means import shared_noise
-from gmwm.joint.result import SharedNoise
-from gmwm.outliers import (
+from gmwm.files.readers.streams import Stream
+from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.inspection.api import FirstPass
+from gmwm.measuring.outliers import (
     MATERIAL,
     TOLERANCE,
     Replaced,
@@ -33,14 +33,14 @@ from gmwm.outliers import (
     dependence,
     other_efficiency,
 )
-from gmwm.readers.streams import Stream
-from gmwm.regression.conditions import NOTHING, Conditions
-from gmwm.signals import Imu, Signal
-from gmwm.spectrum import PowerSpectrum, SpectrumAccumulator
-from gmwm.streaming.cluster import part_levels, spread
-from gmwm.streaming.passes import AxisCurves, Measurement, curves_of, measure, shown, unit_of
-from gmwm.streaming.scheduling import connected
-from gmwm.variance.result import WaveletVariance
+from gmwm.measuring.regression.conditions import NOTHING, Conditions
+from gmwm.measuring.spectrum import PowerSpectrum, SpectrumAccumulator
+from gmwm.measuring.streaming.cluster import part_levels, spread
+from gmwm.measuring.streaming.passes import AxisCurves, Measurement, curves_of, measure, shown, unit_of
+from gmwm.measuring.streaming.scheduling import connected
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.batches import Batch, Batches, Streamed, cut, end_to_end, feed
+from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from distributed import Client

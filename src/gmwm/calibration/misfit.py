@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.datasheets.bias import SYMBOL
-from gmwm.processes.base import Process, registry
-from gmwm.variance.slope_line import LAWS
+from gmwm.choosing.datasheets.bias import SYMBOL
+from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.theory.processes.base import Process, registry
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
-    from gmwm.datasheets import Datasheet
-    from gmwm.processes import Model
+    from gmwm.choosing.datasheets import Datasheet
+    from gmwm.theory.processes import Model
 
 
 def line_in(model: Model) -> str | None:

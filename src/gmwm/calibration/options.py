@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from gmwm.axis_names import sensor_of
-from gmwm.errors import ModelError, OptionError, ReadError
-from gmwm.processes.model import Model, ModelLike, as_model
-from gmwm.regression.against import AUTO, Against, Asked
-from gmwm.selection.options import RankingOptions
-from gmwm.selection.search import SLOW
-from gmwm.variance.biweight import EFFICIENCY, biweight
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import ModelError, OptionError, ReadError
+from gmwm.choosing.selection.options import RankingOptions
+from gmwm.choosing.selection.search import SLOW
+from gmwm.measuring.regression.against import AUTO, Against, Asked
+from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
+from gmwm.theory.processes.model import Model, ModelLike, as_model
 
 AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
 """Advice of the error if a document is not a calibration or is incomplete."""

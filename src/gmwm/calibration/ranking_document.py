@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from gmwm._arrays import Matrix
+from gmwm.base.arrays import Matrix
+from gmwm.base.errors import ReadError
 from gmwm.calibration.options import AGAIN
-from gmwm.errors import ReadError
-from gmwm.estimation.result import Diagnostics, Fit
-from gmwm.inference.criterion import Criterion
-from gmwm.processes.model import Model
-from gmwm.selection import Ranking
-from gmwm.selection.ranking import Candidate
-from gmwm.variance.result import WaveletVariance
+from gmwm.choosing.selection import Ranking
+from gmwm.choosing.selection.ranking import Candidate
+from gmwm.fitting.estimation.result import Diagnostics, Fit
+from gmwm.fitting.inference.criterion import Criterion
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.model import Model
 
 _KEPT = (
     "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "start",

@@ -6,19 +6,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gmwm._threads import in_threads
+from gmwm.applications.several.result import SharedNoise
+from gmwm.base.errors import OptionError
+from gmwm.base.threads import in_threads
 from gmwm.calibration.data import chosen_axes
 from gmwm.calibration.measurement import Measured, measured_recording
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.several import Part, Together, measured_together, pair_of_axis
-from gmwm.errors import OptionError
-from gmwm.inspection import Inspection
-from gmwm.joint.result import SharedNoise
-from gmwm.readers.streams import Stream
-from gmwm.regression.against import Asked
-from gmwm.regression.conditions import NOTHING, Conditions
-from gmwm.regression.result import Regression
-from gmwm.signals import Imu, Signal
+from gmwm.files.readers.streams import Stream
+from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.regression.against import Asked
+from gmwm.measuring.regression.conditions import NOTHING, Conditions
+from gmwm.measuring.regression.result import Regression
+from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gmwm._text import rounded
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.text import rounded
 from gmwm.calibration.averaging import WALK
 from gmwm.calibration.findings import SIZE
-from gmwm.inspection.findings import in_datasheet_units, removed
-from gmwm.remarks import Quantity, Remark
+from gmwm.measuring.inspection.findings import in_datasheet_units, removed
 
 if TYPE_CHECKING:
+    from gmwm.applications.several.result import SharedNoise
     from gmwm.calibration.result import AxisCalibration
-    from gmwm.inspection import Inspection
-    from gmwm.joint.result import SharedNoise
-    from gmwm.outliers import Verdict
+    from gmwm.measuring.inspection import Inspection
+    from gmwm.measuring.outliers import Verdict
 
 _LINE = "linear-trend"
 _RAMP = "R"

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gmwm.inspection import Inspection
+from gmwm.measuring.inspection import Inspection
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Literal
 
-from gmwm._text import Summarised
-from gmwm.axis_names import sensor_of
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.text import Summarised
+from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
 from gmwm.calibration.reference_text import POWERS, summary
-from gmwm.datasheets import Entry, effective_noise
-from gmwm.errors import OptionError
-from gmwm.importers import Given, Values, given_noise
-from gmwm.importers.quantities import as_reference
-from gmwm.remarks import Remark
-from gmwm.units import SI_UNIT, datasheet_units, noise_unit
+from gmwm.choosing.datasheets import Entry, effective_noise
+from gmwm.files.importers import Given, Values, given_noise
+from gmwm.files.importers.quantities import as_reference
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gmwm._tables import headed
-from gmwm.datasheets.entry import Entry, significant
-from gmwm.remarks import texts
+from gmwm.base.remarks import texts
+from gmwm.base.tables import headed
+from gmwm.choosing.datasheets.entry import Entry, significant
 
 if TYPE_CHECKING:
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceNumber

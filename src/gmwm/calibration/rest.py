@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from gmwm._text import duration_text
-from gmwm.axis_names import sensor_of
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import GmwmError
+from gmwm.base.random_effects import confidence_of_mean, effects, spread_limits
+from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import weighted_candidates
 from gmwm.calibration.recording_info import Recording
-from gmwm.datasheets.bias_changes import BiasTerms, Variance
-from gmwm.datasheets.entry import Entry
-from gmwm.errors import GmwmError
-from gmwm.inspection import Inspection
-from gmwm.random_effects import confidence_of_mean, effects, spread_limits
-from gmwm.signals import Signal
+from gmwm.choosing.datasheets.bias_changes import BiasTerms, Variance
+from gmwm.choosing.datasheets.entry import Entry
+from gmwm.measuring.inspection import Inspection
+from gmwm.recording.signals import Signal
 
 S = TypeVar("S")
 T = TypeVar("T")

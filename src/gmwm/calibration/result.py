@@ -9,34 +9,34 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gmwm._files import write_text
-from gmwm._text import Summarised
+from gmwm.applications.monitor import Baseline
+from gmwm.base.atomic_files import write_text
+from gmwm.base.errors import DataError, ReadError
+from gmwm.base.remarks import Remark, Severity
+from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.summary_text import summary
-from gmwm.datasheets import Datasheet
-from gmwm.errors import DataError, ReadError
-from gmwm.estimation.result import Fit
-from gmwm.inference.goodness import GoodnessOfFit
-from gmwm.inference.intervals import Interval
-from gmwm.inference.model_error import RelativeMisfit
-from gmwm.monitor import Baseline
-from gmwm.outliers import Verdict
-from gmwm.regression.result import Regression
-from gmwm.remarks import Remark, Severity
-from gmwm.replicates import Replicates
-from gmwm.selection import Ranking
-from gmwm.spectrum import PowerSpectrum
+from gmwm.choosing.datasheets import Datasheet
+from gmwm.choosing.replicates import Replicates
+from gmwm.choosing.selection import Ranking
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.goodness import GoodnessOfFit
+from gmwm.fitting.inference.intervals import Interval
+from gmwm.fitting.inference.model_error import RelativeMisfit
+from gmwm.measuring.outliers import Verdict
+from gmwm.measuring.regression.result import Regression
+from gmwm.measuring.spectrum import PowerSpectrum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
-    from gmwm.budgets import Budget
+    from gmwm.applications.navigation import Budget
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
-    from gmwm.exporters.reduction import Rule
-    from gmwm.plots.view import UnitSystem, ViewName
+    from gmwm.showing.exporters.reduction import Rule
+    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 T = TypeVar("T")
 
@@ -389,7 +389,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         OptionError
             If an option is unknown, or there is nothing to draw.
         """
-        from gmwm.plots.imu import plot_imu
+        from gmwm.showing.plots.imu import plot_imu
 
         return plot_imu(self, split=split, view=view, units=units, path=path)
 
@@ -460,7 +460,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         >>> "K of accel_x" in text  # a comment says that it is an upper limit
         True
         """
-        from gmwm.exporters import export
+        from gmwm.showing.exporters import export
 
         return export(self, path, format, axes=axes, inflation=inflation, horizon=horizon, rate=rate, duration=duration)
 
@@ -509,7 +509,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
     ) -> Budget:
         """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
-        `gmwm.budgets.budget` describes the equations and their approximations.
+        `gmwm.navigation.budget` describes the equations and their approximations.
 
         Parameters
         ----------
@@ -536,7 +536,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.budgets.api import budget_of_fits
+        from gmwm.applications.navigation.api import budget_of_fits
 
         found = budget_of_fits(self, duration, rest=rest, latitude=latitude, level=level)
         causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
@@ -580,7 +580,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         ...     written.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
         True
         """
-        from gmwm.reports import report
+        from gmwm.showing.reports import report
 
         return report(self, path, one_page=one_page)
 

@@ -8,19 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmwm.base.errors import DataError, GmwmError
 from gmwm.calibration.measurement import AxisMeasurement, Measured, Pair, measured_axis
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.covariance.tails import with_common_tails
-from gmwm.errors import DataError, GmwmError
-from gmwm.outliers import Verdict
-from gmwm.outliers.screening import NOTHING_REPLACED
-from gmwm.regression.conditions import Conditions
-from gmwm.regression.result import Regression
-from gmwm.signals import Signal
-from gmwm.spectrum import PowerSpectrum
-from gmwm.variance.api import signal_wavelet_variance
-from gmwm.variance.pooling import pooled
-from gmwm.variance.result import WaveletVariance
+from gmwm.measuring.covariance.tails import with_common_tails
+from gmwm.measuring.outliers import Verdict
+from gmwm.measuring.outliers.screening import NOTHING_REPLACED
+from gmwm.measuring.regression.conditions import Conditions
+from gmwm.measuring.regression.result import Regression
+from gmwm.measuring.spectrum import PowerSpectrum
+from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.calibration.misfit import line_in, line_process
-from gmwm.filters import find_filter
-from gmwm.remarks import Quantity, Remark
+from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
-    from gmwm.spectrum import Line
-    from gmwm.variance import WaveletVariance
+    from gmwm.measuring.spectrum import Line
+    from gmwm.measuring.variance import WaveletVariance
 
 SHARE = 0.05
 """Smallest share of the wavelet variance of any level for which a remark says that lines affect the numbers. It changes

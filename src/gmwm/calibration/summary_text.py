@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm._tables import headed
-from gmwm._text import counted, duration_text, p_text
-from gmwm.axis_names import by_sensor
+from gmwm.base.axis_names import by_sensor
+from gmwm.base.remarks import Dialect, brief, texts
+from gmwm.base.tables import headed
+from gmwm.base.text import counted, duration_text, p_text
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, with_error, wrapped
-from gmwm.processes.ordered import Ordered
-from gmwm.remarks import Dialect, brief, texts
-from gmwm.replicates.result import RecordingNumber, short_spread
+from gmwm.choosing.replicates.result import RecordingNumber, short_spread
+from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.datasheets import Entry
-    from gmwm.processes import Model
+    from gmwm.choosing.datasheets import Entry
+    from gmwm.theory.processes import Model
 
 REST: Mapping[Dialect, str] = {
     Dialect.PYTHON: "calibration.remarks",

@@ -7,12 +7,12 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm._text import rounded
-from gmwm.inference.planning import SEEN
-from gmwm.variance.slope_line import LAWS
+from gmwm.base.text import rounded
+from gmwm.fitting.inference.planning import SEEN
+from gmwm.measuring.variance.slope_line import LAWS
 
 if TYPE_CHECKING:
-    from gmwm.datasheets import Entry
+    from gmwm.choosing.datasheets import Entry
 
 WIDTH = 80
 """Largest number of columns of a text."""

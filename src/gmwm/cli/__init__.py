@@ -16,7 +16,7 @@ def start() -> None:
     handler = signal.getsignal(signal.SIGINT)
     if handler is signal.default_int_handler:  # otherwise the caller has set it to be ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from gmwm._helpers import spare_garbage_collector
+    from gmwm.base.helpers import spare_garbage_collector
 
     spare_garbage_collector()
     from gmwm.cli.main import run

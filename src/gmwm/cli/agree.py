@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome, calibration_file, progress
 from gmwm.cli.read_options import names_of
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
-from gmwm.importers.quantities import parse_reference
+from gmwm.files.importers.quantities import parse_reference
 
 if TYPE_CHECKING:
     from gmwm import Calibration

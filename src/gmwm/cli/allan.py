@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.options import RESULT, Datasheet
 from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gmwm.plots.view import UnitSystem
-    from gmwm.signals import Signal
-    from gmwm.variance.allan_regression import AllanRegression
-    from gmwm.variance.clusters import ClusterVariance
+    from gmwm.measuring.variance.allan_regression import AllanRegression
+    from gmwm.measuring.variance.clusters import ClusterVariance
+    from gmwm.recording.signals import Signal
+    from gmwm.showing.plots.view import UnitSystem
 
 EXAMPLES = (
     "gmwm allan static.csv --datasheet --plot allan.png",
@@ -132,9 +132,9 @@ def _variance(
     clusters: Literal["octave", "decade", "all"],
     progress: Callable[[int, int], object] | None = None,
 ) -> ClusterVariance:
-    from gmwm.variance.allan import allan_variance
-    from gmwm.variance.hadamard import hadamard_variance
-    from gmwm.variance.total import total_variance
+    from gmwm.measuring.variance.allan import allan_variance
+    from gmwm.measuring.variance.hadamard import hadamard_variance
+    from gmwm.measuring.variance.total import total_variance
 
     if kind == "total":
         return total_variance(signal, clusters=clusters, progress=progress)
@@ -180,7 +180,7 @@ def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def _regressions(results: Mapping[str, ClusterVariance]) -> dict[str, AllanRegression]:
-    from gmwm.variance.allan_regression import avlr
+    from gmwm.measuring.variance.allan_regression import avlr
 
     return {name: avlr(result) for name, result in results.items()}
 
@@ -188,7 +188,7 @@ def _regressions(results: Mapping[str, ClusterVariance]) -> dict[str, AllanRegre
 def _draw(
     results: Mapping[str, ClusterVariance], regressions: Mapping[str, AllanRegression], system: UnitSystem, path: Path
 ) -> None:
-    from gmwm.plots.allan import plot_allan_axes
+    from gmwm.showing.plots.allan import plot_allan_axes
 
     if len(results) > 1:
         plot_allan_axes(results, units=system, path=path)
@@ -199,8 +199,8 @@ def _draw(
 
 def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its intervals and noise types."""
-    from gmwm.axis_names import by_sensor
-    from gmwm.plots.allan import cluster_view
+    from gmwm.base.axis_names import by_sensor
+    from gmwm.showing.plots.allan import cluster_view
 
     sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}
     first = next(iter(results.values()))

@@ -31,6 +31,6 @@ def app(
     The page runs on this computer only: nothing is sent over the network. It shows the commands that repeat what
     was done. Ctrl-C stops it. The page needs the optional dependencies "app" of gmwm.
     """
-    from gmwm.app.server import serve
+    from gmwm.applications.app.server import serve
 
     return serve(path, port=port, browser=browser, tell=lambda url: print(f"{url}\nCtrl-C ends gmwm app.", flush=True))

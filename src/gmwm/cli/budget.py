@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.budgets import LATITUDE
+from gmwm.applications.navigation import LATITUDE
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import NoiseText, calibration_in, noise_of
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, file_names
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
 
 if TYPE_CHECKING:
-    from gmwm.budgets import Budget
+    from gmwm.applications.navigation import Budget
 
 EXAMPLES = (
     "gmwm budget results/calibration.json --duration 60s",
@@ -73,7 +73,7 @@ def budget(
     seconds, before = parse_length(duration), parse_length(rest, "rest")
 
     def made(text: str, option: str = "SOURCE") -> Budget:
-        from gmwm.budgets import budget as budgeted
+        from gmwm.applications.navigation import budget as budgeted
 
         if (calibration := calibration_in(text)) is not None:
             return calibration.budget(seconds, rest=before, latitude=latitude, level=level)

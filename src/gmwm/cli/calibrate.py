@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gmwm._files import write_bytes
-from gmwm._helpers import Helpers
-from gmwm._helpers import helpers as helpers_of
-from gmwm.axis_names import sensor_of
+from gmwm.base.atomic_files import write_bytes
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import OptionError
+from gmwm.base.helpers import Helpers
+from gmwm.base.helpers import helpers as helpers_of
+from gmwm.base.remarks import Dialect
 from gmwm.calibration.data import require_axes
 from gmwm.calibration.document import as_text
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
@@ -40,16 +42,14 @@ from gmwm.cli.options import (
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
 from gmwm.cli.read_options import INPUT, Axes, Files, chosen_names, document_of, names_of, only_file
 from gmwm.cli.topics import each_topic, separate_topics
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.regression.against import AUTO
-from gmwm.remarks import Dialect
-from gmwm.variance.biweight import EFFICIENCY
+from gmwm.measuring.regression.against import AUTO
+from gmwm.measuring.variance.biweight import EFFICIENCY
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
-    from gmwm.readers.streams import Stream
-    from gmwm.signals import Imu
+    from gmwm.files.readers.streams import Stream
+    from gmwm.recording.signals import Imu
 
 EXAMPLES = (
     "gmwm calibrate static.csv --output results",
@@ -288,12 +288,12 @@ def calibration_helpers(
     """
     import_module("scipy.special")  # for the tests of each axis
     import_module(before)
-    return helpers_of(*(("gmwm.plots.imu", "gmwm.plots.matplotlib") if plots else ()), count=count)
+    return helpers_of(*(("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib") if plots else ()), count=count)
 
 
 def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: bool) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file."""
-    from gmwm.plots.matplotlib import rendered
+    from gmwm.showing.plots.matplotlib import rendered
 
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return {

@@ -11,7 +11,7 @@ from typing import Any, get_type_hints
 from gmwm.cli.options import AllRemarks, Json
 from gmwm.cli.output import Outcome, collected_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 
 def command(function: Callable[..., Outcome]) -> Callable[..., None]:

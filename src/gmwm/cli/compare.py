@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, View
 from gmwm.cli.output import NewFile, Outcome, calibration_file, table_text, tell
 from gmwm.cli.read_options import Axes, chosen_axes, load
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.plots.view import UnitSystem, ViewName
-    from gmwm.signals import Signal
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.recording.signals import Signal
+    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 EXAMPLES = (
     "gmwm compare static.csv --axis gyro_y --plot compare.png",
@@ -117,8 +117,8 @@ def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None
 def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem, path: Path) -> None:
     """Plot the curves to a file, with one panel for each axis."""
     from gmwm import compare as draw_one
-    from gmwm.plots.imu import plot_imu
-    from gmwm.plots.labels import axis_title
+    from gmwm.showing.plots.imu import plot_imu
+    from gmwm.showing.plots.labels import axis_title
 
     if len(curves) > 1:
         plot_imu(curves, view=view, units=system, path=path)
@@ -129,7 +129,7 @@ def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, s
 
 def _curves_text(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each axis, with a column for each curve."""
-    from gmwm.plots.view import view_of
+    from gmwm.showing.plots.view import view_of
 
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     tables = []

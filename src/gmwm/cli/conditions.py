@@ -10,15 +10,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from gmwm.base.errors import OptionError, ReadError
 from gmwm.cli.output import NewFile, Outcome, json_text, made_directory, text_file
 from gmwm.cli.read_options import chosen_names, load
-from gmwm.errors import OptionError, ReadError
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.estimation import ConditionsFit
-    from gmwm.processes import Model
-    from gmwm.signals import Imu, Signal
+    from gmwm.fitting.estimation import ConditionsFit
+    from gmwm.recording.signals import Imu, Signal
+    from gmwm.theory.processes import Model
 
 _EXPECTED = "a table with the columns start, stop and the condition, for example `start,stop,rate`"
 
@@ -118,7 +118,7 @@ def fitted_conditions(
     """Fit one model to the parts of a recording that the CSV file `table` lists."""
     from gmwm import fit, wavelet_variance
     from gmwm.cli.parallel import over_axes
-    from gmwm.estimation.varies import parsed as parsed_functions
+    from gmwm.fitting.estimation.varies import parsed as parsed_functions
 
     wanted, known = as_varies(varies), Table.read(table)
     _, named = parsed_functions(wanted)

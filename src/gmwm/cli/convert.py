@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.output import Outcome, progress
 from gmwm.cli.read_options import File, load
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.remarks import Dialect, Remark, texts
+from gmwm.recording.options import ReadOptions
 
 EXAMPLES = (
     "gmwm convert flight.imr static.parquet",
@@ -44,7 +44,7 @@ def convert(
     Parquet and CSV files keep all digits. An .imu file holds increments as integer counts, whose size depends on the
     type of its records, and no temperature.
     """
-    from gmwm.writers import RECORDS
+    from gmwm.recording.writers import RECORDS
 
     if output.exists() and output.resolve() == file.resolve():
         raise OptionError(f"FILE and OUT are the same file, {output}", argument="output", got=str(output))

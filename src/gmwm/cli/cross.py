@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, opened, tell_inspection
 from gmwm.cli.options import RESULT, Efficiency
 from gmwm.cli.output import NewFile, Outcome, progress, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
-from gmwm.options import ReadOptions
-from gmwm.remarks import Dialect
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.joint import CrossCovariance
+    from gmwm.applications.several import CrossCovariance
 
 EXAMPLES = (
     "gmwm cross static.csv --axis gyro --plot cross.png",
@@ -60,7 +60,7 @@ def cross(
     the table. A filter that treats such axes as independent underestimates its errors, and averaging them reduces the
     noise less.
     """
-    from gmwm.joint import cross
+    from gmwm.applications.several import cross
 
     recording = opened(file, reading, chunked)
     axes = chosen_names(recording.axes, axis)

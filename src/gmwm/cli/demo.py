@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gmwm.base.remarks import Dialect, Remark
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrapped
@@ -19,13 +20,12 @@ from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
 from gmwm.cli.options import Json
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, table_text
-from gmwm.inspection.result import text as inspection_text
-from gmwm.remarks import Dialect, Remark
+from gmwm.measuring.inspection.result import text as inspection_text
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
-    from gmwm.processes.model import Model
-    from gmwm.signals import Imu
+    from gmwm.recording.signals import Imu
+    from gmwm.theory.processes.model import Model
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
@@ -50,9 +50,9 @@ def demo(
     The simulated recording is written to a file, and then read, inspected, calibrated and plotted like your own
     recordings.
     """
-    from gmwm.inspection import inspect
-    from gmwm.readers import read
-    from gmwm.simulation import reference_imu
+    from gmwm.files.readers import read
+    from gmwm.measuring.inspection import inspect
+    from gmwm.theory.simulation import reference_imu
 
     helpers = calibration_helpers(plots=True)
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
@@ -94,7 +94,7 @@ def demo(
 
 def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     """Simulate a recording, and write it to a file."""
-    from gmwm.simulation import simulate
+    from gmwm.theory.simulation import simulate
 
     with progress("simulating"):
         imu = simulate(truth, rate=RATE, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
@@ -125,7 +125,7 @@ def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str
 
 
 def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Model], found: Calibration) -> str:
-    from gmwm.selection.structure import structure_of
+    from gmwm.choosing.selection.structure import structure_of
 
     table, rules = [], []
     for k, row in enumerate(rows):

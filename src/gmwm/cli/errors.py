@@ -12,10 +12,10 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from gmwm._helpers import end_helpers
-from gmwm._template import Dialect
+from gmwm.base.errors import GmwmError
+from gmwm.base.helpers import end_helpers
+from gmwm.base.template import Dialect
 from gmwm.cli.output import one_line
-from gmwm.errors import GmwmError
 
 _EXPECTED = {
     "float_parsing": "a number, without a unit",

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import typer
 
-from gmwm._files import read_json
+from gmwm.base.atomic_files import read_json
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadError
+from gmwm.base.remarks import Remark
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
 from gmwm.cli.read_options import document_of
-from gmwm.durations import parse_length
-from gmwm.errors import DataError, MissingTheoryError, OptionError, ReadError
-from gmwm.exporters import export_formats
-from gmwm.exporters.base import HORIZON
-from gmwm.remarks import Remark
+from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters.base import HORIZON
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -132,7 +132,7 @@ def export(
 def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
     """Return the input files and the calibration to export, from the given calibrations or from --from."""
     from gmwm import Calibration
-    from gmwm.exporters.given import given_calibration
+    from gmwm.showing.exporters.given import given_calibration
 
     if (source is None) == (not calibrations):
         raise OptionError(
@@ -158,7 +158,7 @@ def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
     """
     from gmwm import Fit
     from gmwm.cli.plan import fits_in
-    from gmwm.exporters.given import fitted_calibration
+    from gmwm.showing.exporters.given import fitted_calibration
 
     if not any(_is_fits(path) for path in files):
         return None
@@ -199,8 +199,8 @@ class _Choice(TypedDict):
 
 def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _Choice) -> Outcome:
     """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
-    from gmwm.exporters import export as exported
-    from gmwm.exporters.api import require_extension
+    from gmwm.showing.exporters import export as exported
+    from gmwm.showing.exporters.api import require_extension
 
     if output is not None:
         require_extension(name, output, "output")
@@ -216,7 +216,7 @@ def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: s
 
 def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choice) -> Outcome:
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
-    from gmwm.exporters import export_all
+    from gmwm.showing.exporters import export_all
 
     written, left = export_all(found, folder, **choice)
     paths = tuple(written.values())
@@ -246,8 +246,8 @@ class KalibrFile:
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
     """Return imu.yaml if both sensors are calibrated and the data give a value or an upper limit for each number."""
-    from gmwm.axis_names import sensor_of
-    from gmwm.exporters import export as exported
+    from gmwm.base.axis_names import sensor_of
+    from gmwm.showing.exporters import export as exported
 
     target, remarks = folder / "imu.yaml", []
     if {"gyro", "accel"} <= {sensor_of(axis) for axis in found}:

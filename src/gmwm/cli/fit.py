@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fitted_conditions, require_unused
 from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, asked_again, judged, likelihood_fits, likelihoods_text
@@ -37,16 +38,15 @@ from gmwm.cli.output import (
     units_text,
 )
 from gmwm.cli.read_options import Axes, Files, chosen_axes, document_of, only_file
-from gmwm.options import ReadOptions
-from gmwm.processes import ordered_classes, registry
-from gmwm.regression.against import NONE
-from gmwm.remarks import Dialect, Remark, texts
+from gmwm.measuring.regression.against import NONE
+from gmwm.recording.options import ReadOptions
+from gmwm.theory.processes import ordered_classes, registry
 
 if TYPE_CHECKING:
-    from gmwm.estimation.result import Fit
-    from gmwm.estimation.starts import Sampled
-    from gmwm.inference.summary import IntervalMethod
-    from gmwm.signals import Signal
+    from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.estimation.starts import Sampled
+    from gmwm.fitting.inference.summary import IntervalMethod
+    from gmwm.recording.signals import Signal
 
 EXAMPLES = (
     "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
@@ -189,7 +189,7 @@ def fit(
     and a test shows whether the recordings have the same noise. The intervals include the spread between recordings.
     """
     from gmwm import Imu, Model
-    from gmwm.estimation import Sampled
+    from gmwm.fitting.estimation import Sampled
 
     parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
     require_unused(
@@ -247,7 +247,7 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator
 
 def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
     """Return the fit of each axis with its intervals and tests, as plain values for JSON."""
-    from gmwm.inference.summary import inference
+    from gmwm.fitting.inference.summary import inference
 
     axes = {}
     with progress("intervals and tests", len(fits)) as advance:
@@ -285,8 +285,8 @@ def _interval_method(confidence: float, draws: int | None, seed: int) -> Interva
     OptionError
         If there are too few simulated records for the confidence level.
     """
-    from gmwm.inference.bootstrap import as_draws
-    from gmwm.inference.summary import IntervalMethod
+    from gmwm.fitting.inference.bootstrap import as_draws
+    from gmwm.fitting.inference.summary import IntervalMethod
 
     how = IntervalMethod(confidence)
     if draws is None:
@@ -322,7 +322,7 @@ def fit_axes(
 
 def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> NewFile:
     """Return a file with a plot of one fit and its terms, or of several fits with a panel for each."""
-    from gmwm.plots.imu import plot_imu
+    from gmwm.showing.plots.imu import plot_imu
 
     units: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
 
@@ -345,9 +345,9 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
 
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
-    from gmwm.axis_names import by_sensor
+    from gmwm.base.axis_names import by_sensor
     from gmwm.calibration.tables import wrapped
-    from gmwm.inference.summary import intervals_if_known
+    from gmwm.fitting.inference.summary import intervals_if_known
 
     if len(fits) == 1:
         return next(iter(fits.values())).summary(how.level, how.method, draws=how.draws, rng=how.seed)
@@ -372,7 +372,7 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
 
 
 def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
-    from gmwm.inference.summary import short_values, test_in_words
+    from gmwm.fitting.inference.summary import short_values, test_in_words
 
     first = next(iter(group.values()))
     units = first.units()

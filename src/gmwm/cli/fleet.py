@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm._threads import processors
+from gmwm.applications.fleets.discovery import FILE
+from gmwm.applications.fleets.storage import TABLE
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.threads import processors
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.cli.calibrate import ROBUST, Outliers, calibration_helpers
 from gmwm.cli.command import command
@@ -27,17 +31,13 @@ from gmwm.cli.options import (
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, progress, text_file
 from gmwm.cli.read_options import INPUT, Axes
-from gmwm.errors import DataError, OptionError
-from gmwm.fleets.discovery import FILE
-from gmwm.fleets.storage import TABLE
-from gmwm.options import ReadOptions
-from gmwm.regression.against import AUTO
-from gmwm.remarks import Remark
-from gmwm.variance.biweight import EFFICIENCY
+from gmwm.measuring.regression.against import AUTO
+from gmwm.measuring.variance.biweight import EFFICIENCY
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.fleets import Fleet
-    from gmwm.fleets.engine import Progress
+    from gmwm.applications.fleets import Fleet
+    from gmwm.applications.fleets.engine import Progress
 
 EXAMPLES = (
     "gmwm fleet recordings --output results",
@@ -125,7 +125,7 @@ def fleet(
 
     fleet.parquet has a row for each unit and axis. In Python, Fleet.load reads the output directory.
     """
-    from gmwm.fleets.engine import calibrate_fleet
+    from gmwm.applications.fleets.engine import calibrate_fleet
 
     _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
     asked = CalibrationOptions(
@@ -136,7 +136,7 @@ def fleet(
     )  # fmt: skip
     count = processors() if workers is None else workers
     forked = count if scheduler is None and count > (workers is None) else 0
-    beside = calibration_helpers(before="gmwm.fleets.unit_job", count=forked)
+    beside = calibration_helpers(before="gmwm.applications.fleets.unit_job", count=forked)
     with _bar() as advance:
         found = calibrate_fleet(
             folder, output, asked, reading, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress, text_file
 from gmwm.cli.read_options import Axes, chosen_names
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.remarks import Dialect
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.joint import VirtualSensor
-    from gmwm.signals import Imu
+    from gmwm.applications.several import VirtualSensor
+    from gmwm.recording.signals import Imu
 
 EXAMPLES = (
     "gmwm fuse array.csv --output virtual.csv --plot virtual.png",
@@ -93,7 +93,7 @@ def fuse(
     a recording at rest, account for noise that the units share, and do not distort a motion that all units measure.
     The units must be sampled at the same times, and their axes must be parallel.
     """
-    from gmwm.joint import fuse
+    from gmwm.applications.several import fuse
 
     seconds = None if horizon is None else parse_length(horizon, "horizon")
     units = _load(files, reading, axis)
@@ -120,8 +120,8 @@ def fuse(
 
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
     """Read the recordings of all units, with the chosen axes."""
-    from gmwm.readers.unit_array import read_units
-    from gmwm.signals import Imu
+    from gmwm.files.readers.unit_array import read_units
+    from gmwm.recording.signals import Imu
 
     with progress(f"reading {files[0].name}"):
         units = read_units(files, reading)

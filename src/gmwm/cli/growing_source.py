@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.errors import OptionError
-from gmwm.remarks import Remark
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark
 
 if TYPE_CHECKING:
-    from gmwm.readers.growing_files import GrowingFile, GrowingPipe, Lines
+    from gmwm.files.readers.growing_files import GrowingFile, GrowingPipe, Lines
 
 Idle = Annotated[
     str | None,
@@ -30,7 +30,7 @@ Idle = Annotated[
 @contextmanager
 def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
     """Open a growing file, or standard input for "-", and yield its reader and its name."""
-    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
+    from gmwm.files.readers.growing_files import GrowingFile, GrowingPipe
 
     if file != "-" and not Path(file).is_file():
         problem = "is not a file" if Path(file).exists() else "does not exist"

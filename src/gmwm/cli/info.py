@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, memory_for, opened
 from gmwm.cli.options import RESULT, AgainstOption
 from gmwm.cli.output import NewFile, Outcome, progress
 from gmwm.cli.read_options import File
-from gmwm.errors import OptionError
-from gmwm.inspection.result import text
-from gmwm.options import ReadOptions
-from gmwm.regression.against import AUTO, TEMPERATURE, TIME, Against
-from gmwm.remarks import Dialect
-from gmwm.signals import Imu
+from gmwm.measuring.inspection.result import text
+from gmwm.measuring.regression.against import AUTO, TEMPERATURE, TIME, Against
+from gmwm.recording.options import ReadOptions
+from gmwm.recording.signals import Imu
 
 if TYPE_CHECKING:
-    from gmwm.inference import NoiseAgainst
+    from gmwm.fitting.inference import NoiseAgainst
 
 EXAMPLES = (
     "gmwm info static.csv",
@@ -61,7 +61,7 @@ def info(
     the white noise, computed from differences of neighbouring samples so that offset and slow drift do not affect it;
     LSB, the quantization step if there is one; wander, the largest difference between the means of 64 equal windows.
     """
-    from gmwm.inspection import inspect
+    from gmwm.measuring.inspection import inspect
 
     whole = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
     recording = opened(file, reading, chunked, whole=whole)
@@ -86,7 +86,7 @@ def info(
 
 def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
     """Test for each axis whether its noise depends on the temperature of the recording, or on time."""
-    from gmwm.inference import noise_against
+    from gmwm.fitting.inference import noise_against
 
     if condition == TIME:
         asked: Against = TIME

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.joint import JointFit
+    from gmwm.applications.several import JointFit
 
 EXAMPLES = (
     "gmwm joint static.csv --axis gyro --model 'shared(RW) + WN'",
@@ -70,7 +70,7 @@ def joint(
     state-space matrices of all axes together, in discrete and in continuous time. In contrast, the files of gmwm export
     describe each axis separately.
     """
-    from gmwm.joint import fit_joint
+    from gmwm.applications.several import fit_joint
 
     recording = load(file, reading)
     signals = chosen_axes(recording, axis)

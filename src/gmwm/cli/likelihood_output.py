@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gmwm._text import p_text
-from gmwm.remarks import Dialect, Remark, texts
+from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.text import p_text
 
 if TYPE_CHECKING:
-    from gmwm._arrays import Vector
-    from gmwm.estimation.result import Fit
-    from gmwm.inference.intervals import Interval
-    from gmwm.likelihood import LikelihoodFit, Residuals
-    from gmwm.processes.model import Model
-    from gmwm.regression.against import Asked
-    from gmwm.regression.result import Regression
-    from gmwm.signals import Signal
+    from gmwm.base.arrays import Vector
+    from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.inference.intervals import Interval
+    from gmwm.fitting.likelihood import LikelihoodFit, Residuals
+    from gmwm.measuring.regression.against import Asked
+    from gmwm.measuring.regression.result import Regression
+    from gmwm.recording.signals import Signal
+    from gmwm.theory.processes.model import Model
 
 LIKELIHOOD = ("--likelihood", "--ml")
 """Names of the option for a maximum-likelihood fit, in every command that has this option."""
@@ -50,7 +50,7 @@ def likelihood_fits(
     """
     own = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
-    from gmwm._threads import in_threads
+    from gmwm.base.threads import in_threads
     from gmwm.cli.output import progress
 
     with progress("maximum likelihood", len(fits)) as advance:
@@ -67,7 +67,7 @@ def likelihood_fits(
 
 def asked_again(regression: Regression | None, temperature: Vector | None) -> Asked | None:
     """Return the regression of a wavelet fit in the form that `fit_ml` takes as `against`; None without one."""
-    from gmwm.regression.against import TEMPERATURE, Asked
+    from gmwm.measuring.regression.against import TEMPERATURE, Asked
 
     if regression is None:
         return None
@@ -76,9 +76,9 @@ def asked_again(regression: Regression | None, temperature: Vector | None) -> As
 
 def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]:
     """Compute the confidence intervals and residuals of each fit, in parallel."""
-    from gmwm._threads import in_threads
+    from gmwm.base.threads import in_threads
     from gmwm.cli.output import progress
-    from gmwm.likelihood.summary import intervals_if_known, own_residuals
+    from gmwm.fitting.likelihood.summary import intervals_if_known, own_residuals
 
     def one(_: str, fit: LikelihoodFit) -> Judged:
         intervals, missing = intervals_if_known(fit, level)
@@ -93,7 +93,7 @@ def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]
 
 def as_dict(found: Judged) -> dict[str, Any]:
     """Return a fit with its intervals and tests as plain values for JSON."""
-    from gmwm.likelihood.summary import inference
+    from gmwm.fitting.likelihood.summary import inference
 
     return {
         **found.fit.to_dict(),
@@ -104,8 +104,8 @@ def as_dict(found: Judged) -> dict[str, Any]:
 
 def likelihoods_text(found: Mapping[str, Judged]) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
-    from gmwm.axis_names import by_sensor
-    from gmwm.likelihood.summary import in_words
+    from gmwm.base.axis_names import by_sensor
+    from gmwm.fitting.likelihood.summary import in_words
 
     if len(found) == 1:
         one = next(iter(found.values()))
@@ -128,7 +128,7 @@ def likelihoods_text(found: Mapping[str, Judged]) -> str:
 
 def _sensor_text(group: Mapping[str, Judged]) -> str:
     from gmwm.cli.output import table_text, units_text
-    from gmwm.likelihood.summary import short_values
+    from gmwm.fitting.likelihood.summary import short_values
 
     first = next(iter(group.values())).fit
     values = [short_values(one.fit, one.intervals) for one in group.values()]

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.base.errors import OptionError
 from gmwm.cli.output import progress, tell
 from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load, names_of
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.regression.against import NONE, Asked
+from gmwm.measuring.regression.against import NONE, Asked
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.readers.streams import Stream
-    from gmwm.regression.conditions import Conditions
-    from gmwm.signals import Imu, Signal
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.files.readers.streams import Stream
+    from gmwm.measuring.regression.conditions import Conditions
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.recording.signals import Imu, Signal
 
 Chunked = Annotated[
     Literal["auto", "yes", "no"],
@@ -92,8 +92,8 @@ def opened(
             advice="Leave {--chunked=no} out.",
         )
     from gmwm.cli.output import progress
-    from gmwm.readers.api import stream_file
-    from gmwm.readers.streams import is_large
+    from gmwm.files.readers.api import stream_file
+    from gmwm.files.readers.streams import is_large
 
     if not spread and (chunked == "no" or (chunked == "auto" and (whole or not is_large(path)))):
         return load(path, reading)
@@ -125,7 +125,7 @@ def stream_curves(
     """
     from gmwm.calibration.measurement import curves_and_inspection
     from gmwm.cli.output import progress, tell
-    from gmwm.regression.conditions import Conditions
+    from gmwm.measuring.regression.conditions import Conditions
 
     with progress("reading") as advance:
         conditions = Conditions.of_recording(stream, Asked.of(against))
@@ -168,7 +168,7 @@ def signals_or_curves(
     These are wavelet variances if the recording is read in chunks or --against is given, otherwise signals. The
     remarks of the inspection become warnings of the command.
     """
-    from gmwm.signals import Imu
+    from gmwm.recording.signals import Imu
 
     if isinstance(recording, Imu):
         conditions = tell_inspection(recording, against)
@@ -222,9 +222,9 @@ def measured_together(
     DataError
         If several recordings cannot be pooled.
     """
-    from gmwm.variance.api import wavelet_variance
-    from gmwm.variance.pooling import pooled
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.measuring.variance.api import wavelet_variance
+    from gmwm.measuring.variance.pooling import pooled
+    from gmwm.measuring.variance.result import WaveletVariance
 
     axes = axes_together(recordings, wanted)
     found = {
@@ -256,9 +256,9 @@ def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     Conditions
         The covariates, with the regression of each axis on them.
     """
-    from gmwm.inspection.api import inspected
-    from gmwm.regression.against import Asked
-    from gmwm.regression.conditions import Conditions
+    from gmwm.measuring.inspection.api import inspected
+    from gmwm.measuring.regression.against import Asked
+    from gmwm.measuring.regression.conditions import Conditions
 
     with progress("inspecting"):
         conditions = Conditions.of_recording(imu, Asked.of(against))

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gmwm.base.errors import OptionError, ReadError
 from gmwm.cli.likelihood_output import LIKELIHOOD, likelihood_fits
-from gmwm.errors import OptionError, ReadError
 
 if TYPE_CHECKING:
-    from gmwm.estimation.result import Fit
-    from gmwm.likelihood import LikelihoodFit
-    from gmwm.processes.model import Model
-    from gmwm.signals import Signal
+    from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.likelihood import LikelihoodFit
+    from gmwm.recording.signals import Signal
+    from gmwm.theory.processes.model import Model
 
 ModelText = Annotated[
     str | None,
@@ -69,7 +69,7 @@ class AxisModel:
     @property
     def values(self) -> Model:
         """The model with its parameter values."""
-        from gmwm.processes.model import Model
+        from gmwm.theory.processes.model import Model
 
         return self.model if isinstance(self.model, Model) else self.model.model
 
@@ -190,7 +190,7 @@ def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) ->
 
 def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
     from gmwm import Fit
-    from gmwm.likelihood import LikelihoodFit
+    from gmwm.fitting.likelihood import LikelihoodFit
 
     if axis not in source.fits:
         expected = f"one of {', '.join(source.fits)}, the axes in {source.fits_file}"

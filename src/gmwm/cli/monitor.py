@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm._text import counted
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.text import counted
 from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import RESULT, Json
 from gmwm.cli.output import NewFile, Outcome, file_names, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.remarks import Remark
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.monitor import Baseline, Event, Trace, UnitEvent
-    from gmwm.readers.streams import Stream
+    from gmwm.applications.monitor import Baseline, Event, Trace, UnitEvent
+    from gmwm.files.readers.streams import Stream
 
 EXAMPLES = (
     "gmwm monitor night.csv --from-fits results --every 30d",
@@ -155,8 +155,8 @@ def _opened(
 ) -> Iterator[tuple[Stream, Callable[[], tuple[Remark, ...]]]]:
     """Open a recording or a growing text. Yield the stream of its samples and a function that returns the remarks on
     the end of the text."""
-    from gmwm.readers.api import stream_file
-    from gmwm.readers.growing_files import Lines, growing_stream
+    from gmwm.files.readers.api import stream_file
+    from gmwm.files.readers.growing_files import Lines, growing_stream
 
     if file != "-" and not follow:
         if idle is not None:
@@ -178,9 +178,9 @@ def _trace(
     axes: list[str] | None, pictures: bool, source: str,
 ) -> Trace:  # fmt: skip
     """Return the monitor for a stream, with a trace for plots. The remarks of the monitor become warnings."""
-    from gmwm.monitor import Monitor, Trace, baselines
-    from gmwm.monitor.setup import check_rate
-    from gmwm.readers.api import stream_file
+    from gmwm.applications.monitor import Monitor, Trace, baselines
+    from gmwm.applications.monitor.setup import check_rate
+    from gmwm.files.readers.api import stream_file
 
     models, rate = _models(origin, stream.rate)
     both = [axis for axis in stream.axes if axis in models]
@@ -216,8 +216,8 @@ def _side_by_side(
     files: list[str], reading: ReadOptions, *, origin: Origin, every: float, axes: list[str] | None, json: bool
 ) -> Outcome:
     """Monitor several units by comparison with each other, and return the outcome of the command."""
-    from gmwm.monitor import redundant
-    from gmwm.readers.api import stream_file
+    from gmwm.applications.monitor import redundant
+    from gmwm.files.readers.api import stream_file
 
     streams = {
         name: stream_file(file, reading) for name, file in zip(names_of([Path(f) for f in files]), files, strict=True)

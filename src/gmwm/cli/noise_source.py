@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm._files import read_json
+from gmwm.base.atomic_files import read_json
 from gmwm.cli.option_names import named_as_options
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
-    from gmwm.estimation.result import Fit
-    from gmwm.importers import Given
-    from gmwm.processes.model import Model
+    from gmwm.files.importers import Given
+    from gmwm.fitting.estimation.result import Fit
+    from gmwm.theory.processes.model import Model
 
 NoiseText = Annotated[
     str,
@@ -50,7 +50,7 @@ class NoiseSource:
 
 def given(text: str, rate: float | None, option: str = "--from") -> Given:
     """Read noise from a datasheet or a file of another program. Error messages name the shell option."""
-    from gmwm.importers import given_noise
+    from gmwm.files.importers import given_noise
 
     with named_as_options({"source": option}):
         return given_noise(text, rate)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TypeVar
 
-from gmwm.errors import GmwmError, ModelError
+from gmwm.base.errors import GmwmError, ModelError
 
 T = TypeVar("T")
 
@@ -17,7 +17,7 @@ def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
 
     Only arguments whose option has another name need an entry.
 
-    >>> from gmwm._template import Dialect
+    >>> from gmwm.base.template import Dialect
     >>> from gmwm.errors import OptionError
     >>> try:
     ...     with named_as_options({"format": "--to"}):

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.axis_names import AXES
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import OptionError
+from gmwm.base.units import SI_UNIT
 from gmwm.cli.option_names import checked, prefixed
-from gmwm.errors import OptionError
-from gmwm.options import as_confidence
-from gmwm.regression.against import Asked
-from gmwm.units import SI_UNIT
-from gmwm.variance.biweight import EFFICIENCY, biweight
+from gmwm.measuring.regression.against import Asked
+from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
+from gmwm.recording.options import as_confidence
 
 if TYPE_CHECKING:
-    from gmwm.processes.model import Model, ModelLike
+    from gmwm.theory.processes.model import Model, ModelLike
 
 RESULT = "Result"
 _PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)

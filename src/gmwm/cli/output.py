@@ -15,10 +15,10 @@ from typing import Any, Protocol, TextIO
 
 import typer
 
-from gmwm._files import write_text, written_together
-from gmwm.errors import FitWarning, GmwmError, GmwmWarning, OptionError
-from gmwm.remarks import Dialect, Remark, Severity, brief
-from gmwm.remarks.rendering import MOST
+from gmwm.base.atomic_files import write_text, written_together
+from gmwm.base.errors import FitWarning, GmwmError, GmwmWarning, OptionError
+from gmwm.base.remarks import Dialect, Remark, Severity, brief
+from gmwm.base.remarks.rendering import MOST
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from gmwm._threads import in_threads
+from gmwm.base.threads import in_threads
 from gmwm.cli.output import progress
-from gmwm.signals import Signal
-from gmwm.variance.result import WaveletVariance
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
 
 T = TypeVar("T")
 Item = TypeVar("Item", bound=Signal | WaveletVariance)

@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gmwm._files import read_json
+from gmwm.base.atomic_files import read_json
+from gmwm.base.durations import parse_length, parse_share
+from gmwm.base.errors import OptionError, ReadError
+from gmwm.base.remarks import Remark
+from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress, tell
-from gmwm.durations import parse_length, parse_share
-from gmwm.errors import OptionError, ReadError
-from gmwm.remarks import Remark
-from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gmwm._arrays import Matrix
-    from gmwm.filters import WaveletFilter
-    from gmwm.inference.planning import Plan
-    from gmwm.processes.base import Process
+    from gmwm.base.arrays import Matrix
+    from gmwm.fitting.inference.planning import Plan
+    from gmwm.theory.filters import WaveletFilter
+    from gmwm.theory.processes.base import Process
 
 EXAMPLES = (
     "gmwm plan 'GM(beta=1, sigma2=1e-8) + WN(sigma2=4e-6)' --rate 100 --duration 2h",
@@ -169,8 +169,8 @@ def _planned(
 ) -> tuple[Plan, dict[str, float]]:
     from gmwm import WaveletVariance
     from gmwm import plan as planned
-    from gmwm._arrays import as_rate
-    from gmwm.inference.planning import as_accuracy
+    from gmwm.base.arrays import as_rate
+    from gmwm.fitting.inference.planning import as_accuracy
 
     as_accuracy(accuracy)
     with progress("planning"):
@@ -254,7 +254,7 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
     """
     from gmwm import Calibration, Fit
     from gmwm.calibration.document import FORMAT
-    from gmwm.likelihood import LikelihoodFit
+    from gmwm.fitting.likelihood import LikelihoodFit
 
     if not isinstance(content, Mapping):
         raise ReadError("it is not an object")
@@ -288,7 +288,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     as a slow Gauss-Markov process from a random walk, is replaced by this process.
     """
     from gmwm import Model
-    from gmwm.processes.equivalence import likeness
+    from gmwm.theory.processes.equivalence import likeness
 
     model, remarks = Model.parse(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))
@@ -316,7 +316,7 @@ def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, Wavel
     """Return the levels, sampling rate (Hz), wavelet filter and weighting matrix of a fit from its JSON document."""
     import numpy as np
 
-    from gmwm.filters import find_filter
+    from gmwm.theory.filters import find_filter
 
     curve = found["wavelet_variance"]
     return (

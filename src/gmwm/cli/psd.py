@@ -13,13 +13,13 @@ from gmwm.cli.measuring import Chunked, opened, tell_inspection
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.plots.view import UnitSystem
-    from gmwm.readers.streams import Stream
-    from gmwm.signals import Imu
-    from gmwm.spectrum import PowerSpectra
+    from gmwm.files.readers.streams import Stream
+    from gmwm.measuring.spectrum import PowerSpectra
+    from gmwm.recording.signals import Imu
+    from gmwm.showing.plots.view import UnitSystem
 
 EXAMPLES = (
     "gmwm psd static.csv",
@@ -87,8 +87,8 @@ def _measured(
 ) -> PowerSpectra:
     """Estimate the spectrum of each axis."""
     from gmwm.cli.parallel import over_axes
-    from gmwm.readers.streams import Stream
-    from gmwm.spectrum import PowerSpectra, psd
+    from gmwm.files.readers.streams import Stream
+    from gmwm.measuring.spectrum import PowerSpectra, psd
 
     if isinstance(recording, Stream):
         chosen = chosen_names(recording.axes, axis)

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.readers.columns import parse_columns
-from gmwm.readers.scale_factors import parse_scale
-from gmwm.units import SI_UNIT
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
+from gmwm.base.units import SI_UNIT
+from gmwm.files.readers.columns import parse_columns
+from gmwm.files.readers.scale_factors import parse_scale
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.signals import Imu, Signal
+    from gmwm.recording.signals import Imu, Signal
 
 INPUT = "Input"
 
@@ -207,7 +207,7 @@ Axes = Annotated[
 def load(path: Path, reading: ReadOptions) -> Imu:
     """Read the recording in a file into memory, with a progress bar."""
     from gmwm.cli.output import progress
-    from gmwm.readers.api import read_file
+    from gmwm.files.readers.api import read_file
 
     with progress(f"reading {path.name}"):
         return read_file(path, reading)

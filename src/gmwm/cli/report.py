@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
+from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import Outcome, calibration_file, progress
-from gmwm.errors import OptionError
 
 EXAMPLES = (
     "gmwm report results/calibration.json",

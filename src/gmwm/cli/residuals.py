@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm._text import p_text
+from gmwm.base.errors import OptionError
+from gmwm.base.text import p_text
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
 from gmwm.cli.options import RESULT, Efficiency, Robust, chosen_efficiency
 from gmwm.cli.output import NewFile, Outcome, file_names, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.likelihood import Residuals
-    from gmwm.signals import Signal
+    from gmwm.fitting.likelihood import Residuals
+    from gmwm.recording.signals import Signal
 
 EXAMPLES = (
     "gmwm residuals static.csv --model 'GM + WN + RW'",
@@ -94,7 +94,7 @@ def residuals(
 
 def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
     from gmwm.cli.parallel import over_axes
-    from gmwm.likelihood import residuals as residuals_of
+    from gmwm.fitting.likelihood import residuals as residuals_of
 
     def one(signal: Signal) -> Residuals:
         given = models[signal.axis]

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, chosen_axes, load, names_of
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.remarks import Dialect
+from gmwm.recording.options import ReadOptions
 
 EXAMPLES = (
     "gmwm same monday.csv tuesday.csv",
@@ -55,7 +55,7 @@ def same(
     compare the numbers of two calibrations, use gmwm agree.
     """
     from gmwm import Imu
-    from gmwm.joint import same
+    from gmwm.applications.several import same
 
     if len(files) < 2:
         raise OptionError(f"pass at least two recordings; got one, {files[0]}", argument="files", got=str(files[0]))

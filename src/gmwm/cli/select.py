@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.errors import OptionError
+from gmwm.choosing.selection.options import RankingOptions
+from gmwm.choosing.selection.search import SLOW
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, axes_together, measured_together, memory_for, opened_together
 from gmwm.cli.options import (
@@ -25,17 +28,14 @@ from gmwm.cli.options import (
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, json_text, made_directory, text_file
 from gmwm.cli.read_options import Axes, Files, document_of
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.regression.against import NONE
-from gmwm.selection.options import RankingOptions
-from gmwm.selection.search import SLOW
+from gmwm.measuring.regression.against import NONE
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.processes.model import Model
-    from gmwm.selection import Ranking
-    from gmwm.signals import Signal
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.choosing.selection import Ranking
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.recording.signals import Signal
+    from gmwm.theory.processes.model import Model
 
 EXAMPLES = (
     "gmwm select static.csv --axis gyro_y --within '3*GM + WN + QN + RW'",
@@ -122,8 +122,8 @@ def _ranked(
     robust: bool,
     efficiency: float,
 ) -> dict[str, Ranking]:
+    from gmwm.choosing.selection.api import select_within
     from gmwm.cli.parallel import over_axes
-    from gmwm.selection.api import select_within
 
     return over_axes(
         lambda one: select_within(largest, one, options, robust=robust, efficiency=efficiency), measured,

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import parse_models
 from gmwm.cli.output import Outcome, progress
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
 
 if TYPE_CHECKING:
-    from gmwm.importers import Given
-    from gmwm.processes.model import Model
-    from gmwm.signals import Imu
+    from gmwm.files.importers import Given
+    from gmwm.recording.signals import Imu
+    from gmwm.theory.processes.model import Model
 
 EXAMPLES = (
     "gmwm simulate --reference --duration 1h --output imu.csv",
@@ -81,8 +81,8 @@ def simulate(
     is added to accel_z. Each axis has its own stream of random numbers. --components does not change the recording:
     each axis, without gravity, is the sum of its columns in the file of --components.
     """
-    from gmwm.simulation import models_by_axis, reference_imu
-    from gmwm.writers import table_path
+    from gmwm.recording.writers import table_path
+    from gmwm.theory.simulation import models_by_axis, reference_imu
 
     if sum((reference, bool(model), source is not None)) != 1:
         raise OptionError(
@@ -129,8 +129,8 @@ def _written(
 
     Returns the recording and the names of the columns in the file of processes.
     """
-    from gmwm._text import duration_text
-    from gmwm.simulation import simulate as simulated
+    from gmwm.base.text import duration_text
+    from gmwm.theory.simulation import simulate as simulated
 
     made = None
     with progress(f"simulating {duration_text(seconds)}"):

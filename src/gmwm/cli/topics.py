@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from gmwm.base.errors import DataError, GmwmError, OptionError
+from gmwm.base.remarks import Remark
 from gmwm.cli.output import Outcome
-from gmwm.errors import DataError, GmwmError, OptionError
-from gmwm.options import ReadOptions
-from gmwm.remarks import Remark
+from gmwm.recording.options import ReadOptions
 
 
 def each_topic(
@@ -34,7 +34,7 @@ def each_topic(
     DataError
         If the command fails for every topic.
     """
-    from gmwm.readers.topics import inertial_topics, topic_folder
+    from gmwm.files.readers.topics import inertial_topics, topic_folder
 
     if reading.topic is not None:
         raise OptionError(argument="topic", expected="left out with --all-topics", got=reading.topic)
@@ -68,7 +68,7 @@ def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, .
 
     Otherwise the result is empty, and also if there are several files or the user selected a topic or columns.
     """
-    from gmwm.readers.topics import separate_sensors
+    from gmwm.files.readers.topics import separate_sensors
 
     if len(files) != 1 or reading.topic is not None or reading.columns is not None:
         return ()

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
@@ -16,15 +19,12 @@ from gmwm.cli.options import RESULT, Datasheet, Efficiency, Robust, checked_conf
 from gmwm.cli.output import NewFile, Outcome, file_names
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.cli.track_output import as_dict, tracks_text
-from gmwm.durations import parse_length
-from gmwm.errors import OptionError
-from gmwm.options import ReadOptions
-from gmwm.remarks import Quantity, Remark
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm._arrays import Vector
-    from gmwm.likelihood import Tracks
-    from gmwm.signals import Signal
+    from gmwm.base.arrays import Vector
+    from gmwm.fitting.likelihood import Tracks
+    from gmwm.recording.signals import Signal
 
 EXAMPLES = (
     "gmwm track static.csv --model 'GM + WN + RW' --axis gyro --output bias.csv",
@@ -148,7 +148,7 @@ def track(
 
 def _check_output(output: Path | None, file: Path) -> None:
     """Check that --output is a table and not the recording itself."""
-    from gmwm.writers import table_path
+    from gmwm.recording.writers import table_path
 
     if output is None:
         return
@@ -172,7 +172,7 @@ def _tracks(
     ahead: float | None,
 ) -> dict[str, Tracks]:
     from gmwm.cli.parallel import over_axes
-    from gmwm.likelihood import filter_tracks, predict_tracks, smooth_tracks
+    from gmwm.fitting.likelihood import filter_tracks, predict_tracks, smooth_tracks
 
     def one(signal: Signal) -> Tracks:
         given = models[signal.axis].model
@@ -196,7 +196,7 @@ def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
 
 def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
     """Yield a remark for each term of the bias that is correlated only over a few samples."""
-    from gmwm.likelihood.tracks import wanders
+    from gmwm.fitting.likelihood.tracks import wanders
 
     for term, process in zip(found.model.terms, found.model.processes, strict=True):
         time = process.correlation_time(found.rate) or 0.0
@@ -207,7 +207,7 @@ def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
 
 def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> None:
     """Write a table with the time, and for each axis the data and each process with its standard deviation."""
-    from gmwm.writers import write_table
+    from gmwm.recording.writers import write_table
 
     columns: dict[str, Vector] = {"time [s]": next(iter(tracks.values())).times}
     for name, found in tracks.items():

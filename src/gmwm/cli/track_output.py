@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gmwm._text import counted
+from gmwm.base.text import counted
 
 if TYPE_CHECKING:
     from gmwm.cli.model_source import AxisModel
-    from gmwm.likelihood import Tracks
+    from gmwm.fitting.likelihood import Tracks
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
 """Names of the numbers that summarize a process, in the unit of the data. A reach is half the width of the confidence
@@ -57,7 +57,7 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
 def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datasheet: bool) -> str:
     """Format the summary of each process of an axis as a table."""
     from gmwm.cli.output import table_text
-    from gmwm.plots.view import view_of
+    from gmwm.showing.plots.view import view_of
 
     shown = view_of(found.unit, "allan", "datasheet" if datasheet else "si")
     rows = [_row(label, _brief(found, label, level), found.kind == "predict", shown.factor) for label in found.labels]

@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.base.durations import parse_length, parse_share
+from gmwm.base.errors import GmwmError, OptionError
+from gmwm.base.remarks import Remark
 from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
 from gmwm.cli.watch_status import as_dicts, fitted, one_line_of, whole_text
-from gmwm.durations import parse_length, parse_share
-from gmwm.errors import GmwmError, OptionError
-from gmwm.remarks import Remark
-from gmwm.signals import MINIMUM_SAMPLES
+from gmwm.recording.signals import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from gmwm.chunks import Chunk
-    from gmwm.processes.model import Model
-    from gmwm.readers.streams import Stream
-    from gmwm.variance.accumulate import WaveletAccumulator
+    from gmwm.files.readers.streams import Stream
+    from gmwm.measuring.variance.accumulate import WaveletAccumulator
+    from gmwm.recording.chunks import Chunk
+    from gmwm.theory.processes.model import Model
 
 EXAMPLES = (
     "gmwm watch log.csv --axis gyro",
@@ -77,9 +77,9 @@ def watch(
     truncated or replaced, the command stops and prints the result up to that time.
     """
     from gmwm import Model
-    from gmwm.inference.planning import as_accuracy
-    from gmwm.readers.growing_files import Lines, growing_stream
-    from gmwm.streaming.passes import accumulators
+    from gmwm.files.readers.growing_files import Lines, growing_stream
+    from gmwm.fitting.inference.planning import as_accuracy
+    from gmwm.measuring.streaming.passes import accumulators
 
     seconds, patience = parse_length(every, "every"), None if idle is None else parse_length(idle, "idle")
     wanted = as_accuracy(parse_share(accuracy))
@@ -113,7 +113,7 @@ def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View
     Returns the error that ended the source, or None. Raises the error if the samples before it are too few for a
     result.
     """
-    from gmwm.streaming.passes import feed_chunks
+    from gmwm.measuring.streaming.passes import feed_chunks
 
     failures: list[GmwmError] = []
 

@@ -7,12 +7,12 @@ import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gmwm.errors import FitWarning, GmwmError
+from gmwm.base.errors import FitWarning, GmwmError
 
 if TYPE_CHECKING:
-    from gmwm.estimation.result import Fit
-    from gmwm.processes.model import Model
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.fitting.estimation.result import Fit
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.theory.processes.model import Model
 
 
 def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
@@ -63,10 +63,10 @@ def whole_text(
     datasheet: bool, live: bool = False,
 ) -> str:  # fmt: skip
     """Format the complete status: a table of deviations for each sensor, and a table of estimates for each axis."""
-    from gmwm._text import duration_text
-    from gmwm.axis_names import by_sensor
+    from gmwm.base.axis_names import by_sensor
+    from gmwm.base.text import duration_text
     from gmwm.cli.output import table_text
-    from gmwm.plots.view import view_of
+    from gmwm.showing.plots.view import view_of
 
     first = next(iter(curves.values()))
     parts = [f"{first.extent}: {duration_text(first.samples / first.rate)}"]
@@ -96,9 +96,9 @@ def _relative(wv: WaveletVariance) -> Any:
 
 def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
     """Format the estimates of an axis as a table, with intervals and whether the recording is long enough."""
-    from gmwm._text import duration_text
+    from gmwm.base.text import duration_text
     from gmwm.cli.output import table_text
-    from gmwm.inference.summary import IntervalMethod, intervals_if_known, rows
+    from gmwm.fitting.inference.summary import IntervalMethod, intervals_if_known, rows
 
     errors, needed = _errors(fit), _needed(fit, accuracy)
     now = fit.wavelet_variance.samples / fit.wavelet_variance.rate
@@ -123,9 +123,9 @@ def one_line_of(
     datasheet: bool,
 ) -> str:  # fmt: skip
     """Format the status in one line: the duration, and for each axis the estimates, or deviations without a model."""
-    from gmwm._text import duration_text
-    from gmwm.inference.summary import IntervalMethod, short_values
-    from gmwm.plots.view import view_of
+    from gmwm.base.text import duration_text
+    from gmwm.fitting.inference.summary import IntervalMethod, short_values
+    from gmwm.showing.plots.view import view_of
 
     first = next(iter(curves.values()))
     parts = [f"{duration_text(first.samples / first.rate)}, {first.samples} samples"]
@@ -155,7 +155,7 @@ def as_dicts(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
 ) -> dict[str, dict[str, Any]]:
     """Return the wavelet variance, fit, relative errors and needed duration of each axis as plain values for JSON."""
-    from gmwm.inference.summary import IntervalMethod, inference
+    from gmwm.fitting.inference.summary import IntervalMethod, inference
 
     out = {}
     for axis, curve in curves.items():

@@ -14,13 +14,13 @@ from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, opened
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Robust, TransformName, View, chosen_efficiency
 from gmwm.cli.output import NewFile, Outcome, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
-from gmwm.options import ReadOptions
+from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.plots.view import UnitSystem, ViewName
-    from gmwm.readers.streams import Stream
-    from gmwm.signals import Imu
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.files.readers.streams import Stream
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.recording.signals import Imu
+    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 EXAMPLES = (
     "gmwm wv static.csv --plot wv.png",
@@ -106,7 +106,7 @@ def _measured(
     """Compute the wavelet variance of each axis. The remarks of the inspection become warnings of the command."""
     from gmwm import wavelet_variance
     from gmwm.cli.parallel import over_axes
-    from gmwm.readers.streams import Stream
+    from gmwm.files.readers.streams import Stream
 
     chosen = chosen_names(recording.axes, axis)
     if isinstance(recording, Stream):
@@ -122,7 +122,7 @@ def _measured(
 def _draw(
     results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem, overlay: bool, path: Path
 ) -> None:
-    from gmwm.plots.imu import plot_imu
+    from gmwm.showing.plots.imu import plot_imu
 
     if len(results) == 1:
         next(iter(results.values())).plot(view=view, units=system, path=path)
@@ -132,8 +132,8 @@ def _draw(
 
 def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its confidence intervals."""
-    from gmwm.axis_names import by_sensor
-    from gmwm.plots.view import view_of
+    from gmwm.base.axis_names import by_sensor
+    from gmwm.showing.plots.view import view_of
 
     sensors = by_sensor(results)
     first = next(iter(results.values()))
@@ -163,7 +163,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
 
 def _csv_text(results: Mapping[str, WaveletVariance]) -> str:
     """Format the wavelet variances and Allan deviations as CSV, with one line for each level of each axis."""
-    from gmwm.plots.view import view_of
+    from gmwm.showing.plots.view import view_of
 
     lines = ["axis,unit,level,scale_samples,tau_s,variance,lower,upper,coefficients,averaging_time_s,allan_deviation"]
     for name, result in results.items():

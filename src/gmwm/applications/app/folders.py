@@ -1,0 +1,91 @@
+"""Access to the files that the page may open: files in the opened folder, and files dropped on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from gmwm.base.errors import OptionError, ReadError
+
+CHUNK = 1 << 20
+"""Number of bytes of a dropped file that are copied at once."""
+
+
+@dataclass(frozen=True)
+class Folders:
+    """The folder that the user opened, and a temporary folder for dropped files.
+
+    Attributes
+    ----------
+    root : Path
+        The folder that the user opened, with symbolic links resolved.
+    dropped : Path
+        The temporary folder, with symbolic links resolved.
+    """
+
+    root: Path
+    dropped: Path
+
+    def file(self, text: str) -> Path:
+        """Return the path that a text names. A relative path starts in `root`.
+
+        Raises
+        ------
+        OptionError
+            If the path is outside both folders, for example through a symbolic link.
+        ReadError
+            If the path does not exist.
+        """
+        return self._inside(text)
+
+    def entries(self, text: str) -> tuple[str, list[str], list[str]]:
+        """Return the path of a folder relative to `root`, the names of its folders, and the names of its files.
+
+        Hidden files and links to files outside `root` are left out.
+
+        Raises
+        ------
+        OptionError
+            If the folder is outside both folders.
+        ReadError
+            If the path is not a folder.
+        """
+        folder = self._inside(text)
+        if not folder.is_dir():
+            raise ReadError(f"{text} is not a folder", code="is-directory")
+        names = sorted((one for one in folder.iterdir() if not one.name.startswith(".")), key=lambda one: one.name)
+        kept = [one for one in names if self._is_inside(one)]
+        here = folder.relative_to(self.root) if folder.is_relative_to(self.root) else Path(".")
+        return str(here), [one.name for one in kept if one.is_dir()], [one.name for one in kept if one.is_file()]
+
+    def store(self, name: str, content: IO[bytes]) -> Path:
+        """Copy a dropped file to the temporary folder, and return its path."""
+        last = Path(name.replace("\\", "/")).name
+        target = self.dropped / (last if last not in ("", "..") else "dropped")
+        with target.open("wb") as file:
+            for block in _blocks(content):
+                file.write(block)
+        return target
+
+    def _inside(self, text: str) -> Path:
+        if "\0" in text:
+            raise OptionError(argument="file", expected="a path", got=text)
+        path = (self.root / Path(text).expanduser()).resolve()
+        if not (path.is_relative_to(self.root) or path.is_relative_to(self.dropped)):
+            raise OptionError(
+                f"{text} is outside the folder {self.root}", argument="file", got=text,
+                advice="Start `gmwm app` with this file or its folder.",
+            )  # fmt: skip
+        if not path.exists():
+            raise ReadError(f"{text} does not exist", argument="file", code="not-found")
+        return path
+
+    def _is_inside(self, path: Path) -> bool:
+        return path.resolve().is_relative_to(self.root)
+
+
+def _blocks(content: IO[bytes]) -> Iterator[bytes]:
+    while block := content.read(CHUNK):
+        yield block

@@ -1,0 +1,96 @@
+"""The tab "Curves": Allan deviation or wavelet variance, and the spectrum, of all axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dash import Dash, Input, html
+
+from gmwm.applications.app.desk import Desk
+from gmwm.applications.app.figures import curves, drawn, half_of, spectra
+from gmwm.applications.app.page.render import changes, draws, restores
+from gmwm.applications.app.page.widgets import choices, graph, of_job
+from gmwm.applications.app.session import Session
+from gmwm.applications.app.workspace import Workspace
+from gmwm.base.axis_names import by_sensor
+from gmwm.calibration.tables import SENSORS
+from gmwm.measuring.spectrum.axes_result import PowerSpectra
+from gmwm.measuring.variance.axes_result import WaveletVariances
+from gmwm.showing.plots.labels import axis_title
+
+
+def panel() -> list[Any]:
+    """Return the components of the tab."""
+    return [
+        html.Div(
+            [
+                choices("view", {"allan": "Allan deviation", "wavelet": "Wavelet variance"}, "allan", "View"),
+                choices(
+                    "curve", {"classical": "classical", "robust": "robust", "both": "both"}, "classical", "Estimate"
+                ),
+            ],
+            className="controls",
+        ),
+        html.P(id="error-view", className="error", role="alert"),
+        html.Div(id="curves", className="grid"),
+        html.H2("Spectrum"),
+        html.Div(id="spectra", className="grid"),
+    ]
+
+
+def register(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of the tab."""
+
+    def change(session: Session, view: Any, curve: Any) -> Session:
+        return session.with_(view=view, curve=curve)
+
+    changes(app, desk, [Input("view", "value"), Input("curve", "value")], change, errors=("view",))
+    restores(app, desk, ("view", "curve"), lambda session: [session.view, session.curve])
+    draws(app, desk, tab="curves", place="curves", draw=_curves)
+    draws(app, desk, tab="curves", place="spectra", draw=_spectra)
+
+
+def _curves(session: Session, workspace: Workspace, width: float) -> Any:
+    wanted = {"classical": (False,), "robust": (True,), "both": (False, True)}[session.curve]
+    jobs = {robust: workspace.curves(session, robust=robust) for robust in wanted}
+    first, last = jobs[wanted[0]], jobs[wanted[-1]]
+    return of_job(first, lambda one: of_job(last, lambda other: _shown(session, (one, other)[: len(wanted)], width)))
+
+
+def _shown(session: Session, found: tuple[WaveletVariances, ...], width: float) -> list[Any]:
+    made = []
+    for sensor, axes in by_sensor(found[0]).items():
+        several = len(found) > 1
+        of = {", robust" if several and k else "": {axis: one[axis] for axis in axes} for k, one in enumerate(found)}
+        title = SENSORS.get(sensor, sensor or "Axes")
+        panel = curves(of, session.view, session.units)
+        made.append(
+            html.Div([html.H3(title), graph(drawn(panel, half_of(width)), f"curve-{sensor}", f"{title}: curves")])
+        )
+    return made
+
+
+def _spectra(session: Session, workspace: Workspace, width: float) -> Any:
+    def show(found: PowerSpectra) -> list[Any]:
+        made = []
+        for sensor, axes in by_sensor(found).items():
+            title = SENSORS.get(sensor, sensor or "Axes")
+            figure = drawn(spectra(axes, session.units), half_of(width))
+            place = graph(figure, f"spectrum-{sensor}", f"{title}: spectrum")
+            made.append(html.Div([html.H3(title), place, _peaks(axes)]))
+        return made
+
+    return of_job(workspace.spectrum(session), show)
+
+
+def _peaks(axes: Any) -> Any:
+    """Return a list that describes the lines and the broad peaks of all axes in words."""
+    found = [
+        html.Li(f"{axis_title(axis)}: {text}")
+        for axis, spectrum in axes.items()
+        for text in (
+            *(line.described(spectrum.unit) for line in spectrum.lines),
+            *(bump.described() for bump in spectrum.bumps),
+        )
+    ]
+    return html.Ul(found, className="peaks") if found else html.P("No line is found.", className="hint")

@@ -1,0 +1,314 @@
+"""The tab "Model": the terms of the model of an axis, the fit, its tests, and a comparison with other models."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from dash import ALL, Dash, Input, Output, State, html, no_update
+
+from gmwm.applications.app.desk import Desk
+from gmwm.applications.app.figures import compared, drawn, fitted, misfit, movable, moved
+from gmwm.applications.app.jobs import QUICK
+from gmwm.applications.app.page.render import changes, draws, triggers
+from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
+from gmwm.applications.app.session import Session
+from gmwm.applications.app.terms import adding, held_at, holding, removing, replacing
+from gmwm.applications.app.workspace import Workspace
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import GmwmError
+from gmwm.choosing.selection.search import Searched
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.model_error import relative_misfit
+from gmwm.fitting.inference.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
+from gmwm.measuring.inspection.findings import covariates_text, effect_text
+from gmwm.recording.signals import Imu
+from gmwm.showing.plots.labels import axis_title
+from gmwm.theory.processes import registry
+
+LISTED = 12
+"""Largest number of models in the table of compared models."""
+SMALL = 0.001
+"""Smallest p-value that is shown as a number. Smaller p-values are shown as an upper limit."""
+
+
+def panel() -> list[Any]:
+    """Return the components of the tab."""
+    terms = {name: f"{name}: {kind.title}" for name, kind in registry.items()}
+    return [
+        html.Div(id="axes", className="chips", role="group", **{"aria-label": "Axis"}),
+        html.Div(
+            [
+                html.Div(id="terms", className="chips"),
+                menu("term", terms, next(iter(terms))),
+                button("Add", "add"),
+                html.Label("Model", htmlFor="model"),
+                text_input("model", "2*GM + WN + RW"),
+            ],
+            className="terms",
+        ),
+        html.P(id="error-model", className="error", role="alert"),
+        html.Div(
+            [
+                button("Use for all axes of the sensor", "spread"),
+                button("Let gmwm choose", "choose"),
+            ],
+            className="controls",
+        ),
+        html.Div(id="fit"),
+        html.H2("Models compared"),
+        html.Div(id="ranking"),
+    ]
+
+
+def register(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of the tab."""
+    for place, draw in (("axes", _axes), ("terms", _chips), ("fit", _fit), ("ranking", _ranking)):
+        draws(app, desk, tab="model", place=place, draw=draw)
+
+    def text(data: Any, _: int, shown: str, page: str, before: Any) -> tuple[Any, Any]:
+        session = desk.session(data)
+        if shown != "model" or not session.file:
+            return no_update, no_update
+        try:
+            model = model_of(session, desk.workspace(page))
+        except (GmwmError, OSError):
+            return no_update, no_update
+        # When a job ends, this callback runs too, but it must not replace what the user is typing.
+        now = [data, model]
+        return (no_update, no_update) if now == before else (model, now)
+
+    app.callback(
+        Output("model", "value"), Output("model-shown", "data"), Input("session", "data"), Input("revision", "data"),
+        Input("tab", "data"), State("page", "data"), State("model-shown", "data"),
+    )(text)  # fmt: skip
+
+    def change(session: Session, *given: Any) -> Session | None:
+        *_, typed, term, page = given
+        done = [one for one in triggers() if one[2]]
+        for hit, change_of, value in done:
+            # If the user leaves the field without a change, the recommended model does not become a chosen model.
+            if change_of != "n_blur" or typed != model_of(session, desk.workspace(page)):
+                session = _changed(session, desk.workspace(page), hit, value, typed=str(typed or ""), term=term)
+        return session if done else None
+
+    inputs = [
+        Input({"type": "axis", "axis": ALL}, "n_clicks"), Input({"type": "remove", "term": ALL}, "n_clicks"),
+        Input({"type": "hold", "parameter": ALL}, "n_clicks"), Input({"type": "use", "model": ALL}, "n_clicks"),
+        Input({"type": "held", "parameter": ALL}, "value"), Input({"type": "fitted", "axis": ALL}, "relayoutData"),
+        Input("add", "n_clicks"), Input("model", "n_submit"), Input("model", "n_blur"), Input("spread", "n_clicks"),
+        Input("choose", "n_clicks"),
+    ]  # fmt: skip
+    states = [State("model", "value"), State("term", "value"), State("page", "data")]
+    changes(app, desk, inputs, change, states=states, errors=("model",))
+
+
+def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
+    """Return the session after an action of the user on this tab.
+
+    Parameters
+    ----------
+    session, workspace
+    hit : str or dict
+        Identifier of the component with which the action was done.
+    value : object
+        New value of the component.
+    typed : str
+        Text in the field of the model.
+    term : str
+        Process that is selected in the menu.
+    """
+    axis = axis_of(session, workspace)
+    kind = hit["type"] if isinstance(hit, dict) else hit
+    if kind == "axis":
+        return session.with_(axis=hit["axis"])
+    if kind == "choose":
+        return session.with_model(axis, None)
+    if kind == "use":
+        return session.with_model(axis, hit["model"])
+    model = model_of(session, workspace)
+    if kind == "model":
+        return session.with_model(axis, typed) if typed.strip() else session
+    if not model:
+        return session
+    if kind == "spread":
+        for other in _recorded(session, workspace):
+            session = session.with_model(other, model) if sensor_of(other) == sensor_of(axis) else session
+        return session
+    if kind == "add":
+        return session.with_model(axis, adding(model, term))
+    fit = workspace.fit(session, axis).value
+    if not isinstance(fit, Fit):
+        return session
+    if kind == "remove":
+        return session.with_model(axis, removing(fit, hit["term"]))
+    if kind == "hold":
+        return session.with_model(axis, holding(fit, hit["parameter"]))
+    if kind == "held":
+        held = fit.parameters.get(hit["parameter"])
+        if held is None or str(value) == estimate_text(held):
+            return session  # The field was only created, possibly for a model that is no longer shown.
+        return session.with_model(axis, held_at(fit, hit["parameter"], str(value)))
+    return _dragged(session, axis, fit, value)
+
+
+def _dragged(session: Session, axis: str, fit: Fit, relayout: dict[str, Any]) -> Session:
+    """Return the session after the handle of a term was dragged, with the term held at the new position."""
+    for k, term in enumerate(movable(fit)):
+        x, y = (relayout.get(f"shapes[{k}].{name}") for name in ("xanchor", "yanchor"))
+        if x is not None and y is not None:
+            process = moved(fit, term, (float(x), float(y)), session)
+            return session.with_model(axis, replacing(fit, term, process))
+    return session
+
+
+# --- what is shown ----------------------------------------------------------------------------------
+
+
+def _recorded(session: Session, workspace: Workspace) -> tuple[str, ...]:
+    job = workspace.recording(session)
+    job.join(60)
+    if job.error is not None:
+        raise job.error
+    return tuple(job.value.axes) if job.state == "done" else ()
+
+
+def model_of(session: Session, workspace: Workspace) -> str:
+    """Return the model that is shown: the model of the user, or the recommended model; "" if it is not known yet."""
+    axis = axis_of(session, workspace)
+    if axis in session.models:
+        return session.models[axis]
+    job = workspace.search(session, axis)
+    job.join(QUICK)
+    return job.value.ranking.recommended.structure if job.state == "done" else ""
+
+
+def axis_of(session: Session, workspace: Workspace) -> str:
+    """Return the axis that is shown: the axis that the user chose, or the first axis of the recording."""
+    axes = _recorded(session, workspace)
+    return session.axis if session.axis in axes else next(iter(axes), "")
+
+
+def _axes(session: Session, workspace: Workspace, width: float) -> Any:
+    here = axis_of(session, workspace)
+
+    def show(recording: Imu) -> list[Any]:
+        return [
+            button(
+                axis_title(axis), {"type": "axis", "axis": axis}, "chip axis",
+                **{"aria-pressed": str(axis == here).lower()},
+            )
+            for axis in recording.axes
+        ]  # fmt: skip
+
+    return of_job(workspace.recording(session), show)
+
+
+def _with_fit(session: Session, workspace: Workspace, show: Any) -> Any:
+    """Return the component that `show` makes from the fit of the shown axis, or the state of the fit."""
+    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
+
+
+def _chips(session: Session, workspace: Workspace, width: float) -> Any:
+    def show(fit: Fit) -> list[Any]:
+        return [
+            button([term, html.Span(" ×")], {"type": "remove", "term": term}, "chip", title=f"Remove {term}")
+            for term in fit.model.terms
+        ]
+
+    return _with_fit(session, workspace, show)
+
+
+def _fit(session: Session, workspace: Workspace, width: float) -> Any:
+    axis = axis_of(session, workspace)
+    chosen = "your model" if axis in session.models else "the model that gmwm recommends"
+
+    def show(fit: Fit) -> list[Any]:
+        figure = fitted(fit, session, min(width, 1360) - 40)
+        residual = drawn(misfit(fit, session.view, session.units), width - 40, 210)
+        return [
+            html.H2(f"{axis_title(axis)}: {chosen}"),
+            html.P(_measured(fit, session, workspace), className="hint", id="measured"),
+            html.P("Drag a coloured handle to hold its term there.", className="hint"),
+            graph(
+                figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
+            ),
+            html.Div([_parameters(fit, session), _tests(fit)], className="beside"),
+            graph(residual, "residual", f"Model of {axis_title(axis)} relative to the data, by scale"),
+            remarks(fit.remarks),
+        ]
+
+    return _with_fit(session, workspace, show)
+
+
+def _measured(fit: Fit, session: Session, workspace: Workspace) -> str:
+    """Return a sentence that states which wavelet variance is fitted, and which effects were removed from it."""
+    data = workspace.data(session).value[fit.wavelet_variance.axis]
+    curve = "robust" if fit.wavelet_variance.robust else "classical"
+    found = data.regression
+    removed = "" if found is None else f" without the effect of {covariates_text(found)}, {effect_text(found)}"
+    return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
+
+
+def _rounded(model: str) -> str:
+    """Return the text of a model with its held values rounded to four digits.
+
+    >>> _rounded("DR + MA(1, theta1=fixed(0.16732089037064277))")
+    'DR + MA(1, theta1=fixed(0.1673))'
+    """
+    return re.sub(r"(?<=fixed\()[^)]+", lambda found: f"{float(found[0]):.4g}", model)
+
+
+def _parameters(fit: Fit, session: Session) -> Any:
+    how = IntervalMethod(session.confidence)
+    intervals, _ = intervals_if_known(fit, how)
+    shown = []
+    for row in rows(fit, intervals, how):
+        held = row.name in fit.model.fixed_names
+        value: Any = row.estimate
+        if held:
+            name = {"type": "held", "parameter": row.name}
+            value = html.Label(
+                [html.Span(f"Value of {row.name}", className="unseen"), text_input(name, "", row.estimate)]
+            )
+        hold = button("Free" if held else "Hold", {"type": "hold", "parameter": row.name}, "small")
+        shown.append([row.name, hold, value, row.interval, row.unit])
+    level = f"{100 * session.confidence:g} % interval"
+    return table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
+
+
+def _tests(fit: Fit) -> Any:
+    found = relative_misfit(fit)
+    _, test = test_in_words(fit, IntervalMethod())
+    gap = "no certificate" if fit.gap is None else f"proven within {100 * fit.gap:.2g} % of the objective"
+    misfit_text = "none"
+    if found.largest > 0:
+        misfit_text = f"{100 * found.rms:.2g} % rms, {100 * found.largest:.2g} % at {found.tau:.3g} s"
+    facts = {
+        "Goodness of fit": test,
+        "Global optimum": gap,
+        "Relative misfit beyond chance": misfit_text,
+        "Objective": f"{fit.objective:.5g}",
+    }
+    return html.Dl([html.Div([html.Dt(name), html.Dd(text)]) for name, text in facts.items()], className="facts")
+
+
+def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
+    axis = axis_of(session, workspace)
+
+    def show(found: Searched) -> list[Any]:
+        ranking, listed = found.ranking, []
+        for one in ranking.distinct[:LISTED]:
+            mark = "recommended" if one.recommended else "as good" if one.equivalent else ""
+            pvalue = "" if one.pvalue is None else "< 0.001" if one.pvalue < SMALL else f"{one.pvalue:.3f}"
+            use = button("Use", {"type": "use", "model": one.structure}, "small", title=f"Use {one.structure}")
+            listed.append([_rounded(ranking.label(one)), use, f"{one.difference:.2f}", pvalue, mark])
+        return [
+            table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking"),
+            graph(
+                drawn(compared(ranking, session.view, session.units), min(width, 1360) - 40, 260), "compared",
+                f"Distances of the best models of {axis_title(axis)} from the data",
+            ),
+        ]  # fmt: skip
+
+    return of_job(workspace.search(session, axis), show)

@@ -1,0 +1,223 @@
+"""The tab "Numbers": datasheet numbers of all axes, N and K for a filter, error budget, and reference values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from dash import Dash, Input, State, dcc, html
+
+from gmwm.applications.app.commands import number
+from gmwm.applications.app.desk import Desk
+from gmwm.applications.app.figures import drawn, half_of
+from gmwm.applications.app.page.render import changes, draws, restores
+from gmwm.applications.app.page.widgets import button, choices, field, graph, of_job, remarks, table, text_input
+from gmwm.applications.app.session import Session
+from gmwm.applications.app.workspace import Workspace
+from gmwm.applications.navigation.plot import budget_figure
+from gmwm.applications.navigation.summary_text import headline
+from gmwm.base.axis_names import by_sensor
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import GmwmError, OptionError
+from gmwm.base.remarks import Dialect
+from gmwm.calibration import Calibration
+from gmwm.calibration.result import AxisCalibration
+from gmwm.calibration.tables import SENSORS, in_order
+from gmwm.choosing.datasheets.effective import effective_noise
+from gmwm.files.importers.quantities import as_reference, parse_reference
+from gmwm.showing.reports.verdict import state_of
+
+ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
+HORIZONS = {-2: "10 ms", -1: "0.1 s", 0: "1 s", 1: "10 s", 2: "100 s", 3: "1000 s"}
+"""Labels of the slider for the time horizon, by the decimal logarithm of the time (s)."""
+INFLATIONS = {1: "1", 5: "5", 10: "10", 20: "20"}
+
+
+def panel() -> list[Any]:
+    """Return the components of the tab."""
+    robust = {"auto": "where a test finds outliers", "yes": "everywhere", "no": "nowhere"}
+    return [
+        html.Div(
+            [
+                choices("robust", robust, "auto", "Robust estimate"),
+                field("Confidence", text_input("confidence", value="0.95"), "confidence"),
+            ],
+            className="controls",
+        ),
+        html.Div(id="numbers"),
+        html.H2("For a filter"),
+        html.P("N and K that replace the whole model between two corrections from other sensors.", className="hint"),
+        html.Div(
+            [
+                html.Div(
+                    [
+                        html.Span("Horizon", id="label-horizon"),
+                        dcc.Slider(
+                            id="horizon", min=-2, max=3, step=0.05, value=0, marks=HORIZONS, allow_direct_input=False,
+                        ),
+                    ]
+                ),
+                html.Div(
+                    [
+                        html.Span("Inflation", id="label-inflation"),
+                        dcc.Slider(
+                            id="inflation", min=1, max=20, step=0.5, value=1, marks=INFLATIONS,
+                            allow_direct_input=False,
+                        ),
+                    ]
+                ),
+            ],
+            className="sliders",
+        ),
+        html.P(id="error-horizon", className="error", role="alert"),
+        html.Div(id="effective"),
+        html.H2("Unaided navigation"),
+        html.Div(field("Time without corrections", text_input("duration", value="60s"), "duration"), className="span"),
+        html.Div(id="budget"),
+        html.H2("Compare with a datasheet"),
+        html.Label("Values of the manufacturer, one a line", htmlFor="reference"),
+        dcc.Textarea(id="reference", placeholder="gyro.N = 2.0 deg/√h\naccel.B = 0.2 mg", rows=3),
+        button("Compare", "compare"),
+        html.P(id="error-reference", className="error", role="alert"),
+        html.Div(id="against"),
+    ]  # fmt: skip
+
+
+def register(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of the tab."""
+    draws(app, desk, tab="numbers", place="numbers", draw=_numbers)
+    draws(app, desk, tab="numbers", place="effective", draw=_effective)
+    draws(app, desk, tab="numbers", place="budget", draw=_budget)
+    draws(app, desk, tab="numbers", place="against", draw=_against)
+
+    def navigate(session: Session, text: str | None) -> Session:
+        return session.with_(duration=parse_length(text or "", "duration"))
+
+    changes(app, desk, [Input("duration", "value")], navigate, errors=("duration",))
+
+    def slide(session: Session, power: float, inflation: float) -> Session:
+        return session.with_(horizon=float(f"{10**power:.3g}"), inflation=inflation)
+
+    sliders = [Input("horizon", "value"), Input("inflation", "value")]
+    changes(app, desk, sliders, slide, errors=("horizon",))
+
+    def settings(session: Session, robust: str, confidence: str) -> Session:
+        try:
+            level = float(confidence)
+        except (TypeError, ValueError, OverflowError):
+            raise OptionError(argument="confidence", expected="a number", got=confidence) from None
+        return session.with_(robust=ROBUST[robust], confidence=level)
+
+    changes(
+        app, desk, [Input("robust", "value"), Input("confidence", "value")], settings, errors=("confidence",)
+    )  # fmt: skip
+    fields = ("horizon", "inflation", "robust", "confidence", "duration", "reference")
+    restores(app, desk, fields, _field_values)
+
+    def compare(session: Session, _: int, text: str | None) -> Session:
+        pairs = dict(_pair(line) for line in (text or "").splitlines() if line.strip())
+        return session.with_(reference=pairs)
+
+    changes(
+        app, desk, [Input("compare", "n_clicks")], compare, states=[State("reference", "value")], errors=("reference",)
+    )  # fmt: skip
+
+
+def _field_values(session: Session) -> list[Any]:
+    robust = next(name for name, value in ROBUST.items() if value == session.robust)
+    reference = "\n".join(f"{name} = {text}" for name, text in session.reference.items())
+    level, duration = number(session.confidence), f"{number(session.duration)}s"
+    return [math.log10(session.horizon), session.inflation, robust, level, duration, reference]
+
+
+def _pair(line: str) -> tuple[str, str]:
+    name, (value, unit) = parse_reference(line)
+    return name, f"{value!r} {unit}"
+
+
+def _numbers(session: Session, workspace: Workspace, width: float) -> Any:
+    return of_job(workspace.calibration(session), lambda found: _datasheets(found, session))
+
+
+def _datasheets(found: Calibration, session: Session) -> list[Any]:
+    head = found.verdict
+    verdict = html.P(head.text(Dialect.SHELL), className=f"verdict {state_of(head)}")
+    return [verdict, *(_sensor(sensor, axes, session) for sensor, axes in by_sensor(found.axes).items()),
+            remarks(found.remarks)]  # fmt: skip
+
+
+def _sensor(sensor: str, axes: Mapping[str, AxisCalibration], session: Session) -> Any:
+    rows: list[list[Any]] = [
+        ["Model", *(one.fit.model.structure for one in axes.values())],
+        ["p of the fit", *("–" if one.test is None else one.test.pvalue_in_words for one in axes.values())],
+    ]
+    for symbol in in_order([list(one.datasheet) for one in axes.values()]):
+        entries = [one.datasheet.get(symbol) for one in axes.values()]
+        title = next(entry.title for entry in entries if entry is not None)
+        cells = ["" if entry is None else entry.text(session.units) for entry in entries]
+        rows.append([html.Span([symbol, html.Small(f" {title}")]), *cells])
+    head = [SENSORS.get(sensor, sensor or "Axes"), *axes]
+    return table(head, rows, "numbers datasheet")
+
+
+def _effective(session: Session, workspace: Workspace, width: float) -> Any:
+    def show(found: Calibration) -> Any:
+        head = ["Axis", f"N at {session.horizon:g} s", f"K at {session.horizon:g} s"]
+        rows = []
+        for axis, one in found.axes.items():
+            try:
+                entries = effective_noise(one.fit, session.horizon, session.confidence)
+            except GmwmError as error:
+                rows.append([axis, error.text(Dialect.SHELL), ""])
+                continue
+            rows.append([axis, *(_inflated(entries[name], session) for name in ("N_eff", "K_eff"))])
+        times = f", multiplied by {session.inflation:g}" if session.inflation != 1 else ""
+        return [table(head, rows, "numbers"), html.P(f"The files of the tab Download have these numbers{times}.")]
+
+    job = workspace.calibration(session)
+    return of_job(job, show) if job.state == "done" else []
+
+
+def _budget(session: Session, workspace: Workspace, width: float) -> Any:
+    def show(found: Calibration) -> Any:
+        budget = found.budget(session.duration, level=session.confidence)
+        figures = [
+            graph(drawn(panel, half_of(width), 260, title=True), {"type": "budget", "number": k}, panel.title)
+            for k, panel in enumerate(budget_figure(budget).panels)
+        ]
+        return [html.P(headline(budget), className="facts"), html.Div(figures, className="grid")]
+
+    job = workspace.calibration(session)
+    return of_job(job, show) if job.state == "done" else []
+
+
+def _inflated(entry: Any, session: Session) -> str:
+    value, _, _, unit = entry.in_units(session.units)
+    return f"{'≤ ' if entry.upper_only else ''}{session.inflation * value:.4g} {unit}"
+
+
+def _against(session: Session, workspace: Workspace, width: float) -> Any:
+    def show(found: Calibration) -> Any:
+        rows = []
+        for name, text in session.reference.items():
+            sensor, _, symbol = name.rpartition(".")
+            for axis, one in found.axes.items():
+                entry = one.datasheet.get(symbol)
+                if entry is None or (axis != sensor and not axis.startswith(f"{sensor}_")):
+                    continue
+                value, _, unit = text.partition(" ")
+                reference = as_reference(name, (float(value), unit), entry.unit)
+                rows.append(
+                    [f"{axis} {symbol}", str(reference), entry.text(session.units), _ratio(entry, reference.si)]
+                )
+        return table(["Number", "Datasheet", "Measured", "Measured / datasheet"], rows, "numbers") if rows else []
+
+    job = workspace.calibration(session)
+    return of_job(job, show) if session.reference and job.state == "done" else []
+
+
+def _ratio(entry: Any, si: float) -> str:
+    if entry.upper_only or entry.low is None:
+        return f"≤ {entry.high / si:.3g}" if entry.high is not None else "–"
+    return f"{entry.value / si:.3g} ({entry.low / si:.3g} … {entry.high / si:.3g})"

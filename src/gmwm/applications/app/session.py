@@ -1,0 +1,193 @@
+"""The choices of a user as a small JSON document, from which all results can be computed again."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, Self, get_args
+
+from gmwm.base.errors import OptionError, ReadError
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.recording.options import ReadOptions, one_of
+from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters.base import HORIZON
+from gmwm.showing.exporters.reduction import Rule
+from gmwm.showing.plots.view import UnitSystem, ViewName
+
+FORMAT = "gmwm-session"
+VERSION = 1
+"""Version of the format. gmwm reads only this version."""
+Curve = Literal["classical", "robust", "both"]
+"""Which estimates of the wavelet variance the tab "Curves" shows."""
+
+_ALLOWED: Mapping[str, Sequence[str]] = {
+    "curve": get_args(Curve),
+    "view": get_args(ViewName),
+    "units": get_args(UnitSystem),
+    "export": list(export_formats()),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """The choices of a user of the page. All values are checked on construction.
+
+    Attributes
+    ----------
+    file : str
+        Path of the recording; "" if none is open.
+    reading : mapping
+        Options of `gmwm.read` that differ from their defaults, as `ReadOptions.to_dict` returns them.
+    axis : str
+        The axis whose model is shown.
+    robust : "auto", True or False
+        Use of the robust wavelet variance, as in `gmwm.calibrate`.
+    models : mapping of axis to str
+        The models that the user chose, with held values. gmwm chooses the models of the other axes.
+    confidence : float
+        Confidence level of the intervals.
+    curve : "classical", "robust" or "both"
+        Which estimates of the wavelet variance are drawn.
+    view : "wavelet" or "allan"
+        Quantity of the figures: wavelet variance or Allan deviation.
+    units : "si" or "datasheet"
+        Units of figures and numbers.
+    rule : "worst", "mean", "each" or None
+        How the exported file combines the axes of a sensor; None for the default of the format.
+    inflation : float
+        Factor on all standard deviations in the exported file.
+    horizon : float
+        Time between corrections from other sensors (s).
+    export : str
+        Format of the exported file.
+    reference : mapping of str to str
+        Values of the manufacturer, such as {"gyro.N": "2.0 deg/√h"}.
+    duration : float
+        Time of unaided navigation in the error budget (s).
+
+    Raises
+    ------
+    GmwmError
+        If a value is not allowed; the error names the argument.
+
+    Examples
+    --------
+    >>> Session(file="static.csv", reading={"skip": [[10, 20]]}).to_dict()
+    {'file': 'static.csv', 'reading': {'skip': [[10.0, 20.0]]}}
+    """
+
+    file: str = ""
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    axis: str = ""
+    robust: Literal["auto"] | bool = "auto"
+    models: Mapping[str, str] = field(default_factory=dict)
+    confidence: float = 0.95
+    curve: Curve = "classical"
+    view: ViewName = "allan"
+    units: UnitSystem = "datasheet"
+    rule: Rule | None = None
+    inflation: float = 1.0
+    horizon: float = HORIZON
+    export: str = "kalibr"
+    reference: Mapping[str, str] = field(default_factory=dict)
+    duration: float = 60.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reading", self.options.to_dict())
+        object.__setattr__(self, "models", {axis: str(model) for axis, model in self.calibration.models.items()})
+        for name, allowed in _ALLOWED.items():
+            one_of(getattr(self, name), name, allowed)
+        for name in ("inflation", "horizon", "duration"):
+            object.__setattr__(self, name, _positive(getattr(self, name), name))
+
+    @property
+    def options(self) -> ReadOptions:
+        """Options for reading the file, from `reading`."""
+        return ReadOptions(**self.reading)
+
+    @property
+    def calibration(self) -> CalibrationOptions:
+        """Options of the calibration, from `robust`, `confidence` and `models`."""
+        return CalibrationOptions(robust=self.robust, confidence=self.confidence, models=self.models)
+
+    def with_(self, **values: Any) -> Session:
+        """Return a copy of the session with some values replaced."""
+        return replace(self, **values)
+
+    def read_as(self, **values: Any) -> Session:
+        """Return a copy of the session with some options for reading replaced. The value None removes an option."""
+        reading = {**self.reading, **values}
+        return replace(self, reading={name: value for name, value in reading.items() if value not in (None, "", {})})
+
+    def with_model(self, axis: str, model: str | None) -> Session:
+        """Return a copy of the session with another model of an axis. If the model is None, gmwm chooses it."""
+        models = {name: text for name, text in self.models.items() if name != axis}
+        return replace(self, models=models if model is None else {**models, axis: model})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values that differ from their defaults, as plain values for JSON."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: _plain(value) for name, value in values.items() if value != getattr(EMPTY, name)}
+
+    def to_text(self) -> str:
+        """Return the session as the text of session.json."""
+        content = {"format": FORMAT, "version": VERSION, **self.to_dict()}
+        return json.dumps(content, ensure_ascii=False, indent=1) + "\n"
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """Restore a session from the result of `to_dict`.
+
+        Raises
+        ------
+        ReadError
+            If a key is unknown.
+        GmwmError
+            If a value is not allowed.
+        """
+        known = [one.name for one in fields(cls)]
+        unknown = next((name for name in content if name not in known), None)
+        if unknown is not None:
+            raise ReadError(f"not a session: the key {unknown!r} is unknown", code="unsupported")
+        return cls(**content)
+
+    @classmethod
+    def from_text(cls, text: str) -> Self:
+        """Restore a session from the text of a session.json.
+
+        Raises
+        ------
+        ReadError
+            If the text is not a session of this version.
+        GmwmError
+            If a value is not allowed.
+        """
+        try:
+            content = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise ReadError(f"not a session: it is not JSON ({error})", code="not-text") from error
+        if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
+            raise ReadError(f'not a session: it has no "format": "{FORMAT}"', code="wrong-format")
+        version = content.pop("version", None)
+        if version != VERSION:
+            raise ReadError(
+                f"the session has version {version!r} of the format; this gmwm reads version {VERSION}",
+                code="unsupported",
+            )
+        return cls.from_dict(content)
+
+
+def _positive(value: Any, name: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise OptionError(argument=name, expected="a positive number", got=value)
+    return float(value)
+
+
+def _plain(value: Any) -> Any:
+    return dict(value) if isinstance(value, Mapping) else value
+
+
+EMPTY = Session()
+"""A session without a recording."""

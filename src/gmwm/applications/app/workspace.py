@@ -1,0 +1,186 @@
+"""Compute the results of a session in jobs that call public functions of gmwm, and keep the results for later use."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Hashable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gmwm
+from gmwm.applications.app.folders import Folders
+from gmwm.applications.app.jobs import Job, Jobs
+from gmwm.applications.app.overview import overview
+from gmwm.applications.app.session import Session
+from gmwm.base.errors import GmwmError
+from gmwm.base.text import duration_text
+from gmwm.calibration.choice import chosen_model, final_fit, given_fit
+from gmwm.calibration.reading import AxisData, axes_data
+from gmwm.choosing.selection.search import Searched
+from gmwm.files.readers.streams import Stream, is_large
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.inspection import inspect
+from gmwm.measuring.variance.axes_result import WaveletVariances
+from gmwm.recording.signals import Imu
+
+FITS = 64
+"""Number of fits that are kept, so that removing a term and adding it again takes no time."""
+CUTS = ("start", "stop", "skip", "gaps")
+"""Options for reading that leave samples out."""
+
+
+class Workspace:
+    """The session and the results of one page in a browser.
+
+    The methods that compute a result return a job. Jobs of other pages are not affected.
+
+    Attributes
+    ----------
+    folders : Folders
+        The files that the page may open.
+    session : Session or None
+        The last session of the page; None if the page has not changed its session since this workspace was created.
+    lock : lock
+        Lock that is held while the session changes, so that no change is lost if two changes come at the same time.
+    """
+
+    def __init__(self, folders: Folders) -> None:
+        self.folders, self.jobs = folders, Jobs()
+        self.session: Session | None = None
+        self.lock = threading.Lock()
+
+    def path(self, session: Session) -> Path:
+        """Return the path of the recording of a session. Raises an error if the page may not open it."""
+        return self.folders.file(session.file)
+
+    def recording(self, session: Session, *, cut: bool = True) -> Job:
+        """Read the recording, or open it as a stream if it is large. If `cut` is False, no samples are left out."""
+        path = self.path(session)
+        reading = _uncut(session.reading) if not cut else dict(session.reading)
+
+        def work(job: Job) -> Imu | Stream:
+            job.step(path.name)
+            return gmwm.stream(path, **reading) if is_large(path) else gmwm.read(path, **reading)
+
+        return self.jobs.ask("recording", (*_stamp(path), _key(reading)), "Reading", work, alone=False)
+
+    def overview(self, session: Session) -> Job:
+        """Reduce the recording for a plot over time, including the samples that the session leaves out."""
+        whole = self.recording(session, cut=False)
+
+        def work(job: Job) -> Imu:
+            try:
+                recording = whole.result_for(job)
+            except GmwmError:
+                # The selected part may be readable although the whole recording is not, for example because its
+                # sampling rate changes.
+                recording = self.recording(session).result_for(job)
+            return overview(recording, lambda n: job.step(_length(n, recording)))
+
+        return self.jobs.ask("overview", self._recorded(session, cut=False), "Drawing", work)
+
+    def inspection(self, session: Session) -> Job:
+        """Inspect the recording."""
+        return self._of_recording("inspection", session, "Inspecting", lambda recording, job: inspect(recording))
+
+    def curves(self, session: Session, *, robust: bool = False) -> Job:
+        """Compute the classical or robust wavelet variance of all axes."""
+
+        def work(recording: Imu | Stream, job: Job) -> WaveletVariances:
+            if isinstance(recording, Stream):
+                return recording.wavelet_variance(robust=robust, done=lambda n: job.step(_length(n, recording)))
+            found: WaveletVariances = gmwm.wavelet_variance(recording, robust=robust)
+            return found
+
+        return self._of_recording(f"curves{robust}", session, "Measuring", work)
+
+    def spectrum(self, session: Session) -> Job:
+        """Estimate the power spectral density of all axes."""
+
+        def work(recording: Imu | Stream, job: Job) -> Any:
+            if isinstance(recording, Stream):
+                return recording.psd(done=lambda n: job.step(_length(n, recording)))
+            return gmwm.psd(recording)
+
+        return self._of_recording("spectrum", session, "Spectrum", work)
+
+    def data(self, session: Session) -> Job:
+        """Measure all axes like `gmwm calibrate`, with wrong samples replaced and temperature effects removed."""
+
+        def work(recording: Imu | Stream, job: Job) -> dict[str, AxisData]:
+            return axes_data(recording, session.calibration, progress=job.step)
+
+        return self._of_recording("data", session, "Measuring", work)
+
+    def fit(self, session: Session, axis: str) -> Job:
+        """Fit the model of an axis like `gmwm calibrate`: the model of the user, or the recommended model."""
+        options = session.calibration.of_axis(axis)
+
+        def work(job: Job) -> Fit:
+            if options.models:
+                return given_fit(options.general, self._axis(session, axis, job).measured(options).wv, options)
+            found: Searched = self.search(session, axis).result_for(job)
+            return final_fit(found.ranking.recommended.model, found.with_error, options.weighting)
+
+        key = self._of_axis(session, axis, session.models.get(axis))
+        return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
+
+    def search(self, session: Session, axis: str) -> Job:
+        """Search for the model of an axis like `gmwm calibrate`."""
+        options = replace(session.calibration, models={})
+
+        def work(job: Job) -> Searched:
+            found = self._axis(session, axis, job).measured(options)
+            return chosen_model(found.wv, found.spectrum, options, check=job.check)
+
+        return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
+
+    def calibration(self, session: Session) -> Job:
+        """Calibrate all axes like `gmwm calibrate`."""
+        path = self.path(session)
+
+        def work(recording: Imu | Stream, job: Job) -> Any:
+            found = gmwm.calibrate(
+                recording, robust=session.robust, confidence=session.confidence, models=session.models,
+                progress=lambda done, total, text: job.step(text, done, total),
+            )  # fmt: skip
+            return found.of_file(path)
+
+        more = (session.robust, session.confidence, _key(session.models))
+        return self._of_recording("calibration", session, "Calibrating", work, *more)
+
+    def _of_recording(self, kind: str, session: Session, title: str, work: Any, *more: Hashable) -> Job:
+        def begin(job: Job) -> Any:
+            return work(self.recording(session).result_for(job), job)
+
+        return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
+
+    def _axis(self, session: Session, axis: str, job: Job) -> AxisData:
+        found: AxisData = self.data(session).result_for(job)[axis]
+        return found
+
+    def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
+        reading = dict(session.reading) if cut else _uncut(session.reading)
+        return (*_stamp(self.path(session)), _key(reading))
+
+    def _of_axis(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
+        return (*self._recorded(session), session.robust, session.confidence, axis, *more)
+
+
+def _uncut(reading: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in reading.items() if name not in CUTS}
+
+
+def _length(samples: int, recording: Imu | Stream) -> str:
+    return duration_text(samples / recording.rate)
+
+
+def _stamp(path: Path) -> tuple[str, int, int]:
+    """Return path, time of change and size of a file, which identify its content."""
+    state = path.stat()
+    return str(path), state.st_mtime_ns, state.st_size
+
+
+def _key(values: Any) -> str:
+    return repr(values)

@@ -1,0 +1,312 @@
+"""Calibrate many recordings on one machine or on a cluster. An interrupted run can be continued."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from gmwm.applications.fleets.discovery import FleetUnits, Recordings, find_units
+from gmwm.applications.fleets.processes import Processes
+from gmwm.applications.fleets.result import Fleet
+from gmwm.applications.fleets.rows import Row, failed_row
+from gmwm.applications.fleets.storage import (
+    TABLE,
+    UNITS,
+    finished_rows,
+    foreign_units,
+    remove_unit,
+    write_facts,
+    write_unit,
+)
+from gmwm.applications.fleets.table import RUN_AGAIN, as_table, write_table
+from gmwm.applications.fleets.unit_job import Job, Outcome, UnitOptions
+from gmwm.applications.fleets.workers import allowing_lost_workers, in_process, on_cluster
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import GmwmWarning, OptionError
+from gmwm.base.helpers import Helpers
+from gmwm.base.remarks import Remark
+from gmwm.base.threads import processors
+from gmwm.base.units import SI_UNIT
+from gmwm.calibration.options import SEARCHED, CalibrationOptions
+from gmwm.files.readers import find_reader
+from gmwm.measuring.regression.against import AUTO
+from gmwm.recording.options import ReadOptions
+from gmwm.theory.processes.model import ModelLike
+from gmwm.theory.processes.validation import as_seed
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Progress = Callable[[int, int, str], None]
+"""Progress callback, which is called with the number of finished units, the number of all units, and a text about the
+last unit."""
+
+
+def fleet(
+    recordings: Recordings,
+    output: str | os.PathLike[str],
+    *,
+    within: ModelLike = SEARCHED,
+    robust: Literal["auto"] | bool = "auto",
+    weighting: Literal["diagonal", "optimal"] = "optimal",
+    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
+    confidence: float = 0.95,
+    efficiency: float = 0.6,
+    draws: int = 1000,
+    rng: int | np.random.Generator = 0,
+    against: str = AUTO,
+    axes: str | Sequence[str] | None = None,
+    reading: Mapping[str, Any] | ReadOptions | None = None,
+    pattern: str | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    retries: int = 2,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Calibrate the recordings of many units, and collect the estimated noise parameters in one table.
+
+    The calibration of each unit is written as soon as it is finished. A second run with the same output folder
+    calibrates only units that failed, new units, and units whose recording or options changed. If a unit fails, its row
+    in the table states the reason, and the other units are still calibrated. After an error of a network file system or
+    the loss of a worker, the unit is tried again.
+
+    Parameters
+    ----------
+    recordings : folder, sequence of paths, or mapping of unit to path
+        For a folder, all files below it that a reader recognizes by name or content, except hidden files. The name of a
+        unit is its path in the folder. If a file contains several inertial recordings, each one is a unit with a name
+        such as "log.bin/IMU_1". If some of them have all six axes, only these are used.
+    output : path
+        Folder for fleet.json, fleet.parquet, and a file units/<unit>.json for each unit, which `Calibration.load` can
+        read.
+    within, robust, weighting, criterion, confidence, efficiency, draws, rng, against, axes
+        As for `calibrate`; they apply to every unit. If `rng` is a Generator, one seed for all units is drawn from it.
+        A later run with another seed calibrates all units again. `against` must be text, because arrays would have to
+        fit the length of every recording.
+    reading : mapping or ReadOptions, optional
+        Arguments of `read` for every recording, such as {"rate": 100.0, "units": {"gyro": "deg/s"}}.
+    pattern : str, optional
+        Pattern of the files in the folder to use, in place of all recognized files. "*.csv" is compared with the file
+        names, "lot 7/*.csv" with the paths.
+    scheduler : str or distributed.Client, optional
+        Address of a Dask scheduler, or a client. The workers need gmwm and access to the recordings under the same
+        paths. The settings of the scheduler decide after how many lost workers a unit fails.
+    workers : int, optional
+        Number of processes to start on this machine; by default one for each processor. A script must then call this
+        function under `if __name__ == "__main__":`. With 0, all units are calibrated in the present process.
+    retries : int
+        Number of retries after an error of the operating system.
+    progress : function of (done, all, text), optional
+        Function that is called after each unit, in the calling thread.
+
+    Returns
+    -------
+    Fleet
+        The fleet, with the table and the statistics of all units. `fleet["unit"]` is the Calibration of one unit.
+
+    Raises
+    ------
+    OptionError, UnitError, ModelError
+        If an option has an invalid value. The error is raised before any calibration.
+    MissingDependencyError
+        If a scheduler is given and Dask is not installed.
+
+    Warns
+    -----
+    GmwmWarning
+        If the output contains results of units that are not in this fleet.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, gmwm
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> for k in range(3):
+    ...     path = pathlib.Path(folder.name, f"unit{k}.parquet")
+    ...     gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=5_000, rng=k).write(path)
+    >>> found = fleet(folder.name, pathlib.Path(folder.name, "results"), within="WN + RW", workers=0)
+    >>> found
+    Fleet(3 of 3 units calibrated)
+    >>> found.table.select("unit", "axis", "model").row(0)
+    ('unit0.parquet', 'gyro_x', 'WN')
+    >>> folder.cleanup()
+    """
+    if not isinstance(against, str):
+        raise OptionError(argument="against", expected="text such as 'temperature:2' for a fleet", got=against)
+    options = CalibrationOptions(
+        within=within, robust=robust, weighting=weighting, criterion=criterion, confidence=confidence,
+        efficiency=efficiency, draws=draws, seed=as_seed(rng), against=against, axes=axes,
+    )  # fmt: skip
+    return calibrate_fleet(
+        recordings, output, options, _read_options(reading), pattern=pattern, scheduler=scheduler, workers=workers,
+        retries=retries, progress=progress,
+    )  # fmt: skip
+
+
+def calibrate_fleet(
+    recordings: Recordings,
+    output: str | os.PathLike[str],
+    options: CalibrationOptions,
+    reading: ReadOptions,
+    *,
+    pattern: str | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    retries: int = 2,
+    progress: Progress | None = None,
+    helpers: Helpers | None = None,
+) -> Fleet:
+    """Calibrate a fleet; see `fleet`. The options are already checked. Helpers that are idle calibrate units."""
+    _check_axes(options.wanted)
+    if reading.format is not None:
+        find_reader(Path(), reading.format)
+    unit_options = UnitOptions(options, reading)
+    _check_places(scheduler, workers, retries)
+    folder = Path(output).absolute()
+    found = find_units(recordings, folder, pattern).by_topic(reading)
+    if folder.exists() and not folder.is_dir():
+        raise OptionError(argument="output", expected="a folder", got=str(folder))
+    run = _Run(folder, found, progress)
+    jobs = run.jobs(unit_options)
+    # Nothing is written before the connection to the scheduler is established.
+    with _outcomes(jobs, scheduler, workers, retries, helpers=helpers) as outcomes:
+        folder.mkdir(parents=True, exist_ok=True)
+        if others := foreign_units(folder, found.paths):
+            where = str(folder / UNITS)
+            remark = Remark.of("foreign-results", folder=where, count=len(others), units=tuple(others))
+            warnings.warn(GmwmWarning(remark), stacklevel=2)
+        write_facts(folder, found, unit_options)
+        with run.telling():
+            for outcome in outcomes:
+                run.take(outcome)
+    paths = {unit: str(path) for unit, path in found.paths.items()}
+    return Fleet(
+        folder=folder,
+        paths=paths,
+        table=run.table(),
+        settings=options,
+        left_out=found.left_out,
+        kept=run.kept,
+        done=run.done,
+        reading=reading.to_dict(),
+    )
+
+
+class _Run:
+    """One run of a fleet, which collects the table rows of units from earlier runs and of new calibrations."""
+
+    def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:
+        self.folder, self.paths, self.progress, self.topics = folder, found.paths, progress, found.topics
+        self.rows: dict[str, list[Row]] = {}
+        self.kept = self.done = 0
+
+    def jobs(self, options: UnitOptions) -> list[Job]:
+        """Return a job for each unit that is not finished, and keep the rows of finished units."""
+        jobs = []
+        for unit, path in self.paths.items():
+            own = options.with_topic(self.topics.get(unit))
+            rows = finished_rows(self.folder, unit, path, own)
+            if rows is None:
+                jobs.append(Job(unit, str(path), own))
+            else:
+                self.rows[unit] = rows
+                self.kept += 1
+                self._tell(f"{unit}: kept")
+        return jobs
+
+    def take(self, outcome: Outcome) -> None:
+        """Store the outcome of a unit in the output folder and in the table."""
+        unit = outcome.unit
+        if outcome.document is None:
+            remove_unit(self.folder, unit)
+            self.rows[unit] = [failed_row(unit, str(self.paths[unit]), outcome.reason)]
+        else:
+            write_unit(self.folder, unit, outcome.document)
+            self.rows[unit] = list(outcome.rows)
+            self.done += 1
+        self._tell(unit if outcome.document is not None else f"{unit}: failed")
+
+    def table(self) -> Any:
+        """Return the table of all units in their order. Units that this run did not reach have the status "failed"."""
+        missing = f"the run ended before this unit. {RUN_AGAIN}"
+        return as_table(
+            row
+            for unit, path in self.paths.items()
+            for row in self.rows.get(unit) or [failed_row(unit, str(path), missing)]
+        )
+
+    @contextmanager
+    def telling(self) -> Iterator[None]:
+        """Write the table when the block ends, also after an error or Ctrl-C."""
+        try:
+            yield
+        finally:
+            write_table(self.table(), self.folder / TABLE)
+
+    def _tell(self, text: str) -> None:
+        if self.progress is not None:
+            self.progress(len(self.rows), len(self.paths), text)
+
+
+@contextmanager
+def _outcomes(
+    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int, *, helpers: Helpers | None
+) -> Iterator[Iterable[Outcome]]:
+    """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
+    count = min(processors() if workers is None else workers, len(jobs))
+    here = count == 0 or (count == 1 and workers is None)
+    if not jobs or (scheduler is None and here):
+        yield in_process(jobs, retries)
+        return
+    # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
+    jobs = [replace(job, threads=1) for job in jobs]
+    if scheduler is None:
+        with Processes(count, () if helpers is None else helpers.taken()) as processes:
+            yield processes.outcomes(jobs, retries)
+        return
+    from gmwm.measuring.streaming.scheduling import connected, library
+
+    library()
+    with ExitStack() as stack:
+        stack.enter_context(allowing_lost_workers(retries))
+        client = stack.enter_context(connected(scheduler))
+        outcomes = on_cluster(jobs, client, retries)
+        # The iterator is closed before the client, so that jobs that have not started are cancelled.
+        stack.callback(outcomes.close)
+        yield outcomes
+
+
+def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:
+    """Convert a mapping to the options of `read`. None stands for the defaults."""
+    if isinstance(reading, ReadOptions):
+        return reading
+    if reading is not None and not isinstance(reading, Mapping):
+        raise OptionError(argument="reading", expected="a mapping of arguments of gmwm.read to values", got=reading)
+    known = [field.name for field in fields(ReadOptions)]
+    if unknown := [name for name in reading or {} if name not in known]:
+        expected = f"a mapping with the keys {', '.join(known)}"
+        raise OptionError(argument="reading", expected=expected, got=unknown[0])
+    return ReadOptions(**{name: value for name, value in (reading or {}).items() if value is not None})
+
+
+def _check_axes(names: tuple[str, ...] | None) -> None:
+    """Check that names are axes or sensors."""
+    known = (*AXES, *SI_UNIT)
+    if unknown := [name for name in names or () if name not in known]:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=unknown[0])
+
+
+def _check_places(scheduler: str | Client | None, workers: int | None, retries: int) -> None:
+    for name, number in (("workers", workers), ("retries", retries)):
+        if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < 0):
+            raise OptionError(argument=name, expected="zero or a positive integer", got=number)
+    if scheduler is not None and workers is not None:
+        raise OptionError(
+            argument="workers", expected="left out if there is a scheduler, which has its own workers", got=workers
+        )

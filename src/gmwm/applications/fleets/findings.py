@@ -1,0 +1,127 @@
+"""Create the remarks on a fleet and its statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from gmwm.applications.fleets.outlier_units import FEWEST
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.remarks import Remark, sorted_remarks
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+    from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
+
+LEAST = 3
+"""Smallest number of units from which the spread between units and the range for a further unit are estimated. With two
+units, the 95 % confidence interval of the spread would be 0.45 to 32 times its estimate."""
+MUCH = 0.5
+"""A remark is made if estimation errors are more than this share of the variance of the estimates."""
+REJECTED = 0.05
+"""Significance level of the goodness-of-fit tests of all axes of a fleet together."""
+
+
+def remarks_of(found: FleetStatistics) -> list[Remark]:
+    """Return all remarks on the statistics of a fleet, the most severe first."""
+    return sorted_remarks(_remarks(found))
+
+
+def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
+    """Yield remarks on failed units, rejected models and outlying samples, from the table of a fleet."""
+    if failed:
+        yield Remark.of("units-failed", failed=failed, units=units)
+    if "p_value" in table.columns:
+        tested = table["p_value"].drop_nulls()
+        if rejected := int((tested < REJECTED / max(len(tested), 1)).sum()):
+            yield Remark.of("fits-rejected", rejected=rejected, tested=len(tested))
+    if "contaminated" in table.columns:
+        tested = table["contaminated"].drop_nulls()
+        if contaminated := int(tested.sum()):
+            yield Remark.of("fleet-outliers", contaminated=contaminated, tested=len(tested))
+
+
+def _remarks(found: FleetStatistics) -> Iterator[Remark]:
+    single = [row for row in found.rows if _is_axis(row, found.rows)]
+    yield from _of_outliers(found, single)
+    if 1 < found.units <= LEAST:
+        yield Remark.of("small-fleet", units=found.units)
+    for count in range(1, LEAST):
+        few = [row for row in single if row.units == count]
+        yield from _each("few-units-compared", few, single, units=count, least=LEAST, fewest=FEWEST)
+    few = [row for row in single if not row.searched and row.units >= LEAST]
+    yield from _each("outliers-not-sought", few, single, fewest=FEWEST)
+    yield from _of_limits(single)
+    yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > MUCH], single)
+    for model, rows in _by_model(row for row in single if row.model is not None and row.left_out).items():
+        yield from _each("one-model-compared", rows, single, model=model)
+    unknown = [row for row in single if row.model is None and row.left_out]
+    yield from _each("units-without-interval", unknown, single)
+    for difference in found.differences:
+        if difference.differs:
+            yield Remark.of("axes-differ", f"{difference.symbol} of {difference.sensor}")
+    if any(row.predicted_high is not None for row in found.rows):
+        yield Remark.of("uncalibrated-unit")
+
+
+def _of_outliers(found: FleetStatistics, single: Sequence[FleetNumber]) -> Iterator[Remark]:
+    units = list(dict.fromkeys(one.unit for one in found.outliers))
+    for unit in units:
+        yield Remark.of("units-outlying", unit, count=len(units))
+    if not units and any(row.searched for row in single):
+        yield Remark.of("no-outlier-units", size=found.size)
+    # If a tenth of the units are outliers, the search ended at its limit (outlier_units.SHARE).
+    many = [row for row in single if row.outliers and row.outliers >= max(2, 0.1 * row.units)]
+    yield from _each("many-outliers", many, single)
+
+
+def _of_limits(rows: Sequence[FleetNumber]) -> Iterator[Remark]:
+    for row in rows:
+        if row.shown_by:
+            yield Remark.of("shown-by-few", _name(row), shown=row.shown_by, limited=row.limited)
+    limited = [row for row in rows if row.limited and row.units and not row.signed and not row.shown_by]
+    yield from _each("limits-not-compared", limited, rows)
+    for row in rows:
+        if row.below:
+            yield Remark.of("limits-below", _name(row), units=row.below)
+
+
+def _each(code: str, rows: Iterable[FleetNumber], every: Iterable[FleetNumber], **facts: str | int) -> Iterator[Remark]:
+    """Yield one remark for each group of parameters that concern the same axes."""
+    for subject in _groups(rows, every):
+        yield Remark.of(code, subject, **facts)
+
+
+def _is_axis(row: FleetNumber, rows: Iterable[FleetNumber]) -> bool:
+    return not any(sensor_of(other.axis) == row.axis for other in rows)
+
+
+def _name(row: FleetNumber) -> str:
+    return f"{row.symbol} of {row.axis}"
+
+
+def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:
+    models: dict[str, list[FleetNumber]] = {}
+    for row in rows:
+        models.setdefault(row.model or "", []).append(row)
+    return models
+
+
+def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[str]:
+    """Return names of groups of parameters, such as "Q, N of gyro" and "K of gyro_y".
+
+    "gyro" stands for all axes of the gyroscope that have the parameter.
+    """
+    axes: dict[str, list[str]] = {}
+    complete: dict[str, list[str]] = {}
+    for found, given in ((axes, rows), (complete, every)):
+        for row in given:
+            found.setdefault(row.symbol, []).append(row.axis)
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for symbol, names in axes.items():
+        missing = [axis for axis in complete[symbol] if axis not in names]
+        incomplete = {sensor_of(axis) for axis in missing} | {""}
+        short = dict.fromkeys(axis if sensor_of(axis) in incomplete else sensor_of(axis) for axis in names)
+        groups.setdefault(tuple(short), []).append(symbol)
+    return [f"{', '.join(symbols)} of {', '.join(names)}" for names, symbols in groups.items()]

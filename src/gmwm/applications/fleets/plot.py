@@ -1,0 +1,321 @@
+"""Plot of a fleet: each quantity of each axis for all units, with outliers and a prediction interval for a new unit."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.applications.fleets.samples import Reading, Sample
+from gmwm.applications.fleets.summary_text import shown_unit
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import OptionError
+from gmwm.base.text import counted
+from gmwm.showing.plots.axes import limits_of, value_axis
+from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
+from gmwm.showing.plots.imu import PAGE
+from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
+from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
+from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
+
+if TYPE_CHECKING:
+    import polars
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
+
+SINGLY = 40
+"""Largest number of units that are drawn as dots with intervals. More units are drawn as a curve. Pinned by
+tests/plots/test_plot_fleet.py."""
+UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "cross", "plus")
+"""Symbols of single units. They are used only if there are at most as many units as symbols."""
+POINTS = 400
+"""Largest number of points of the curve that shows many units. Pinned by tests/plots/test_plot_limits.py."""
+HALF = 0.4
+"""Half of the width of the strip that shows one axis. The centres of neighbouring strips have the distance 1."""
+COLUMNS = 3
+EVEN = 4.0
+"""Largest ratio of the largest to the smallest value for which the axis is linear. For such a small ratio, a linear
+axis is as readable as a logarithmic axis and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
+NAMED, LETTERS = 3, 14
+"""Largest number of outliers in a panel whose names are shown, and largest number of characters of such a name. Pinned
+by tests/plots/test_plot_fleet.py."""
+CLEAR, LETTER = 0.07, 0.036
+"""Height of the name of an outlier, and width of each of its letters, as fractions of the panel."""
+SMALL = 0.005
+"""If no value of a panel reaches this number, its axis label has a power of ten. Pinned by
+tests/plots/test_plot_fleet.py."""
+REACH = 3.0
+"""Largest factor by which a confidence interval may extend the axis beyond the values. Pinned by
+tests/plots/test_plot_limits.py."""
+ROW, BELOW = 52.0, 22.0
+"""Height (mm) of a row of panels, and of the legend."""
+
+
+class FleetLike(Protocol):
+    """Protocol for those data of a fleet that its plot uses."""
+
+    @property
+    def table(self) -> polars.DataFrame:
+        """Table of the fleet, with a row for each unit and axis."""
+        ...
+
+    @property
+    def statistics(self) -> FleetStatistics:
+        """Statistics over all units."""
+        ...
+
+
+def fleet_figure(fleet: FleetLike) -> Figure:
+    """Return the figure that `plot_fleet` draws.
+
+    It has a panel for each quantity of a sensor, such as N of the gyroscopes. A panel has a strip for each axis.
+    """
+    found = fleet.statistics
+    if not found.rows:
+        raise OptionError(
+            "the fleet has no estimated parameter to draw",
+            argument="fleet",
+            advice="Read the reasons in the column `reason` of the table.",
+        )
+    reading = Reading(fleet.table, found.confidence)
+    groups: dict[str, dict[str, list[Sample]]] = {}
+    for sample in reading.samples():
+        sensor = sensor_and_letter(sample.axis)[0] or sample.axis
+        groups.setdefault(sensor, {}).setdefault(sample.symbol, []).append(sample)
+    rows: list[tuple[Panel | None, ...]] = []
+    for sensor, symbols in groups.items():
+        panels: list[Panel | None] = [_panel(sensor, of, found, reading.units) for of in symbols.values()]
+        panels += [None] * (-len(panels) % COLUMNS if len(panels) > COLUMNS or len(groups) > 1 else 0)
+        width = min(COLUMNS, len(panels))
+        rows += [tuple(panels[k : k + width]) for k in range(0, len(panels), width)]
+    odd = len({one.unit for one in found.outliers})
+    title = counted(found.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
+    return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
+
+
+def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+    """Draw the values of all units. `Fleet.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(fleet_figure(fleet), path=path)
+
+
+# --- one panel --------------------------------------------------------------------------------------
+
+
+def _panel(sensor: str, samples: Sequence[Sample], found: FleetStatistics, units: Sequence[str]) -> Panel:
+    first = samples[0]
+    signed = found[f"{first.axis}.{first.symbol}"].signed
+    unit, factor = shown_unit(first.unit)
+    power, strips = 0, _strips(samples, found, factor, units)
+    size = float(np.nanmax(np.abs(np.concatenate([strip.heights for strip in strips])), initial=0.0))
+    if size < SMALL:
+        power = power_of(size)
+        strips = _strips(samples, found, factor / 10.0**power, units)
+    x = Axis("", (0.5, len(samples) + 0.5), _ticks(samples), linear=math.inf)
+    label = f"{first.symbol} ({scaled_unit(unit, power)})"
+    y = _height_axis(np.concatenate([strip.heights for strip in strips]), label, signed=signed)
+    marks = tuple(mark for strip in strips for mark in strip.marks)
+    stars = [star for strip in strips for star in strip.stars]
+    return Panel(x, y, marks=marks, title=f"{sensor_title(sensor)} {first.symbol}", texts=_names(stars, x, y))
+
+
+def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
+    return tuple(Tick(k, sensor_and_letter(sample.axis)[1].upper()) for k, sample in enumerate(samples, start=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Strip:
+    """Part of a panel that shows one axis.
+
+    Attributes
+    ----------
+    marks : list of Mark
+    heights : (n,) array
+        Values that the vertical axis must include.
+    stars : list of (x, y, name)
+        Positions and names of outliers.
+    """
+
+    marks: list[Mark]
+    heights: Vector
+    stars: list[tuple[float, float, str]]
+
+
+def _strips(samples: Sequence[Sample], found: FleetStatistics, factor: float, units: Sequence[str]) -> list[_Strip]:
+    return [
+        _strip(place, sample, found=found, factor=factor, units=units) for place, sample in enumerate(samples, start=1)
+    ]
+
+
+def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
+    row = found[f"{sample.axis}.{sample.symbol}"]
+    there = np.isfinite(sample.x)
+    order = np.flatnonzero(there)[np.argsort(sample.x[there], kind="stable")]
+    across = place + HALF * np.linspace(-1, 1, order.size) if order.size > 1 else np.full(order.size, float(place))
+    value, low, high = (factor * part[order] for part in (sample.value, sample.low, sample.high))
+    odd = {one.unit for one in found.outliers if (one.axis, one.symbol) == (sample.axis, sample.symbol)}
+    alike = np.array([units[k] not in odd for k in order], dtype=bool)
+    stroke = _stroke(place, sample.axis)
+    marks, limits = _limited(place, sample, row, factor)
+    if order.size <= SINGLY:
+        bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
+        marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
+        marks += _dots(across, value, order, alike=alike, colour=stroke.colour, units=units)
+        heights = np.concatenate([value, np.maximum(low, value / REACH), np.minimum(high, value * REACH)])
+        heights = np.concatenate([value, low, high]) if row.signed else heights
+    else:
+        shown = np.flatnonzero(alike)
+        some = shown[np.unique(np.linspace(0, shown.size - 1, POINTS).astype(int))]
+        marks.append(
+            Line(
+                across[some],
+                value[some],
+                stroke=Stroke(stroke.colour, 1.8),
+                label="Units, sorted by value",
+                layer=MIDDLE,
+            )
+        )
+        heights = value
+    further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
+    marks = [*further[:1], *marks, *further[1:]]
+    heights = np.concatenate([heights, edges])
+    stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
+    if stars:
+        spots = np.array([star[:2] for star in stars])
+        marks.append(
+            Line(
+                spots[:, 0],
+                spots[:, 1],
+                stroke=Stroke(BLACK, 0.0, symbol="star"),
+                label="Outlier",
+                layer=FRONT,
+            )
+        )
+    return _Strip(marks, np.concatenate([heights, limits]), stars)
+
+
+def _dots(
+    across: Vector,
+    value: Vector,
+    order: NDArray[np.intp],
+    *,
+    alike: NDArray[np.bool_],
+    colour: str,
+    units: Sequence[str],
+) -> list[Mark]:
+    """Return the dots of the units. If there are few units, each has its own symbol and its name in the legend."""
+    if len(units) > len(UNIT_SYMBOLS):
+        dots = Stroke(colour, 0.0, symbol="circle")
+        label = "Unit, with its confidence interval"
+        return [Line(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE)]
+    short = [_short(unit) for unit in units]
+    names = short if len(set(short)) == len(short) else units
+    return [
+        Line(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), label=names[k], layer=MIDDLE)
+        for i, k in enumerate(order) if alike[i]
+    ]  # fmt: skip
+
+
+def _further(
+    place: int, row: FleetNumber, *, factor: float, colour: str, confidence: float
+) -> tuple[list[Mark], Vector]:
+    """Return the marks of the prediction interval for a new unit and of the typical value, and the interval's ends.
+
+    If they are unknown, both results are empty.
+    """
+    if row.predicted_low is None or row.predicted_high is None or row.typical is None:
+        return [], np.array([])
+    ends = place + np.array([-HALF, HALF])
+    low, high = factor * row.predicted_low, factor * row.predicted_high
+    label = f"Range of a further unit ({100 * confidence:g} %)"
+    band = Band(
+        x=ends, lower=np.full(2, low), upper=np.full(2, high), colour=colour, opacity=0.16, label=label, layer=BAND,
+        swatch=GREY,
+    )  # fmt: skip
+    typical = np.full(2, factor * row.typical)
+    line = Line(ends, typical, stroke=Stroke(BLACK, 0.9, DASHED), label="Typical value", layer=BEHIND)
+    return [band, line], np.array([low, high])
+
+
+def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
+    """Return the marks for units that have only an upper limit, and the heights of these marks.
+
+    Each limit is a triangle. If there are many limits, a line shows their 5 % to 95 % quantiles.
+    """
+    if row.signed or not np.any(sample.limited):
+        return [], np.array([])
+    high = np.sort(factor * sample.high[sample.limited])
+    at = place + HALF + 0.05
+    label = "Upper limits"
+    if high.size <= SINGLY:
+        return [
+            Line(
+                np.full(high.size, at),
+                high,
+                stroke=Stroke(GREY, 0.0, symbol="down", filled=False),
+                label=label,
+                layer=BEHIND,
+            )
+        ], high
+    ends = np.quantile(high, (0.05, 0.5, 0.95))
+    return [
+        Line(np.full(3, at), ends, stroke=Stroke(GREY, 0.8, symbol="down", filled=False), label=label, layer=BEHIND)
+    ], ends
+
+
+def _stroke(place: int, axis: str) -> Stroke:
+    return letter_stroke(sensor_and_letter(axis)[1]) or curve_stroke(place - 1)
+
+
+def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
+    """Return the vertical axis: linear for signed values and for values of similar size, otherwise logarithmic."""
+    shown = values[np.isfinite(values)]
+    if signed:
+        return even_axis(float(shown.min(initial=0.0)), float(shown.max(initial=0.0)), label, margin=0.1, at_most=6)
+    shown = shown[shown > 0]
+    if not shown.size:
+        return value_axis(limits_of(shown), label)
+    low, high = float(shown.min()), float(shown.max())
+    if high < EVEN * low:
+        # Leave room above for the names of outliers.
+        return even_axis(low, high, label, margin=0.16, at_most=6)
+    room = (high / low) ** 0.16
+    return value_axis((low / room, high * room), label)
+
+
+def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple[Text, ...]:
+    """Return the names of outliers as texts beside their symbols, as long as the texts do not overlap."""
+    texts: list[Text] = []
+    for across, tall, unit in stars:
+        low, high = y.limits
+        share = (tall - low) / (high - low) if y.linear else math.log(tall / low) / math.log(high / low)
+        up = share + CLEAR if share + CLEAR < 1 - CLEAR / 2 else share - CLEAR
+        half = LETTER * (len(_short(unit)) + 1) / 2
+        side = min(1 - half, max(half, (across - x.limits[0]) / (x.limits[1] - x.limits[0])))
+        clear = all(
+            abs(up - text.y) > CLEAR or abs(side - text.x) > half + LETTER * len(text.text) / 2 for text in texts
+        )
+        if len(texts) < NAMED and clear:
+            texts.append(Text(_short(unit), side, up))
+    return tuple(texts)
+
+
+def _short(unit: str) -> str:
+    """Return a short name of a unit: its file name without folder and suffix, of which only the last letters are kept.
+
+    Most file names differ in their last letters.
+
+    >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
+    ('unit_0005', '…g_of_unit_0005')
+    """
+    name = PurePosixPath(unit).stem
+    return name if len(name) <= LETTERS else f"…{name[-LETTERS:]}"

@@ -1,0 +1,286 @@
+"""Compute the statistics of a fleet from its table: values over the units, outliers, and differences between axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.applications.fleets.axes import differences
+from gmwm.applications.fleets.findings import LEAST
+from gmwm.applications.fleets.outlier_units import FEWEST, deviants, looked_for
+from gmwm.applications.fleets.samples import Reading, Sample
+from gmwm.applications.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.random_effects import effects, predicted, spread_limits
+from gmwm.calibration.tables import in_order
+from gmwm.recording.options import as_confidence, as_size
+
+if TYPE_CHECKING:
+    import polars
+
+_FEW = 3
+"""If the units with only an upper limit are at least this number of times as many as the units with a value, a remark
+names the units with a value. The number is a convention."""
+
+
+def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
+    """Compute typical values and spreads of the noise parameters of a fleet, and find outliers and axes that differ.
+
+    For each parameter, x_i is the logarithm of the estimate for unit i (or the estimate itself for R, which has a
+    sign). The estimates differ between units, and they have estimation errors:
+
+        x_i ~ N(μ, τ² + s_i²),   s_i from the width of the confidence interval of unit i.
+
+    The variance τ² between units is estimated by the method of Paule and Mandel, with confidence limits by the
+    Q-profile method. The mean μ has the confidence interval μ̂ ± t_{n−1}/√Σ_i w_i with the weights w_i = 1/(τ̂² +
+    s_i²). The prediction for a further unit uses the confidence distribution of τ². Outliers are found by Rosner's
+    procedure, extended to unequal s_i, for each parameter and axis with at least 8 units. All p-values are adjusted by
+    Holm's method, so the probability of any false alarm in a healthy fleet is `size`. The outliers are left out of the
+    typical value, the spread and the prediction. Hotelling's test of differences within units shows whether the axes
+    differ.
+
+    Units with only an upper limit are counted but not compared. For R, an upper limit means that the value is near
+    zero, so it is compared as 0 with the standard error that belongs to the limit. Parameters other than Q, N, B, K and
+    R depend on the noise model and are compared only between the units with the most frequent model.
+
+    Parameters
+    ----------
+    table : polars DataFrame
+        A table with a row for each unit and axis, such as `Fleet.table`. It has the columns unit, axis, status and
+        model, and for each parameter, such as N, the columns N, N_low, N_high (in SI units) and N_unit.
+    confidence : float
+        Confidence level of the intervals in the table and in the result.
+    size : float
+        Probability of any false alarm in a fleet of healthy units.
+
+    Returns
+    -------
+    FleetStatistics
+
+    Raises
+    ------
+    OptionError
+        If `confidence` is not from 0.5 to below 1, or `size` is not between 0 and 1.
+    DataError
+        If a column is missing, or an axis of a unit has two rows.
+
+    References
+    ----------
+    Paule and Mandel (1982), J. Res. NBS 87, 377-385. Viechtbauer (2007), Statistics in Medicine 26, 37-52. Nagashima,
+    Noma and Furukawa (2019), Statistical Methods in Medical Research 28, 1689-1702. Rosner (1983), Technometrics 25,
+    165-172. Holm (1979), Scandinavian Journal of Statistics 6, 65-70. Hotelling (1931), Annals of Mathematical
+    Statistics 2, 360-378.
+
+    Examples
+    --------
+    >>> import numpy as np, polars
+    >>> N = 1e-4 * np.exp(0.1 * np.random.default_rng(2).normal(size=20))
+    >>> N[7] *= 4
+    >>> rows = {"unit": [f"{k}.csv" for k in range(20)], "axis": "gyro_x", "status": "calibrated", "model": "WN"}
+    >>> rows |= {"N": N, "N_low": 0.98 * N, "N_high": 1.02 * N, "N_unit": "rad/s/√Hz"}
+    >>> found = fleet_statistics(polars.DataFrame(rows))
+    >>> [(outlier.unit, round(outlier.times)) for outlier in found.outliers]
+    [('7.csv', 4)]
+    >>> row = found["gyro_x.N"]
+    >>> row.predicted_low < row.typical < row.predicted_high, row.spread_low < 0.1 < row.spread_high
+    (True, True)
+    """
+    confidence = as_confidence(confidence)
+    size = as_size(size)
+    read = Reading(table, confidence)
+    samples = read.samples()
+    units = len(read.units)
+    if not samples:
+        return FleetStatistics(
+            rows=(), outliers=(), differences=(), confidence=confidence, size=float(size), units=units
+        )
+    x, s2 = np.array([sample.x for sample in samples]), np.array([sample.s2 for sample in samples])
+    kept = x.copy()
+    outliers, searched = _outliers(read, samples, x=x, s2=s2, kept=kept, size=size)
+    rows = _rows(read, samples, x=x, kept=kept, s2=s2, searched=searched)
+    together = _together(read, samples, x=x, kept=kept, s2=s2)
+    axes = [(sample.axis, sample.symbol, sample.unit, sample.model) for sample in samples]
+    found = differences(axes, kept, size)
+    order = {row.symbol: k for k, row in enumerate(rows)}
+    sensors = list(dict.fromkeys(sensor_of(sample.axis) or sample.axis for sample in samples))
+    symbols = list(dict.fromkeys(in_order([list(order)])))
+    whole = sorted(
+        [*together, *rows],
+        key=lambda row: (sensors.index(row.axis if row.axis in sensors else sensor_of(row.axis)),
+                         symbols.index(row.symbol), row.axis not in sensors),
+    )  # fmt: skip
+    return FleetStatistics(
+        rows=tuple(whole),
+        outliers=outliers,
+        differences=found,
+        confidence=float(confidence),
+        size=float(size),
+        units=units,
+    )
+
+
+# --- outliers ---------------------------------------------------------------------------------------
+
+
+def _outliers(
+    read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
+) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
+    """Return the outliers, and the mask of the samples in which outliers were searched.
+
+    The outliers are set to NaN in `kept`.
+    """
+    searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
+    if not np.any(searched):
+        return (), searched
+    found = deviants(x, s2)
+    rows, least = np.flatnonzero(searched), 0.0
+    chosen: list[tuple[int, int, float, float]] = []
+    for rank, row in enumerate(rows[np.argsort(found.pvalue[rows, 0], kind="stable")]):
+        adjusted = np.maximum(least, np.minimum(1.0, (rows.size - rank) * found.pvalue[row]))
+        least = float(adjusted[0])
+        for place, distance, p in zip(found.places[row], found.distance[row], adjusted, strict=True):
+            if place >= 0 and p <= size:
+                chosen.append((int(row), int(place), float(distance), float(p)))
+                kept[row, place] = np.nan
+    centre = effects(kept, s2).mean
+    outliers = []
+    for row, place, distance, p in chosen:
+        sample = samples[row]
+        value, low, high = (float(of[place]) for of in (sample.value, sample.low, sample.high))
+        typical = sample.back(float(centre[row])) or 0.0
+        times = None if sample.symbol == SIGNED else value / typical
+        outliers.append(
+            OutlierUnit(
+                unit=read.units[place],
+                axis=sample.axis,
+                symbol=sample.symbol,
+                value=value,
+                low=low,
+                high=high,
+                typical=typical,
+                si=sample.unit,
+                times=times,
+                distance=distance,
+                pvalue=p,
+            )
+        )
+    return tuple(sorted(outliers, key=lambda one: (one.pvalue, -abs(one.distance)))), searched
+
+
+# --- rows -------------------------------------------------------------------------------------------
+
+
+def _rows(
+    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
+) -> list[FleetNumber]:
+    """Return the statistics of each parameter of each axis."""
+    rows = _described(read, samples, x=x, kept=kept, s2=s2)
+    made = []
+    for k, (sample, row) in enumerate(zip(samples, rows, strict=True)):
+        below: tuple[str, ...] = ()
+        if row.predicted_low is not None and sample.symbol != SIGNED:
+            under = sample.limited & (np.where(sample.limited, sample.high, np.inf) < row.predicted_low)
+            below = tuple(read.units[place] for place in np.flatnonzero(under))
+        few = 0 < row.units < FEWEST and row.limited >= _FEW * row.units and sample.symbol != SIGNED
+        shown = tuple(read.units[place] for place in np.flatnonzero(np.isfinite(x[k]))) if few else ()
+        gone = int(np.sum(np.isfinite(x[k]) & ~np.isfinite(kept[k])))
+        made.append(replace(row, searched=bool(searched[k]), outliers=gone, below=below, shown_by=shown))
+    return made
+
+
+def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
+    """Return the statistics of each parameter over all axes of a sensor, if they can be compared.
+
+    At least two axes must have the parameter, with the same unit and the same noise model if it depends on the model.
+    """
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k, sample in enumerate(samples):
+        if sensor := sensor_of(sample.axis):
+            groups.setdefault((sensor, sample.symbol), []).append(k)
+    made = []
+    for (sensor, symbol), places in groups.items():
+        of = [samples[k] for k in places]
+        if len(of) < 2 or len({(sample.unit, sample.model) for sample in of}) > 1:
+            continue
+        first = replace(
+            of[0], axis=sensor, symbol=symbol, limited=np.concatenate([sample.limited for sample in of]),
+            left_out=sum(sample.left_out for sample in of),
+        )  # fmt: skip
+        flat = (np.concatenate(part[places])[None] for part in (x, kept, s2))
+        (row,) = _described(read, [first], *flat, axes=len(places))
+        made.append(replace(row, outliers=int(np.sum(np.isfinite(x[places]) & ~np.isfinite(kept[places])))))
+    return made
+
+
+def _described(
+    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
+) -> list[FleetNumber]:
+    """Compute typical value, spread and prediction for samples (m, n).
+
+    `axes` is the number of axes in each sample. The values of one unit on several axes are treated as dependent.
+    """
+    from scipy.special import stdtrit
+
+    at = effects(kept, s2)
+    freedom, error = at.count - 1, at.error
+    if axes > 1:
+        there = np.isfinite(kept).reshape(len(samples), axes, -1)
+        freedom = there.any(axis=1).sum(axis=1, dtype=np.float64) - 1
+        error = np.maximum(error, _clustered(kept, s2, axes))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
+    limits = spread_limits(kept, s2, read.confidence, freedom)
+    ahead = predicted(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
+    reach = stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
+    made = []
+    for k, sample in enumerate(samples):
+        all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST - 1
+        quantiles = np.quantile(all_, (0.05, 0.5, 0.95)) if all_.size else np.full(3, np.nan)
+        back = [sample.back(float(q)) for q in quantiles]
+        s = float(np.sqrt(np.median(s2[k][np.isfinite(x[k])]))) if all_.size else None
+        tau = float(np.sqrt(at.spread2[k])) if enough else None
+        ends = [float(at.mean[k] - reach[k]), float(at.mean[k] + reach[k]), float(ahead[0][k]), float(ahead[1][k])]
+        low, high, soon, late = (sample.back(end) if enough else None for end in ends)
+        made.append(
+            FleetNumber(
+                axis=sample.axis,
+                symbol=sample.symbol,
+                unit=sample.unit,
+                units=int(all_.size),
+                limited=int(np.sum(sample.limited)),
+                left_out=sample.left_out,
+                model=sample.model,
+                median=back[1],
+                quantile_05=back[0],
+                quantile_95=back[2],
+                typical=sample.back(float(at.mean[k])),
+                typical_low=low,
+                typical_high=high,
+                spread=tau,
+                spread_low=float(np.sqrt(limits[0][k])) if enough else None,
+                spread_high=float(np.sqrt(limits[1][k])) if enough else None,
+                error=s,
+                error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
+                predicted_low=soon,
+                predicted_high=late,
+            )
+        )
+    return made
+
+
+def _clustered(x: Matrix, s2: Matrix, axes: int) -> Vector:
+    """Compute the standard error of μ̂ if the axes of a unit are dependent.
+
+    It is √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w, with weights w for the n units and their axes.
+    """
+    at = effects(x, s2)
+    w = np.where(np.isfinite(x), 1 / (at.spread2[:, None] + s2), 0.0)
+    pulls = (w * np.where(np.isfinite(x), x - at.mean[:, None], 0.0)).reshape(x.shape[0], axes, -1).sum(axis=1)
+    units = np.isfinite(x).reshape(x.shape[0], axes, -1).any(axis=1).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.sqrt(units / np.maximum(units - 1, 1) * np.sum(pulls**2, axis=1)) / np.sum(w, axis=1))

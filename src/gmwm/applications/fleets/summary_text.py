@@ -1,0 +1,222 @@
+"""Write the summary of a fleet: number of units, a table for each sensor, outliers, and remarks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from gmwm.base.axis_names import letter_of, sensor_of
+from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.tables import headed
+from gmwm.base.text import counted
+from gmwm.base.units import datasheet_units
+from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
+from gmwm.choosing.datasheets.entry import significant
+from gmwm.measuring.variance.slope_line import LAWS
+
+if TYPE_CHECKING:
+    from gmwm.applications.fleets.statistics_result import AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
+
+_NONE = "–"
+
+
+LISTED = 10
+"""Largest number of failed units and of outliers that a summary lists."""
+
+
+class FleetLike(Protocol):
+    """Protocol of a fleet as the summary uses it."""
+
+    @property
+    def units(self) -> Sequence[str]:
+        """Names of all units."""
+        ...
+
+    @property
+    def failed(self) -> Mapping[str, str]:
+        """Units that could not be calibrated, with the reason."""
+        ...
+
+    @property
+    def kept(self) -> int:
+        """Number of units calibrated by earlier runs."""
+        ...
+
+    @property
+    def done(self) -> int:
+        """Number of units calibrated by this run."""
+        ...
+
+    @property
+    def statistics(self) -> FleetStatistics:
+        """The statistics of the units."""
+        ...
+
+    @property
+    def remarks(self) -> Sequence[Remark]:
+        """The remarks on the fleet."""
+        ...
+
+
+def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
+    """Write the number of units, failures, tables, outliers and remarks, with at most 80 characters per line."""
+    parts = [wrapped(_head(fleet))]
+    if fleet.failed:
+        parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *_failures(fleet.failed)])
+    parts += _parts(fleet.statistics, fleet.remarks, dialect)
+    return "\n\n".join("\n".join(lines) for lines in parts if lines)
+
+
+def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -> str:
+    """Write the tables, outliers and remarks of statistics, with at most 80 characters per line."""
+    head = wrapped(f"Fleet of {counted(found.units, 'calibrated unit')}")
+    parts = [head, *_parts(found, found.remarks, dialect)]
+    return "\n\n".join("\n".join(lines) for lines in parts if lines)
+
+
+def _head(fleet: FleetLike) -> str:
+    good = len(fleet.units) - len(fleet.failed)
+    how = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
+    failed = f", {len(fleet.failed)} failed" if fleet.failed else ""
+    return f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{how}{failed}"
+
+
+def _failures(failed: Mapping[str, str]) -> Iterator[str]:
+    for unit, reason in list(failed.items())[:LISTED]:
+        yield from bulleted(f"{unit}: {reason}")
+    if len(failed) > LISTED:
+        yield f"- and {len(failed) - LISTED} more"
+
+
+def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) -> list[list[str]]:
+    parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
+    if found.rows:
+        parts.append(wrapped(_legend(found)))
+    else:
+        parts.append(["No numbers to compare"])
+    if found.outliers:
+        shown = [line for one in found.outliers[:LISTED] for line in bulleted(_outlier(one))]
+        more = len(found.outliers) - LISTED
+        parts.append(["Outliers:", *shown, *([f"- and {more} more numbers"] if more > 0 else [])])
+    if differ := [one for one in found.differences if one.differs]:
+        parts.append(["Axes that differ:", *(line for one in differ for line in bulleted(_difference(one)))])
+    if lines := texts(remarks, dialect):
+        parts.append(["What to know about the fleet:", *(line for text in lines for line in bulleted(text))])
+    return parts
+
+
+def _by_sensor(rows: Iterable[FleetNumber]) -> dict[str, list[FleetNumber]]:
+    sensors: dict[str, list[FleetNumber]] = {}
+    names = [row.axis for row in rows]
+    for row in rows:
+        sensor = sensor_of(row.axis)
+        # "gyro" stands for gyro_x, gyro_y and gyro_z, and is itself the name of a sensor.
+        whole = any(sensor_of(name) == row.axis for name in names)
+        sensors.setdefault(row.axis if whole or not sensor else sensor, []).append(row)
+    return sensors
+
+
+# --- the tables -------------------------------------------------------------------------------------
+
+
+def _table(rows: Sequence[FleetNumber]) -> list[str]:
+    heads = ["", "units", "typical", "spread", "5 % … 95 %", "further unit"]
+    cells, last = [heads], ""
+    for row in rows:
+        unit, factor = shown_unit(row.unit)
+        if row.symbol != last:
+            cells.append([f"{row.symbol} ({unit})", *[""] * (len(heads) - 1)])
+            last = row.symbol
+        whole = any(sensor_of(other.axis) == row.axis for other in rows)
+        letter = "all axes" if whole else letter_of(row.axis)
+        cells.append([
+            f"  {letter}", _units(row), _value(row.typical, factor), _spread(row, factor),
+            _span(row.quantile_05, row.quantile_95, factor), _span(row.predicted_low, row.predicted_high, factor),
+        ])  # fmt: skip
+    lines = headed(cells)
+    if max(map(len, lines)) > WIDTH:
+        lines = headed([[*row[:4], row[5]] for row in cells])
+    return lines
+
+
+def _units(row: FleetNumber) -> str:
+    return f"{row.units}, {row.limited} ≤" if row.limited and not row.signed else f"{row.units}"
+
+
+def _value(value: float | None, factor: float) -> str:
+    return _NONE if value is None else significant(factor * value, 3)
+
+
+def _spread(row: FleetNumber, factor: float) -> str:
+    """Format the spread between units, or its upper limit if it is not significantly different from zero."""
+    if row.spread is None or row.spread_low is None or row.spread_high is None:
+        return _NONE
+    measured = row.spread_low > 0
+    size = row.spread if measured else row.spread_high
+    if row.signed:
+        return f"{'±' if measured else '≤ ±'} {significant(factor * size, 2)}"
+    grown = math.expm1(size)
+    if grown < 1:
+        return f"{'±' if measured else '≤'} {100 * grown:.2g} %"
+    return f"{'×' if measured else '≤ ×'} {significant(1 + grown, 2)}"
+
+
+def _span(low: float | None, high: float | None, factor: float) -> str:
+    """Format the two ends of a range, with enough digits to show its width."""
+    if low is None or high is None:
+        return _NONE
+    low, high = factor * low, factor * high
+    size, width = max(abs(low), abs(high)), abs(high - low)
+    digits = 2
+    if width > 0:
+        digits = min(5, max(2, 2 + math.floor(math.log10(size)) - math.floor(math.log10(width))))
+    return f"{significant(low, digits)} … {significant(high, digits)}"
+
+
+def shown_unit(si: str) -> tuple[str, float]:
+    """Return the usual datasheet unit for an SI unit, and the factor from SI to it.
+
+    If there is no datasheet unit, the SI unit and 1 are returned.
+
+    >>> shown_unit("rad/s/√Hz")[0], shown_unit("s")
+    ('deg/√h', ('s', 1.0))
+    """
+    return next(iter(datasheet_units(si).items()), (si, 1.0))
+
+
+def _legend(found: FleetStatistics) -> str:
+    symbols = dict.fromkeys(row.symbol for row in found.rows)
+    named = "; ".join(f"{symbol} {law.name}" for symbol, law in LAWS.items() if symbol in symbols)
+    return (
+        f"{named + '. ' if named else ''}units: number of values, and of upper limits (≤), which are not compared. "
+        "typical, spread and further unit are without outliers. spread: standard deviation between units, without "
+        "estimation error. 5 % … 95 %: quantiles of the estimates. further unit: its number lies in this range with "
+        f"a probability of {100 * found.confidence:g} %."
+    )
+
+
+# --- outliers and axes --------------------------------------------------------------------------------------
+
+
+def _outlier(one: OutlierUnit) -> str:
+    unit, factor = shown_unit(one.si)
+    how = f", {_times(one.times)} the typical" if one.times is not None else "; typical is"
+    chance = "p < 0.001" if one.pvalue < 0.001 else f"p = {one.pvalue:.3f}"
+    value, typical = significant(factor * one.value, 3), significant(factor * one.typical, 3)
+    return f"{one.unit}, {one.axis} {one.symbol}: {value} {unit}{how} {typical}; {chance}"
+
+
+def _times(ratio: float) -> str:
+    return f"{significant(ratio, 2)} times" if not 0.5 < ratio < 2 else f"{100 * ratio:.0f} % of"
+
+
+def _difference(one: AxisDifference) -> str:
+    chance = "p < 0.001" if one.adjusted < 0.001 else f"p = {one.adjusted:.3f}"
+    unit, factor = shown_unit(one.unit)
+    # For a parameter with a sign, the text states the difference from the mean instead of the ratio.
+    if any(value <= 0 for value in one.relative.values()):
+        apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in one.relative.items())
+    else:
+        apart = ", ".join(f"{axis} {100 * (off - 1):+.2g} %" for axis, off in one.relative.items())
+    return f"{one.symbol}: {apart} from the mean of the axes in {one.units} units; {chance}"

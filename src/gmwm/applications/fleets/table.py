@@ -1,0 +1,75 @@
+"""Make the table of a fleet, and read and write its Parquet file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gmwm.applications.fleets.rows import Row
+from gmwm.base.atomic_files import written_whole
+from gmwm.base.errors import ReadError
+from gmwm.base.forks import require_threads
+from gmwm.calibration.tables import in_order
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+TEXTS = ("unit", "axis", "status", "reason", "file", "sha256")
+"""Text columns that identify a row. The columns of the recording, the model and the parameters follow them."""
+LIMITS = ("", "_low", "_high", "_unit")
+"""Suffixes of the four columns of a parameter."""
+RUN_AGAIN = "Run the fleet again: finished units are not repeated."
+"""Advice for a run that was not completed."""
+
+
+def as_table(rows: Iterable[Row]) -> DataFrame:
+    """Make the table from rows, with fixed columns and four columns for each parameter that any row has."""
+    import polars as pl
+
+    given = list(rows)
+    numbers: dict[str, Any] = {
+        "samples": pl.Int64, "rate": pl.Float64, "duration": pl.Float64, "model": pl.String, "p_value": pl.Float64,
+        "robust": pl.Boolean, "contaminated": pl.Boolean, "certified": pl.Boolean, "cautions": pl.Int64,
+    }  # fmt: skip
+    schema: dict[str, Any] = dict.fromkeys(TEXTS, pl.String) | numbers
+    for symbol in symbols_of(given):
+        schema |= {f"{symbol}{end}": pl.String if end == "_unit" else pl.Float64 for end in LIMITS}
+    # A fleet without units has an empty table with all columns.
+    return pl.DataFrame({name: [row.get(name) for row in given] for name in schema}, schema=schema)
+
+
+def symbols_of(rows: Iterable[Row]) -> list[str]:
+    """Return the symbols of all parameters that rows contain, in datasheet order."""
+    each = [[name.removesuffix("_unit") for name in row if name.endswith("_unit")] for row in rows]
+    # Many rows have the same symbols, so each distinct list of symbols is used once.
+    return in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))])
+
+
+def write_table(table: DataFrame, path: Path) -> None:
+    """Write the table to a Parquet file. If an error occurs, an existing file is unchanged."""
+    require_threads(path)
+    with written_whole(path) as temporary, temporary.open("wb") as file:  # Polars opens no path that is not UTF-8
+        table.write_parquet(file)
+
+
+def read_table(path: Path) -> DataFrame:
+    """Read the table from a file that `write_table` wrote.
+
+    Raises
+    ------
+    ReadError
+        If the file does not exist, or is not the table of a fleet.
+    """
+    import polars as pl
+
+    if not path.is_file():
+        raise ReadError(f"{path} does not exist: no run of this fleet was completed", advice=RUN_AGAIN)
+    try:
+        table = pl.read_parquet(BytesIO(path.read_bytes()))  # see `write_table`
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise ReadError(f"{path} is not the table of a fleet: {error}", advice=RUN_AGAIN) from error
+    if missing := [name for name in TEXTS if name not in table.columns]:
+        raise ReadError(f"{path} is not the table of a fleet: it has no column {missing[0]!r}", advice=RUN_AGAIN)
+    return table

@@ -1,0 +1,10 @@
+"""Monitor sensors at rest with control charts of the innovations of their calibrated models."""
+
+from gmwm.applications.monitor.api import Monitor
+from gmwm.applications.monitor.baseline import Baseline
+from gmwm.applications.monitor.events import Event
+from gmwm.applications.monitor.redundant import UnitEvent, redundant
+from gmwm.applications.monitor.reference import baselines
+from gmwm.applications.monitor.trace import Trace
+
+__all__ = ["Baseline", "Event", "Monitor", "Trace", "UnitEvent", "baselines", "redundant"]

@@ -1,0 +1,253 @@
+"""Baseline of an axis: statistics of its innovations in a reference recording of the healthy sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gmwm.applications.monitor.charts import BLOCKS, ChartSettings, differences, white_shape, window
+from gmwm.applications.monitor.finite_state import Finite
+from gmwm.applications.monitor.thresholds import spike_limit
+from gmwm.applications.monitor.whitening import Gain, Whitener
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.errors import DataError, ReadError
+from gmwm.theory.processes.model import Model
+
+LEAST_BLOCKS = 80
+"""Smallest number of blocks from which the expected mean square of a level is estimated. Its standard error is then
+below 7 % (for k ≥ 2.6), which is smaller than the dead band."""
+LEAST_MEANS = 30
+"""Smallest number of block means from which their scatter is estimated. Its standard error is then 13 %."""
+LONGEST_BURST = 256
+"""Largest number of blocks that are averaged to estimate the variance of the mean squares. Charts raise an alarm within
+this number of blocks."""
+MOST = 1e15
+"""Largest number in a baseline; ratios, shapes and scatter are at least 1 / `MOST`. Other numbers are damage."""
+REACH = 5
+"""A chart of block means uses the largest scatter of its level and of this number of coarser levels."""
+BAND = 1.1
+"""Dead band with a baseline (a factor of the variance). The variances of different parts of a recording in
+`docs/validation/monitor.md` differ by less than this."""
+LEAST_EQUAL = 8
+"""A run of fewer equal samples than this never counts as frozen."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Baseline:
+    """Statistics of the standardised innovations of an axis in a reference recording.
+
+    Attributes
+    ----------
+    samples : int
+        Number of samples of the reference recording.
+    ratios : (J,) array
+        Mean squares of the standardised Haar coefficients of the innovations at levels 1 … J; 1 if the model is right.
+    shapes : (J,) array
+        Shape k of the Gamma distribution of the mean squares in blocks, for each of these levels.
+    scatter : tuple of float
+        Standard deviations of the standardised block means at levels 0 … L − 1; at least 1.
+    largest : float
+        Largest absolute innovation.
+    equal : int
+        Largest number of equal samples in a row.
+    lowest, highest : float
+        Smallest and largest sample, in the unit of the signal.
+    """
+
+    samples: int
+    ratios: Vector
+    shapes: Vector
+    scatter: tuple[float, ...]
+    largest: float
+    equal: int
+    lowest: float
+    highest: float
+
+    def __post_init__(self) -> None:
+        for values in (self.ratios, self.shapes):
+            freeze(values)
+
+    @classmethod
+    def of(cls, model: Model, segments: Sequence[Vector], rate: float) -> Baseline:
+        """Measure the baseline of an axis from a recording of a healthy sensor.
+
+        Parameters
+        ----------
+        model : Model
+            Model of the axis with all values, per sample at `rate`.
+        segments : sequence of (n,) arrays
+            Parts of the recording without gaps, in rad/s or m/s².
+        rate : float
+            Sampling rate (Hz).
+
+        Returns
+        -------
+        Baseline
+
+        Raises
+        ------
+        DataError
+            If the recording is too short for the finest level.
+        ModelError
+            If a parameter of the model has no value.
+        """
+        whitener = Whitener(Gain.of(Finite.of(model, rate)))
+        errors = []
+        for values in segments:
+            whitener.restart()
+            errors.append(whitener.update(values))
+        largest = max((float(np.max(np.abs(e))) for e in errors if e.size), default=0.0)
+        sums = _Sums(errors)
+        ratios, shapes = _mean_squares(sums)
+        scatter = _block_means(sums)
+        if not ratios.size or not scatter:
+            total = sum(e.size for e in errors)
+            raise DataError(
+                f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS} without a gap",
+                argument="reference",
+                got=total,
+                advice="Record for at least some minutes with a sensor that is good.",
+            )
+        return cls(
+            samples=sum(e.size for e in errors),
+            ratios=ratios,
+            shapes=shapes,
+            scatter=scatter,
+            largest=largest,
+            equal=max(longest_run(values) for values in segments),
+            lowest=min(float(values.min()) for values in segments),
+            highest=max(float(values.max()) for values in segments),
+        )
+
+    def settings(self) -> ChartSettings:
+        """Return the settings of the charts for this baseline."""
+        usual = spike_limit(self.samples)
+        return ChartSettings(
+            self.ratios,
+            self.shapes,
+            scatter=np.array(self.scatter),
+            band=BAND,
+            tail=max(1.0, self.largest / usual),
+            equal=max(2 * self.equal, LEAST_EQUAL),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the baseline as numbers and lists for JSON."""
+        return {
+            "samples": self.samples,
+            "ratios": self.ratios.tolist(),
+            "shapes": self.shapes.tolist(),
+            "scatter": list(self.scatter),
+            "largest": self.largest,
+            "equal": self.equal,
+            "lowest": self.lowest,
+            "highest": self.highest,
+        }
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Baseline:
+        """Create a baseline from the result of `to_dict`.
+
+        Parameters
+        ----------
+        content : mapping
+            The result of `to_dict`.
+
+        Raises
+        ------
+        ReadError
+            If a value is missing or not valid.
+        """
+        arrays = {}
+        try:
+            for name in ("ratios", "shapes", "scatter"):
+                arrays[name] = np.array(content[name], dtype=np.float64)
+            numbers = {name: float(content[name]) for name in ("largest", "lowest", "highest")}
+            counts = {name: int(content[name]) for name in ("samples", "equal")}
+        except (KeyError, TypeError, ValueError) as error:
+            raise ReadError(f"not a baseline: {error}", advice="Measure the baseline again.") from error
+        good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / MOST) & (a < MOST))) for a in arrays.values())
+        good = good and all(abs(one) < MOST for one in numbers.values())
+        if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
+            raise ReadError(
+                f"not a baseline: ratios, shapes and scatter must be lists of numbers from {1 / MOST:g} to {MOST:g}",
+                advice="Measure the baseline again.",
+            )
+        scatter = tuple(arrays.pop("scatter").tolist())
+        return cls(**arrays, scatter=scatter, **numbers, **counts)  # type: ignore[arg-type]
+
+
+def longest_run(values: Vector) -> int:
+    """Return the length of the longest run of equal values."""
+    if not values.size:
+        return 0
+    places = np.flatnonzero(np.diff(values))
+    return int(np.max(np.diff(np.concatenate([[-1], places, [values.size - 1]]))))
+
+
+class _Sums:
+    """Sums of innovations over blocks of 2^level samples of each segment. Each level follows from the one before."""
+
+    def __init__(self, errors: Sequence[Vector]) -> None:
+        self._levels = [list(errors)]
+
+    def __getitem__(self, level: int) -> list[Vector]:
+        while len(self._levels) <= level:
+            fine = self._levels[-1]
+            self._levels.append([one[0 : one.size & ~1 : 2] + one[1::2] for one in fine])
+        return self._levels[level]
+
+
+def _mean_squares(sums: _Sums) -> tuple[Vector, Vector]:
+    """Return the mean of the mean squares of blocks at each level, and the shapes of their Gamma distributions."""
+    ratios: list[float] = []
+    shapes: list[float] = []
+    while True:
+        level = len(ratios) + 1
+        base, m = window(level)
+        blocks = np.concatenate([_blocks(one, m, level) for one in sums[base]])
+        if blocks.size < LEAST_BLOCKS:
+            return np.array(ratios), np.array(shapes)
+        mean = float(np.mean(blocks))
+        ratios.append(mean)
+        shapes.append(min(white_shape(level), *_shapes(blocks / mean)))
+
+
+def _shapes(blocks: Vector) -> Iterator[float]:
+    """Yield the Gamma shape 1/Var of relative mean squares for single blocks and for groups of 2, 4, … blocks.
+
+    The variance of a group is scaled to one block. Bursts of noise make the shape of larger groups smaller.
+    """
+    together = 1
+    while together <= LONGEST_BURST and blocks.size >= LEAST_BLOCKS:
+        yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
+        even = blocks.size & ~1
+        blocks, together = 0.5 * (blocks[0:even:2] + blocks[1:even:2]), 2 * together
+
+
+def _blocks(sums: Vector, m: int, level: int) -> Vector:
+    """Return the mean squares of the standardised Haar coefficients in the blocks of a level.
+
+    Each coefficient is a difference of sums of m consecutive entries of `sums`.
+    """
+    if sums.size < m:
+        return np.zeros(0)
+    w = np.square(differences(sums, m)) / 2.0**level
+    count = w.size // (BLOCKS * m)
+    return np.asarray(w[: count * BLOCKS * m].reshape(count, BLOCKS * m).mean(axis=1))
+
+
+def _block_means(sums: _Sums) -> tuple[float, ...]:
+    scatter: list[float] = []
+    while True:
+        level = len(scatter)
+        z = np.concatenate(sums[level]) / 2.0 ** (level / 2.0)
+        if z.size < LEAST_MEANS:
+            # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
+            # too.
+            return tuple(max(scatter[k : k + REACH + 1]) for k in range(len(scatter)))
+        scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))

@@ -1,0 +1,379 @@
+"""CUSUM charts of one axis, which monitor its standardised innovations at each Haar level.
+
+The alarms do not depend on how the samples are divided into chunks, because all sums are exact or computed in a fixed
+order. Block sums add pairs of block sums, and the chart statistics are integers in units of 2⁻²⁴.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.applications.monitor.stored import numbers, whole, wholes
+from gmwm.applications.monitor.thresholds import SHIFT, level_threshold, noise_threshold, shape_factor, spike_limit
+from gmwm.base.arrays import Vector
+
+Family = Literal["noise up", "noise down", "level", "spike", "constant"]
+"""Quantity that a chart monitors: mean squares ("noise up", "noise down"), means ("level"), single innovations
+("spike"), or runs of equal samples ("constant")."""
+Integers = NDArray[np.int64]
+
+NOISE: tuple[tuple[Family, int, float], ...] = (
+    ("noise up", 1, 2.0),
+    ("noise up", 1, 1.25),
+    ("noise down", -1, 1.0 / 1.5),
+)
+"""Family, direction and variance ratio R of the noise charts of each level. A chart has the shortest delay for a change
+of the variance by its R. The first chart detects large changes and slow noise early. The second one also detects an
+increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
+BLOCKS = 4
+"""Length of a block of level j, in units of 2^j samples. With 16 in place of 4, slow noise is detected up to 40 s later
+(docs/validation/monitor.md)."""
+WINDOW = 8
+"""Largest number of block sums in a Haar coefficient. A coefficient of level j is then computed every 2^j/8 samples.
+This keeps 93 % of the degrees of freedom of the coefficients at all samples (tests/monitor/test_charts.py)."""
+LONGEST_SCALE = 164.0
+"""Longest scale (s) of the charts without a baseline."""
+STUCK = 0.5
+"""Without a baseline, equal samples for this time (s), and at least 20 of them, cause an alarm."""
+UNIT = 2.0**24
+"""The chart statistics are integers in units of 1/UNIT."""
+FARTHEST = 6.0
+"""Innovations, block means and coefficients are limited to 6 standard deviations, so that a single wrong sample is not
+reported as a jump."""
+LONGEST_REST = 60.0
+"""Longest pause (s) of a chart between two alarms while a fault lasts."""
+
+
+class Alarm(NamedTuple):
+    """An alarm of a chart: its statistic exceeded the threshold.
+
+    Attributes
+    ----------
+    sample : int
+        Number of the sample at which the chart exceeded its threshold.
+    family : Family
+        Quantity that the chart monitors.
+    level : int
+        Haar level of the chart; 0 for single innovations.
+    sign : int
+        Direction of the change: 1 for an increase, −1 for a decrease.
+    onset : int
+        Number of the last sample at which the chart statistic was 0, before the alarm.
+    score : float
+        Value of the chart statistic, the logarithm of the likelihood ratio.
+    """
+
+    sample: int
+    family: Family
+    level: int
+    sign: int
+    onset: int
+    score: float
+
+
+def window(level: int) -> tuple[int, int]:
+    """Return the level and the number of the block sums that make up a Haar coefficient of the given level."""
+    base = max(level - 3, 0)
+    return base, 1 << (level - base)
+
+
+@lru_cache(maxsize=64)
+def white_shape(level: int) -> float:
+    """Return the shape k = 1/Var y of the mean squares y of a block, for white normal innovations.
+
+    Var y is the variance of the mean over many blocks times their number, because neighbouring blocks are correlated.
+    """
+    _, m = window(level)
+    half = np.repeat([1.0, -1.0], m // 2)
+    rho = np.correlate(half, half, "full") / m
+    return float(BLOCKS * m / (2.0 * np.sum(rho**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class ChartSettings:
+    """Settings of the charts of one axis, from the statistics of a healthy sensor.
+
+    Attributes
+    ----------
+    ratios : (J,) array
+        Expected mean squares of the standardised Haar coefficients at levels 1 … J; 1 if the model is right.
+    shapes : (J,) array
+        Shape k = 1/Var y of the relative mean squares y of a block at these levels.
+    scatter : (J + 1 or fewer,) array
+        Standard deviations of the standardised block means at levels 0, 1, …
+    band : float
+        Dead band. A variance that differs from the expected one by less than this factor is not a fault.
+    tail : float
+        Factor by which the limit for single innovations is multiplied; 1 for normally distributed noise.
+    equal : int
+        Length of a run of equal samples that causes an alarm; 0 for no limit.
+    """
+
+    ratios: Vector
+    shapes: Vector
+    scatter: Vector
+    band: float = 1.0
+    tail: float = 1.0
+    equal: int = 0
+
+    @classmethod
+    def of_model(cls, rate: float) -> ChartSettings:
+        """Return the settings for white normal innovations with variance 1, at a sampling rate (Hz)."""
+        levels = min(max(round(math.log2(LONGEST_SCALE * rate)), 4), 20)
+        shapes = np.array([white_shape(j) for j in range(1, levels + 1)])
+        equal = max(round(STUCK * rate), 20)
+        return cls(np.ones(levels), shapes, np.ones(levels + 1), equal=equal)
+
+    @property
+    def charts(self) -> int:
+        """Number of charts among which the rate of false alarms is divided."""
+        return len(NOISE) * self.ratios.size + 2 * self.scatter.size + 1
+
+
+class Charts:
+    """The charts of one axis.
+
+    Parameters
+    ----------
+    settings : ChartSettings
+        Expected statistics and limits.
+    run_length : float
+        Average number of samples between two false alarms of one chart.
+    rest : int
+        Number of samples for which a chart pauses after an alarm.
+    longest_rest : int
+        Largest number of samples for which it pauses if alarms repeat.
+    """
+
+    STATE = ("count", "base", "left", "tails", "squares", "done", "sums", "zeros", "rests", "pauses", "recent")
+
+    def __init__(self, settings: ChartSettings, run_length: float, rest: int, longest_rest: int) -> None:
+        self.settings, self.rest, self.longest_rest = settings, rest, longest_rest
+        self.depth = max(settings.ratios.size, settings.scatter.size - 1)
+        self.names: list[tuple[Family, int, int]] = []
+        limits: list[float] = []
+        self.noise: dict[tuple[int, float], int] = {}  # indices of the noise charts, by level and variance ratio
+        self.means: dict[tuple[int, int], int] = {}  # indices of the level charts, by level and direction
+        for level in range(1, settings.ratios.size + 1):
+            blocks = run_length / (BLOCKS << level)
+            for family, sign, ratio in NOISE:
+                k = self._shape(level, ratio)
+                self.noise[level, ratio] = len(self.names)
+                self.names.append((family, level, sign))
+                limits.append(noise_threshold(blocks, k, ratio))
+        for level in range(settings.scatter.size):
+            for sign in (1, -1):
+                self.means[level, sign] = len(self.names)
+                self.names.append(("level", level, sign))
+                limits.append(level_threshold(run_length / (1 << level)))
+        self.names.append(("spike", 0, 1))
+        limits.append(0.0)
+        self.spike = spike_limit(run_length) * settings.tail
+        self.limits = np.rint(np.array(limits) * UNIT).astype(np.int64).tolist()
+        self.count = 0
+        self.recent = np.zeros(0)  # block sums of level 6 of the last update
+        self.peaks = [0] * len(self.names)  # largest statistics since the last `forget_peaks`, for plots
+        self.reset()
+
+    def _shape(self, level: int, ratio: float) -> float:
+        """Return the Gamma shape that the chart of a variance ratio uses for the mean squares of a level."""
+        return float(self.settings.shapes[level - 1]) * shape_factor(window(level)[1], ratio)
+
+    def reset(self) -> None:
+        """Set all chart statistics to 0."""
+        n = len(self.names)
+        self.sums: tuple[int, ...] = (0,) * n
+        self.zeros: tuple[int, ...] = (self.count - 1,) * n
+        self.rests: tuple[int, ...] = (-1,) * n  # last sample of the pause after an alarm
+        self.pauses: tuple[int, ...] = (0,) * n  # length of this pause
+        self.break_blocks()
+
+    def break_blocks(self) -> None:
+        """Begin new blocks after a gap."""
+        self.base = self.count
+        none = np.zeros(0)
+        self.left: tuple[Vector, ...] = (none,) * (self.depth + 1)  # block sum that waits for the second of its pair
+        self.tails: tuple[Vector, ...] = (none,) * self.settings.ratios.size  # block sums for the next coefficients
+        self.squares: tuple[Vector, ...] = (none,) * self.settings.ratios.size  # squares of an incomplete block
+        self.done: tuple[int, ...] = (0,) * (self.depth + 1)  # number of block sums so far
+
+    def skip(self, samples: int) -> None:
+        """Advance the sample number over samples that the charts do not use."""
+        self.count += samples
+        self.break_blocks()
+
+    def update(self, e: Vector) -> list[Alarm]:
+        """Add standardised innovations (n,), and return the alarms in no particular order."""
+        if not e.size:
+            return []
+        alarms = list(self._spikes(e))
+        clipped = np.clip(e, -FARTHEST * self.settings.tail, FARTHEST * self.settings.tail)
+        sums, self.recent = clipped, np.zeros(0)
+        left, done = list(self.left), list(self.done)
+        tails, squares = list(self.tails), list(self.squares)
+        states = (list(self.sums), list(self.zeros), list(self.rests), list(self.pauses))
+        for level in range(self.depth + 1):
+            if level:
+                joined = np.concatenate([left[level - 1], sums]) if left[level - 1].size else sums
+                even = joined.size & ~1
+                left[level - 1], sums = joined[even:], joined[0:even:2] + joined[1:even:2]
+                if not sums.size:
+                    break
+            if level == HISTORY_LEVEL:
+                self.recent = sums
+            first = self.base + (done[level] + 1) * (1 << level) - 1
+            alarms += self._means(level, sums, first, states)
+            for j, m in self._coefficients(level):
+                alarms += self._variances(j, m, sums, tails=tails, squares=squares, done=done[level], states=states)
+            done[level] += sums.size
+        self.left, self.done, self.tails, self.squares = tuple(left), tuple(done), tuple(tails), tuple(squares)
+        self.sums, self.zeros, self.rests, self.pauses = (tuple(part) for part in states)
+        self.count += e.size
+        return alarms
+
+    def _coefficients(self, base: int) -> Iterator[tuple[int, int]]:
+        """Yield the levels whose coefficients are made of block sums of level `base`, with the number of sums in
+        each."""
+        for level in (1, 2, 3) if base == 0 else (base + 3,):
+            if level <= self.settings.ratios.size:
+                yield level, window(level)[1]
+
+    def _spikes(self, e: Vector) -> Iterator[Alarm]:
+        far = np.flatnonzero(np.abs(e) > self.spike)
+        for k in far[:WINDOW].tolist():  # a fault causes many; a few alarms are enough
+            sample = self.count + k
+            sign = 1 if e[k] > 0 else -1
+            yield Alarm(sample, "spike", 0, sign, onset=sample - 1, score=float(e[k] ** 2 / 2.0))
+
+    def _means(self, level: int, sums: Vector, first: int, states: States) -> Iterator[Alarm]:
+        if level >= self.settings.scatter.size:
+            return
+        z = sums / (2.0 ** (level / 2.0) * self.settings.scatter[level])
+        scaled = np.rint(np.clip(z, -FARTHEST, FARTHEST) * UNIT).astype(np.int64)
+        half = int(UNIT * SHIFT / 2.0)
+        for sign in (1, -1):
+            place = self.means[level, sign]
+            yield from self._chart(place, sign * scaled - half, first, states)
+
+    def _variances(
+        self, level: int, m: int, sums: Vector, tails: list[Vector], squares: list[Vector], done: int, states: States
+    ) -> Iterator[Alarm]:
+        """Update the noise charts of a level, whose coefficients are made of m block sums each, and yield their
+        alarms."""
+        at = level - 1
+        joined = np.concatenate([tails[at], sums])
+        tails[at] = joined[-(m - 1) :]
+        if joined.size < m:
+            return
+        w = differences(joined, m)
+        # With the right model, 2^{j/2} W_j has a standard normal distribution.
+        w *= 1.0 / (2.0 ** (level / 2.0) * np.sqrt(self.settings.ratios[at]))
+        w *= w
+        np.minimum(w, (FARTHEST * self.settings.tail) ** 2, out=w)
+        ready = np.concatenate([squares[at], w])
+        length = BLOCKS * m
+        blocks = ready.size // length
+        squares[at] = ready[blocks * length :]
+        if not blocks:
+            return
+        y = ready[: blocks * length].reshape(blocks, length)
+        while y.shape[1] > 1:
+            half = y.shape[1] // 2
+            y = y[:, :half] + y[:, half:]
+        y = y[:, 0] / length
+        base = max(level - 3, 0)
+        # Number of the block sum at the end of the last complete block of mean squares.
+        last = done + sums.size - 1 - squares[at].size
+        first = self.base + (last - (blocks - 1) * length + 1) * (1 << base) - 1
+        for _, sign, ratio in NOISE:
+            k = self._shape(level, ratio)
+            l = k * (y / self.settings.band**sign * (1.0 - 1.0 / ratio) - np.log(ratio))  # noqa: E741
+            scaled = np.rint(np.clip(l, -1e6, 1e6) * UNIT).astype(np.int64)
+            place = self.noise[level, ratio]
+            yield from self._chart(place, scaled, first, states, width=BLOCKS << level)
+
+    def _chart(
+        self, place: int, steps: Integers, first: int, states: States, width: int | None = None
+    ) -> Iterator[Alarm]:
+        """Add the increments of consecutive blocks to one chart, and yield its alarms. The first block ends at sample
+        `first`."""
+        sums, zeros, rests, pauses = states
+        family, level, sign = self.names[place]
+        width = width or 1 << level
+        limit, at, n = self.limits[place], 0, steps.size
+        while at < n:
+            end = first + at * width
+            if end <= rests[place]:
+                at += (rests[place] - end) // width + 1
+                zeros[place] = first + (at - 1) * width
+                continue
+            path = np.cumsum(steps[at:])
+            path += sums[place]
+            path -= np.minimum.accumulate(np.minimum(path, 0))
+            over = int(np.argmax(path > limit)) if int(path.max()) > limit else -1
+            part = path if over < 0 else path[: over + 1]
+            self.peaks[place] = max(self.peaks[place], int(part.max()))
+            back = int(np.argmax(part[::-1] == 0))
+            if part[part.size - 1 - back] == 0:
+                zeros[place] = first + (at + part.size - 1 - back) * width
+            if over < 0:
+                sums[place] = int(path[-1])
+                return
+            sample = first + (at + over) * width
+            score = float(path[over]) / UNIT
+            yield Alarm(sample, family, level, sign, onset=zeros[place], score=score)
+            again = sample - rests[place] <= 4 * pauses[place]
+            pauses[place] = min(2 * pauses[place], self.longest_rest) if again else self.rest
+            rests[place], sums[place], zeros[place] = sample + pauses[place], 0, sample
+            at += over + 1
+
+    def forget_peaks(self) -> None:
+        """Start a new interval for `heights`."""
+        self.peaks = [0] * len(self.names)
+
+    def heights(self) -> dict[str, float]:
+        """Return the largest chart statistic of each family since `forget_peaks`, as a fraction of the threshold."""
+        found: dict[str, float] = {}
+        for (family, _, _), height, limit in zip(self.names, self.peaks, self.limits, strict=True):
+            found[family] = max(found.get(family, 0.0), height / limit if limit else 0.0)
+        return found
+
+    def save(self) -> dict[str, Any]:
+        """Return the state. Its arrays are never modified in place."""
+        return {name: getattr(self, name) for name in self.STATE}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Restore a state from `save`."""
+        self.count, self.base = whole(state["count"]), whole(state["base"])
+        for name in ("left", "tails", "squares"):
+            parts = tuple(map(numbers, state[name]))
+            if len(parts) != len(getattr(self, name)):
+                raise ValueError(f"{name} must have {len(getattr(self, name))} parts; got {len(parts)}")
+            setattr(self, name, parts)
+        for name in ("done", "sums", "zeros", "rests", "pauses"):
+            setattr(self, name, wholes(state[name], getattr(self, name)))
+        self.recent = numbers(state["recent"])
+
+
+States = tuple[list[int], list[int], list[int], list[int]]
+HISTORY_LEVEL = 6
+"""Level of the block sums that are kept to determine the kind of a slow fault."""
+
+
+def differences(sums: Vector, m: int) -> Vector:
+    """Return, for each run of m consecutive sums, the total of the last m/2 of them minus the total of the first
+    m/2."""
+    half = m // 2
+    while half > 1:
+        # Sums of 2, then of 4 consecutive entries, by adding neighbours.
+        step = m // 2 // half
+        sums, half = sums[step:] + sums[:-step], half // 2
+    step = m // 2
+    return np.asarray(sums[step:] - sums[:-step])

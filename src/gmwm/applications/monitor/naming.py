@@ -1,0 +1,280 @@
+"""Determine the kind and the size of a fault from the alarms of an axis and its last innovations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.applications.monitor.charts import HISTORY_LEVEL, Alarm, ChartSettings
+from gmwm.applications.monitor.events import Kind
+from gmwm.applications.monitor.whitening import Gain
+from gmwm.base.arrays import Vector
+
+NAMING = 1.0
+"""Time (s) from the first alarm to the report. Alarms of all axes during this time are evaluated together."""
+SLOWNESS, LONGEST_NAMING = 8.0, 60.0
+"""The kind of a change of level is determined after SLOWNESS times the time from its onset to the alarm, but at most
+LONGEST_NAMING seconds. 9 of 10 excursions of slow noise are then not reported as jumps
+(validation/study_monitor.py)."""
+MOVED_RATIO = 2.0
+"""If several axes change at once, an increase of the standard deviation by this factor counts as motion."""
+LINE_CHANCE = 1e-4
+"""Probability that noise without a sinusoid has a spectral peak at any frequency that is reported as a hum."""
+LINE_SHARE = 1.0 / 3.0
+"""A hum must explain at least this share of the excess power (validation/study_monitor.py)."""
+SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
+"""If the alarm is at level SLOW_LEVEL or coarser, a jump is reported only if its log-likelihood exceeds the one of slow
+noise by SLOW_PRIOR (validation/study_monitor.py)."""
+SHORTEST_LINE = 64
+"""Smallest number of samples in which a hum can be found."""
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The last standardised innovations of an axis.
+
+    Attributes
+    ----------
+    now : int
+        Number of the next sample.
+    fast : (n,) array
+        The last innovations, up to sample `now` − 1.
+    slow : (m,) array
+        The last sums of innovations over 2^HISTORY_LEVEL samples.
+    slow_stop : int
+        Number of the first sample after the last of these sums.
+    """
+
+    now: int
+    fast: Vector
+    slow: Vector
+    slow_stop: int
+
+    def since(self, sample: int) -> tuple[Vector, int, int]:
+        """Return innovations from `sample` or earlier on, number of samples per value, and number of the first
+        sample."""
+        width = 1 << HISTORY_LEVEL
+        if sample >= self.now - self.fast.size or self.slow.size * width <= self.fast.size:
+            first = max(sample, self.now - self.fast.size)
+            return self.fast[self.fast.size - (self.now - first) :], 1, first
+        count = min(self.slow.size, -(-(self.slow_stop - sample) // width))
+        values = self.slow[self.slow.size - count :] / math.sqrt(width)
+        return values, width, self.slow_stop - count * width
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named:
+    """A fault whose kind was determined.
+
+    Attributes
+    ----------
+    kind : Kind
+        Kind of the fault.
+    onset : int
+        Number of the sample at which it began.
+    level : int or None
+        Haar level at which it was found.
+    size : float or None
+        Size in the unit of the signal, per sample for a ramp.
+    ratio : float or None
+        Ratio of the standard deviation of the noise to the expected one.
+    cycles : float or None
+        Frequency of a hum (cycles per sample).
+    """
+
+    kind: Kind
+    onset: int
+    level: int | None = None
+    size: float | None = None
+    ratio: float | None = None
+    cycles: float | None = None
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether the change counts as motion if several axes have it at the same time."""
+        louder = self.kind == "noise-up" and (self.ratio or 0.0) >= MOVED_RATIO
+        return louder or self.kind in ("jump", "ramp", "spike")
+
+    @property
+    def magnitude(self) -> float:
+        """Size of the fault for comparisons: absolute size, or factor between the noise and the expected noise."""
+        if self.ratio:
+            return max(self.ratio, 1.0 / self.ratio)
+        return abs(self.size or 0.0)
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A jump or a ramp fitted to innovations: kind, increase of the log-likelihood, size, and index of its
+    beginning."""
+
+    kind: Kind
+    gain: float
+    size: float
+    begin: int
+
+
+def naming_time(alarm: Alarm, rate: float) -> int:
+    """Return the number of samples after a first alarm at which its fault is determined.
+
+    It is larger for a slow change of the level.
+    """
+    usual = max(round(NAMING * rate), 1)
+    if alarm.family != "level":
+        return usual
+    slow = round(SLOWNESS * (alarm.sample - alarm.onset))
+    return max(usual, min(slow, round(LONGEST_NAMING * rate)))
+
+
+def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Named:
+    """Determine the fault that caused the alarms of one axis.
+
+    Parameters
+    ----------
+    alarms : sequence of Alarm
+        Alarms since the first one, in order of time. The family "constant" is not allowed.
+    history : History
+        The last innovations.
+    gain : Gain
+        The filter that computed them.
+    settings : ChartSettings
+        Settings of the charts.
+    """
+    families = {alarm.family for alarm in alarms}
+    first = alarms[0]
+    if families == {"spike"}:
+        place = history.fast.size - (history.now - first.sample)
+        error = float(history.fast[place]) if place >= 0 else math.sqrt(2.0 * first.score) * first.sign
+        return Named(kind="spike", onset=first.sample, size=error * math.sqrt(gain.S))
+    noise = _strongest(alarms, "noise up")
+    level = _strongest(alarms, "level")
+    down = _strongest(alarms, "noise down")
+    if down is not None and noise is None and (level is None or down.score > level.score):
+        ratio = _spread(history, down)
+        return Named(kind="noise-down", onset=down.onset + 1, level=down.level, ratio=ratio)
+    earliest = next((alarm for alarm in alarms if alarm.family == "level"), first)
+    shape = _course(history, earliest.onset + 1, gain)
+    if noise is None:
+        white = 0.0 if "spike" not in families else _excess(history, first.onset + 1)
+    else:
+        white = max(noise.score, _excess(history, noise.onset + 1))
+    slow, slow_level = _slow_excess(history, earliest.onset + 1) if level is not None else (0.0, 0)
+    # A jump that is detected only after seconds is small compared with slow noise, which is then the more likely cause.
+    prior = SLOW_PRIOR if level is not None and earliest.level >= SLOW_LEVEL and shape.kind == "jump" else 0.0
+    if slow + prior > max(shape.gain, white) and slow_level > 3:
+        ratio = _spread(history, earliest._replace(level=slow_level))
+        return Named(kind="noise-up", onset=earliest.onset + 1, level=slow_level, ratio=ratio)
+    if level is not None and shape.gain > white:
+        return Named(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+    chosen = noise or first
+    line = _line(history, chosen.onset + 1, gain)
+    if line is not None:
+        cycles, size = line
+        return Named(kind="hum", onset=chosen.onset + 1, level=chosen.level, size=size, cycles=cycles)
+    if noise is None and level is not None and "spike" not in families:
+        return Named(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+    return Named(
+        kind="noise-up", onset=chosen.onset + 1, level=noise.level if noise else None, ratio=_spread(history, chosen)
+    )
+
+
+def _strongest(alarms: Sequence[Alarm], family: str) -> Alarm | None:
+    found = [alarm for alarm in alarms if alarm.family == family]
+    return max(found, key=lambda alarm: alarm.score) if found else None
+
+
+def _excess(history: History, onset: int) -> float:
+    """Return the log-likelihood ratio of an increased variance of the innovations since the onset, or 0."""
+    values, _, _ = history.since(onset)
+    if not values.size:
+        return 0.0
+    r = float(np.mean(np.square(values)))
+    return 0.5 * values.size * (r - 1.0 - math.log(r)) if r > 1.0 else 0.0
+
+
+def _spread(history: History, alarm: Alarm) -> float:
+    """Return the ratio of the measured to the expected standard deviation at the level of an alarm, since its onset."""
+    values, width, _ = history.since(alarm.onset + 1)
+    half = max((1 << alarm.level) // 2 // width, 1)
+    if values.size < 2 * half:
+        return math.sqrt(float(np.mean(np.square(values)))) if values.size else math.nan
+    path = np.concatenate([[0.0], np.cumsum(values)])
+    w = path[2 * half :] - 2.0 * path[half:-half] + path[: -2 * half]
+    return math.sqrt(float(np.mean(np.square(w))) / (2.0 * half))
+
+
+def _course(history: History, onset: int, gain: Gain) -> _Shape:
+    """Return the jump or ramp of the level that explains the innovations best."""
+    duration = max(history.now - onset, 1)
+    values, width, first = history.since(onset - 3 * duration)
+    step = _thinned(gain.step_response(values.size * width), width)
+    slope = _thinned(np.cumsum(gain.step_response(values.size * width)), width)
+    place = max((onset - first) // width, 0)
+    near = max(duration // width, 8)
+    jumps = range(max(place - near // 2, 0), min(place + near, values.size - 1) + 1, max(near // 64, 1))
+    ramps = {max(place - k * duration // width, 0) for k in (0, 1, 2, 3)}
+    candidates = [_fitted("jump", values, step, begin) for begin in jumps]
+    candidates += [_fitted("ramp", values, slope, begin) for begin in sorted(ramps)]
+    # The best of many possible beginnings fits well by chance, so the logarithm of their number is subtracted.
+    price = {"jump": math.log(max(len(jumps), 1)), "ramp": math.log(len(ramps))}
+    best = max(candidates, key=lambda one: one.gain - price[one.kind])
+    return _Shape(best.kind, best.gain, best.size, first + best.begin * width)
+
+
+def _slow_excess(history: History, onset: int) -> tuple[float, int]:
+    """Return the log-likelihood ratio of an increased variance of block means since the onset, and the level of the
+    blocks.
+
+    The largest ratio over all levels is returned. It measures slow noise, whose block means do not follow a jump or
+    ramp.
+    """
+    values, width, _ = history.since(onset)
+    best, level = (0.0, 0), width.bit_length() - 1
+    while values.size >= 4:
+        r = float(np.mean(np.square(values)))
+        if r > 1.0:
+            best = max(best, (0.5 * values.size * (r - 1.0 - math.log(r)), level))
+        even = values.size & ~1
+        values, level = (values[0:even:2] + values[1:even:2]) / math.sqrt(2.0), level + 1
+    return best
+
+
+def _thinned(values: Vector, width: int) -> Vector:
+    return values if width == 1 else np.asarray(values.reshape(-1, width).sum(axis=1) / math.sqrt(width))
+
+
+def _fitted(kind: Kind, values: Vector, response: Vector, begin: int) -> _Shape:
+    here, g = values[begin:], response[: values.size - begin]
+    power = float(g @ g)
+    if power == 0:
+        return _Shape(kind, 0.0, 0.0, begin)
+    size = float(g @ here) / power
+    return _Shape(kind, 0.5 * size * size * power, size, begin)
+
+
+def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | None:
+    """Return the frequency (cycles per sample) and the amplitude of a sinusoid in the innovations.
+
+    The result is None if no sinusoid is significant and explains a large part of the excess power.
+    """
+    start = max(onset, history.now - history.fast.size)
+    values = history.fast[history.fast.size - (history.now - start) :]
+    if values.size < SHORTEST_LINE:
+        return None
+    size = 4 * values.size
+    window = np.hanning(values.size + 2)[1:-1]
+    power = np.square(np.abs(np.fft.rfft(values * window, size))) / float(np.sum(window**2))
+    power[:8] = 0.0  # frequencies of slow noise, not of a hum
+    peak = int(np.argmax(power[: size // 2]))
+    rest = float(np.median(power[8 : size // 2])) / math.log(2.0)
+    if power[peak] / max(rest, 1.0) < math.log(values.size / LINE_CHANCE):
+        return None
+    amplitude = 2.0 * math.sqrt(float(power[peak]) * float(np.sum(window**2))) / float(np.sum(window))
+    excess = float(np.mean(np.square(values))) - 1.0
+    if 0.5 * amplitude**2 < LINE_SHARE * excess:
+        return None
+    cycles = peak / size
+    return cycles, amplitude / gain.magnitude(cycles)

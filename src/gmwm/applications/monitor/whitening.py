@@ -1,0 +1,343 @@
+"""Compute the standardised innovations of a signal with the Kalman filter of its model, chunk by chunk.
+
+After the initial transient, the filter has a constant gain K. Let F be the transition matrix and H the observation row
+of the model. The innovations e_t are then the output of a fixed linear filter, whose zeros are the eigenvalues of F and
+whose poles are the eigenvalues of Φ = F − K H. The transient is treated exactly. At the first sample, the state differs
+from the state of the constant-gain filter by a vector B u, where u has a known prior (diffuse for levels). The output
+of the fixed filter is therefore e_t = ε_t + H Φᵗ B u, with ε_t the innovations of the constant-gain filter in its
+steady state. u is estimated by recursive least squares.
+
+The results do not depend on how the samples are divided into chunks, not even in the last bit, because the same
+operations are applied to each sample.
+
+Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 5; de Jong (1991), The
+diffuse Kalman filter, Annals of Statistics 19, 1073-1083.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.applications.monitor.finite_state import Finite
+from gmwm.applications.monitor.stored import number, numbers, whole
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import ModelError
+
+FRAME = 1024
+"""Number of samples (a frame) for which the response to the initial state is computed in one step."""
+SMALL = 1 << 17
+"""Largest number of multiplications in one matrix product."""
+DIFFUSE = 1e-12
+"""Prior information on a diffuse level, relative to the information in one sample. The result agrees with the limit of
+zero information to 12 digits."""
+FORGOTTEN = 1e-6
+"""A component of the initial state is dropped if its contribution to an innovation is below this share of the variance.
+In the mean of 2^14 samples, the contribution is then at most 1/60 of the variance."""
+COAST = 1000
+"""Largest number of missing samples over which the filter predicts the state. After a longer gap, the level is treated
+as unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """Constant-gain Kalman filter of a model.
+
+    Attributes
+    ----------
+    finite : Finite
+        State-space form of the model.
+    F, H, Q : (p, p), (p,) and (p, p) arrays
+        Transition matrix, observation row and process noise of the model, including its level.
+    P : (p, p) array
+        Steady-state covariance of the predicted state; 0 for a constant level.
+    S : float
+        Variance of an innovation, in the squared unit of the signal.
+    phi : (p, p) array
+        Φ = F − K H, with the constant gain K.
+    start : (p, m) array
+        B at the first sample. The first columns are the diffuse states; the others describe the initial uncertainty of
+        the other states in excess of P.
+    diffuse : int
+        Number of diffuse columns of `start`.
+    """
+
+    finite: Finite
+    F: Matrix
+    H: Vector
+    Q: Matrix
+    P: Matrix
+    S: float
+    phi: Matrix
+    start: Matrix
+    diffuse: int
+
+    @classmethod
+    def of(cls, finite: Finite) -> Gain:
+        """Compute the constant-gain filter of a state-space model."""
+        space = finite.space
+        F, H, Q = np.array(space.F), np.array(space.H[0]), np.array(space.Q)
+        p = H.size
+        moving = finite.moving
+        scale = float(H @ Q @ H) + float(space.R[0, 0])
+        # Without this lower limit, quantization noise and moving averages with a zero on the unit circle have no stable
+        # filter.
+        R = max(float(space.R[0, 0]), 1e-8 * scale)
+        P = np.zeros((p, p))
+        at = np.ix_(moving, moving)
+        if np.any(moving):
+            try:
+                P[at] = scale * _riccati(F[at], H[moving], Q[at] / scale, R / scale)
+            except np.linalg.LinAlgError as error:
+                raise ModelError("the Kalman filter of the model has no constant gain") from error
+        S = float(H @ P @ H) + R
+        K = F @ P @ H / S
+        K[~moving] = 0.0
+        known = moving & ~space.diffuse
+        beyond = (space.P0 - P)[np.ix_(known, known)]
+        values, vectors = np.linalg.eigh(0.5 * (beyond + beyond.T))
+        kept = values > 1e-9 * max(float(np.max(values, initial=0.0)), 1e-300)
+        columns = np.zeros((p, int(np.count_nonzero(kept))))
+        columns[known] = vectors[:, kept] * np.sqrt(values[kept])
+        levels = np.eye(p)[:, space.diffuse] * math.sqrt(S)
+        start = np.concatenate([levels, columns], axis=1)
+        phi = F - np.outer(K, H)
+        return cls(finite, F, H, Q, P=P, S=S, phi=phi, start=start, diffuse=levels.shape[1])
+
+    @cached_property
+    def sections(self) -> Matrix:
+        """Second-order sections (k, 6) of the linear filter that computes innovations from the signal."""
+        moving = self.finite.moving
+        if not np.any(moving):
+            return np.array([[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+        at = np.ix_(moving, moving)
+        return _sections(np.linalg.eigvals(self.F[at]), np.linalg.eigvals(self.phi[at]))
+
+    @cached_property
+    def responses(self) -> Matrix:
+        """Responses H Φⁱ/√S (FRAME, p) of standardised innovations to the initial state, for i = 0 … FRAME − 1."""
+        rows = np.empty((FRAME, self.H.size))
+        rows[0] = self.H / math.sqrt(self.S)
+        for k in range(1, FRAME):
+            rows[k] = rows[k - 1] @ self.phi
+        return rows
+
+    @cached_property
+    def frame_step(self) -> Matrix:
+        """Φ^FRAME, the transition over one frame."""
+        return np.linalg.matrix_power(self.phi, FRAME)
+
+    def after_gap(self, samples: int) -> Matrix:
+        """Return B (p, m) after a gap: a factor of the covariance that the missing samples add to the predicted
+        state."""
+        P, power = self.P.copy(), self.P.copy()
+        for _ in range(samples):
+            power = self.F @ power @ self.F.T + self.Q
+        values, vectors = np.linalg.eigh(0.5 * (power - P + (power - P).T))
+        kept = values > 1e-12 * self.S
+        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+    def step_response(self, samples: int) -> Vector:
+        """Return the standardised innovations (n,) that a jump of the signal by 1 causes."""
+        response = np.ones(samples)
+        _core.second_order_sections(self.sections, np.zeros((len(self.sections), 2)), response)
+        return np.asarray(response / math.sqrt(self.S))
+
+    def magnitude(self, cycles: float) -> float:
+        """Return the amplitude of the standardised innovations for a sinusoid of amplitude 1 at a frequency (cycles per
+        sample)."""
+        z = np.exp(-2j * np.pi * cycles) ** np.arange(3)
+        return float(np.prod(np.abs(self.sections[:, :3] @ z) / np.abs(self.sections[:, 3:] @ z))) / math.sqrt(self.S)
+
+
+def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
+    """Return second-order sections with the given zeros and the same number of poles.
+
+    The poles nearest to the unit circle come last, and each pair of poles gets the nearest zeros, so that no section
+    has a large gain.
+    """
+    left = _roots(zeros)
+    rows = []
+    for pole in _roots(poles):
+        nearest = min(range(len(left)), key=lambda k: abs(left[k][0] - pole[0]))
+        rows.append([*_polynomial(left.pop(nearest)), *_polynomial(pole)])
+    return np.array(rows[::-1])
+
+
+def _roots(roots: NDArray[Any]) -> list[tuple[complex, complex]]:
+    """Group roots in pairs of conjugate or of two real roots, the largest pair first.
+
+    If the number of real roots is odd, a root at 0 is added. Tiny imaginary parts are removed.
+    """
+    real = sorted(roots.real[np.abs(roots.imag) < 1e-12].tolist(), key=abs, reverse=True)
+    real += [0.0] * (len(real) % 2)
+    pairs = [(z, z.conjugate()) for z in roots[roots.imag >= 1e-12].tolist()]
+    pairs += [(a, b) for a, b in zip(real[::2], real[1::2], strict=True)]
+    return sorted(pairs, key=lambda pair: abs(pair[0]), reverse=True)
+
+
+def _polynomial(roots: tuple[complex, complex]) -> list[float]:
+    """Return the coefficients of (1 − r z)(1 − s z) for two roots r and s."""
+    one, other = roots
+    return [1.0, -(one + other).real, (one * other).real]
+
+
+def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
+    """Return the steady-state covariance of the predicted state, by a doubling algorithm.
+
+    Each step doubles the number of samples. The recursion is for the covariance of the filtered state. Given this
+    state, the noise of the next sample is H w + v, where w is the process noise and v the measurement noise. The
+    variance of H w + v is never small, but the variance of v alone is zero for moving averages and autoregressions.
+
+    Source: Anderson (1978), Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control
+    28, 295-306.
+    """
+    eye = np.eye(H.size)
+    seen, common = H @ F, Q @ H
+    whole = float(H @ common) + R
+    A = (F - np.outer(common, seen) / whole).T
+    G, X = np.outer(seen, seen) / whole, Q - np.outer(common, common) / whole
+    for _ in range(60):
+        inner = np.linalg.solve(eye + G @ X, np.concatenate([A, G], axis=1))
+        W, V = inner[:, : H.size], inner[:, H.size :]
+        more = A.T @ X @ W
+        G = G + A @ V @ A.T
+        A = A @ W
+        X = X + 0.5 * (more + more.T)
+        if np.max(np.abs(more)) <= 1e-15 * np.max(np.abs(X)):
+            break
+    return np.asarray(F @ X @ F.T + Q)
+
+
+class Whitener:
+    """Computes the standardised innovations of one axis from chunks of any size.
+
+    Parameters
+    ----------
+    gain : Gain
+        The filter of the model.
+    """
+
+    STATE = ("sections", "origin", "count", "drifted", "columns", "power", "information", "moments")
+
+    def __init__(self, gain: Gain) -> None:
+        self.gain = gain
+        self.drifted = 0  # samples since the beginning, to subtract a drift of known slope
+        self.restart()
+
+    def restart(self) -> None:
+        """Restart the filter with an unknown level."""
+        self.sections = np.zeros((len(self.gain.sections), 2))
+        self.origin: float | None = None
+        self._settle(self.gain.start, self.gain.diffuse)
+
+    def _settle(self, start: Matrix, diffuse: int) -> None:
+        self.count = 0  # samples since the least-squares estimation of u started
+        m = start.shape[1]
+        self.columns = m
+        self.power = np.ascontiguousarray(start)  # Φ^(FRAME k) B for the present frame k
+        self.information = np.diag([DIFFUSE] * diffuse + [1.0] * (m - diffuse)) if m else np.zeros((0, 0))
+        self.moments = np.zeros(m)
+        self._rows: Matrix | None = None
+        self._peaks = np.zeros(0)
+
+    def update(self, x: Vector) -> Vector:
+        """Return the standardised innovations (n,) of the next samples (n,), which are in the unit of the model."""
+        if not x.size:
+            return np.zeros(0)
+        slope = self.gain.finite.slope
+        if slope:
+            x = x - slope * np.arange(self.drifted, self.drifted + x.size)
+        self.drifted += x.size
+        if self.origin is None:
+            self.origin = float(x[0])
+        out = np.array(x - self.origin, dtype=np.float64)
+        self.sections = self.sections.copy()
+        _core.second_order_sections(self.gain.sections, self.sections, out)
+        out /= math.sqrt(self.gain.S)
+        at = 0
+        while self.columns and at < out.size:
+            n = min(out.size - at, FRAME - self.count % FRAME)
+            self._correct(out[at : at + n])
+            at += n
+        return out
+
+    def _correct(self, e: Vector) -> None:
+        """Subtract the contribution of the initial state from innovations within a frame, in place."""
+        rows, first = self._frame(), self.count % FRAME
+        self.information, self.moments = self.information.copy(), self.moments.copy()
+        # The sample that first determines a diffuse level has an innovation of infinite variance, which is not used.
+        _core.least_squares_innovations(rows[first : first + e.size], 1e-3 / DIFFUSE, self.information, self.moments, e)
+        self.count += e.size
+        if self.count % FRAME == 0:
+            self._next_frame()
+
+    def _next_frame(self) -> None:
+        power = self.gain.frame_step @ self.power
+        # The effect of a constant level is soon the same in every frame.
+        if not np.array_equal(power, self.power):
+            self.power, self._rows = power, None
+        self._frame()
+        # Components of the initial state whose effect has decayed are integrated out.
+        covariance = np.linalg.inv(self.information) if self.columns > 1 else 1 / self.information
+        mean = covariance @ self.moments
+        # The effect of a constant level never decays, even if the level is well determined.
+        size = self._peaks * (covariance.diagonal() + mean**2)
+        kept = size > FORGOTTEN
+        if kept.all():
+            return
+        self.columns = int(np.count_nonzero(kept))
+        part = covariance[np.ix_(kept, kept)]
+        self.information = np.linalg.inv(part) if self.columns else np.zeros((0, 0))
+        self.moments = self.information @ mean[kept]
+        # A fixed memory layout is needed, because the order of sums in matrix products depends on it.
+        self.power, self._rows = np.ascontiguousarray(self.power[:, kept]), None
+
+    def _frame(self) -> Matrix:
+        """Return the responses (FRAME, m) of the innovations of this frame to the components of the initial state."""
+        if self._rows is None:
+            # Larger products would start BLAS threads, which is slower here.
+            rows = max(SMALL // max(self.power.size, 1), 1)
+            parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
+            self._rows = np.concatenate(parts)
+            self._peaks = np.max(self._rows**2, axis=0)
+        return self._rows
+
+    def gap(self, samples: int | None) -> None:
+        """Continue after missing samples; `samples` is None if their number is unknown."""
+        if samples is None or samples > COAST or self.columns or self.origin is None:
+            self.drifted += samples or 0
+            self.restart()
+            return
+        self.sections = self.sections.copy()
+        for _ in range(samples):
+            # Insert the sample that the filter predicts, so that its innovation is zero.
+            predicted = np.zeros(1)
+            _core.second_order_sections(self.gain.sections, self.sections.copy(), predicted)
+            _core.second_order_sections(self.gain.sections, self.sections, -predicted)
+        self.drifted += samples
+        self._settle(self.gain.after_gap(samples), 0)
+
+    def save(self) -> dict[str, Any]:
+        """Return the state. Its arrays are never modified in place."""
+        return {name: getattr(self, name) for name in self.STATE}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Restore a state from `save`."""
+        self.sections = np.array([numbers(row) for row in state["sections"]]).reshape(len(self.gain.sections), 2)
+        self.origin = None if state["origin"] is None else number(state["origin"])
+        self.count, self.drifted = whole(state["count"]), whole(state["drifted"])
+        m = self.columns = whole(state["columns"])
+        self.power = numbers([one for row in state["power"] for one in row]).reshape(self.gain.H.size, m)
+        self.information = numbers([one for row in state["information"] for one in row]).reshape(m, m)
+        self.moments = numbers(state["moments"]).reshape(m)
+        if np.any(np.linalg.eigvalsh(self.information) <= 0):
+            raise ValueError("the information of the filter must be positive definite")
+        self._rows = None

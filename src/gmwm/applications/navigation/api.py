@@ -1,0 +1,262 @@
+"""Compute the error budget of unaided inertial navigation from noise models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from gmwm.applications.navigation.axis import AxisNoise
+from gmwm.applications.navigation.response import EARTH_RATE, MEAN, Response, navigation
+from gmwm.applications.navigation.result import Budget, Growth
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.durations import parse_length
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.fitting.estimation.result import Fit
+from gmwm.recording.options import as_confidence
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model
+
+GRAVITY = STANDARD_GRAVITY
+"""Default gravity (m/s²)."""
+LATITUDE = 45.0
+"""Default latitude (deg)."""
+PER_DECADE = 8
+"""Number of points of a curve per decade of time."""
+FIRST = 1.0
+"""Time (s) of the first point of a curve. If the duration is below 10 s, it is a tenth of the duration."""
+_ENDLESS = 300.0
+_DEGREE = math.pi / 180
+
+VERTICAL = 100.0
+"""Longest duration (s) for which vertical errors are given. After a longer time, the second-order effect of the tilt,
+which is not modelled, exceeds them (docs/validation/budget.md)."""
+_ERRORS = {
+    "tilt_x": ("tilt about x", "deg", {"gyro_x"}),
+    "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
+    "heading": ("heading", "deg", {"gyro_z"}),
+    "velocity_x": ("velocity along x", "m/s", {"gyro_y", "accel_x"}),
+    "velocity_y": ("velocity along y", "m/s", {"gyro_x", "accel_y"}),
+    "velocity_z": ("vertical velocity", "m/s", {"accel_z"}),
+    "position_x": ("position along x", "m", {"gyro_y", "accel_x"}),
+    "position_y": ("position along y", "m", {"gyro_x", "accel_y"}),
+    "position_z": ("height", "m", {"accel_z"}),
+}
+"""Title and unit of each error, and the axes of which at least one is needed, in the order of the error equations."""
+
+
+def budget(
+    noise: Mapping[str, Fit | Model | Process | str],
+    duration: float | str,
+    *,
+    rate: float | None = None,
+    rest: float | str = 0.0,
+    latitude: float = LATITUDE,
+    gravity: float = GRAVITY,
+    level: float = 0.95,
+) -> Budget:
+    """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
+
+    The vehicle is level and at rest, with x north, y east and z down. Without a rest, all errors start at zero. With a
+    rest before navigation, the mean over the rest is subtracted from the gyroscopes and from the vertical
+    accelerometer, and the mean of the horizontal accelerometers gives the initial tilt, which has an error. Stationary
+    noise starts in its stationary distribution; random walks and flicker noise start at zero. Constant biases and scale
+    factors are not part of a noise model, so the budget does not include them.
+
+    The error equations are linear. They include the effect of gravity on a tilted vehicle, the Schuler oscillation and
+    the rotation of the Earth, but no accelerations of the vehicle. Strapdown integrations of simulated sensors agree
+    within 5 % from 1 s to 1 h (docs/validation/budget.md). Vertical errors are only given up to 100 s, because
+    second-order effects of the tilt, which are not included, exceed them after that.
+
+    Parameters
+    ----------
+    noise : mapping of axis to Fit or Model
+        The noise of one or more of the axes gyro_x … accel_z, in rad/s and m/s².
+    duration : float or str
+        Time of navigation (s), or text such as "60s" or "10min".
+    rate : float, optional
+        Sampling rate (Hz), which is needed if `noise` has models.
+    rest : float or str
+        Time at rest before navigation starts (s), or text such as "60s".
+    latitude : float
+        Latitude (deg).
+    gravity : float
+        Gravity (m/s²).
+    level : float
+        Confidence level of the intervals, from 0.5 to below 1.
+
+    Returns
+    -------
+    Budget
+        The errors over time, each with its confidence interval and the contribution of each term.
+
+    Raises
+    ------
+    OptionError
+        If `noise` has no axis or an unknown axis, `rate` is missing, or an option is out of range.
+    ModelError
+        If a parameter of a model has no value, or the unit of a fit is not the SI unit of its axis.
+    MissingTheoryError
+        If a term has no state-space form.
+
+    Examples
+    --------
+    >>> found = budget({"gyro_y": "WN(sigma2=1e-6)", "accel_x": "WN(sigma2=1e-4)"}, "60s", rate=100.0)
+    >>> f"{found['tilt_y'].error[-1]:.3f} deg, {found['position_x'].error[-1]:.1f} m"
+    '0.044 deg, 6.1 m'
+
+    White noise of density N gives a tilt of N √t:
+
+    >>> np.isclose(found["tilt_y"].error[-1], np.degrees(1e-4 * 60**0.5), rtol=1e-3)
+    np.True_
+    """
+    seconds, before = _seconds(duration, "duration"), _seconds(rest, "rest", least=0.0)
+    level = as_confidence(level, "level")
+    if not -89.0 <= latitude <= 89.0:
+        raise OptionError(argument="latitude", expected="from -89 to 89 (deg)", got=latitude)
+    if not 0 < gravity < math.inf:
+        raise OptionError(argument="gravity", expected="a positive acceleration (m/s²)", got=gravity)
+    if not noise:
+        raise OptionError(argument="noise", expected="a mapping with at least one axis", got=noise)
+    axes = {axis: AxisNoise.of(axis, source, rate) for axis, source in noise.items()}
+    slowest = min(one.rate for one in axes.values())
+    times = _times(seconds, 1 / slowest)
+    made = _Maker(axes, times, rest=before, gravity=gravity, reach=NormalDist().inv_cdf((1 + level) / 2))
+    remarks = [remark for one in axes.values() for remark in one.remarks(seconds + before)]
+    missing = [f"{sensor}_{letter}" for sensor in ("gyro", "accel") for letter in "xyz"]
+    if missing := [axis for axis in missing if axis not in axes]:
+        remarks.append(Remark.of("budget-axes-missing", axes=tuple(missing)))
+    return Budget(
+        growths=made.growths(latitude * _DEGREE),
+        alignment=made.alignment(latitude * _DEGREE),
+        duration=seconds,
+        rest=before,
+        latitude=float(latitude),
+        gravity=float(gravity),
+        level=level,
+        remarks=tuple(dict.fromkeys(remarks)),
+    )
+
+
+def budget_of_fits(
+    fits: Mapping[str, Fit],
+    duration: float | str,
+    *,
+    rest: float | str = 0.0,
+    latitude: float = 45.0,
+    level: float = 0.95,
+) -> Budget:
+    """Return the budget of the fits of a calibration. `Calibration.budget` describes the arguments."""
+    return budget(fits, duration, rest=rest, latitude=latitude, level=level)
+
+
+def budget_of_fit(fit: Fit, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
+    """Return the budget of a fit of one axis. `Fit.budget` describes the arguments."""
+    return budget({fit.wavelet_variance.axis: fit}, duration, rest=rest, level=level)
+
+
+def _seconds(given: float | str, name: str, least: float = 1e-9) -> float:
+    value = parse_length(given, name) if isinstance(given, str) else given
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= 1e7:
+        raise OptionError(argument=name, expected="a time in seconds, at most 1e7, or text such as '60s'", got=given)
+    return float(value)
+
+
+def _times(duration: float, step: float) -> Vector:
+    """Return the times (s) of the curves, from 1 s (or a tenth of a short duration) to the duration.
+
+    Parameters
+    ----------
+    duration : float
+        Duration (s).
+    step : float
+        Longest sampling interval of the axes (s), below which there is no time.
+    """
+    if duration < step:
+        raise OptionError(argument="duration", expected=f"at least one sample, {step:g} s", got=duration)
+    first = max(min(FIRST, duration / 10), step)
+    count = 1 + math.ceil(PER_DECADE * math.log10(duration / first))
+    return np.geomspace(first, duration, max(count, 1)) if count > 1 else np.array([duration])
+
+
+@dataclass(frozen=True, eq=False)
+class _Maker:
+    """Computation of the errors of a budget from the noise of its axes.
+
+    Attributes
+    ----------
+    axes : mapping of axis to AxisNoise
+    times : (T,) array, s
+    rest : float
+        Time at rest before navigation starts (s).
+    gravity : float
+        Gravity (m/s²).
+    reach : float
+        Half the width of a confidence interval in standard errors.
+    """
+
+    axes: Mapping[str, AxisNoise]
+    times: Vector
+    rest: float
+    gravity: float
+    reach: float
+
+    def growths(self, latitude: float) -> dict[str, Growth]:
+        """Return the attitude, velocity and position errors by name. The latitude is in rad."""
+        motions = {axis: navigation(axis, self.gravity, latitude) for axis in self.axes}
+        parts = self._parts(motions, self.rest)
+        found = {}
+        for column, (name, (title, unit, needed)) in enumerate(_ERRORS.items()):
+            if needed & self.axes.keys() and (not name.endswith("_z") or self.times[-1] <= VERTICAL):
+                size = _DEGREE if unit == "deg" else 1.0
+                found[name] = self._growth(parts, column, size, name=name, title=title, unit=unit)
+        return found
+
+    def alignment(self, latitude: float) -> dict[str, Growth]:
+        """Return the errors of levelling and gyro-compassing over averaging times, by name. The latitude is in rad."""
+        found = {}
+        north = EARTH_RATE * math.cos(latitude)
+        for sensor, kind, title, size in (
+            ("accel", "level", "levelling with {}", self.gravity), ("gyro", "north", "north from {}", north)
+        ):  # fmt: skip
+            for axis in (f"{sensor}_x", f"{sensor}_y"):
+                if axis in self.axes:
+                    name, parts = f"{kind}_{axis[-1]}", self._parts({axis: MEAN}, 0.0)
+                    size_of = _DEGREE * size * self.times
+                    found[name] = self._growth(parts, 0, size_of, name=name, title=title.format(axis), unit="deg")
+        return found
+
+    def _parts(self, motions: Mapping[str, Response], rest: float) -> list[tuple[dict[str, Matrix], Matrix]]:
+        """Return for each axis the mean squares (T, q) of its terms, and the standard errors (T, q) of their sum.
+
+        q is the number of errors in the error equations of `motions`.
+        """
+        found = []
+        for axis, motion in motions.items():
+            noise = self.axes[axis]
+            squares = noise.mean_squares(motion, self.times.tolist(), rest)
+            errors = noise.errors(motion, self.times.tolist(), rest, squares)
+            found.append(({f"{axis} {label}": square for label, square in squares.items()}, errors))
+        return found
+
+    def _growth(
+        self, parts: Sequence[tuple[dict[str, Matrix], Matrix]], column: int, size: float | Vector, *, name: str,
+        title: str, unit: str,
+    ) -> Growth:  # fmt: skip
+        """Return the error in a column of the mean squares as a `Growth`. `size` is the unit of the error in SI."""
+        squares = {label: square[:, column] for terms, _ in parts for label, square in terms.items()}
+        whole = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
+        error = np.sqrt(sum(errors[:, column] ** 2 for _, errors in parts))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            width = np.where(whole > 0, np.minimum(self.reach * error / (2 * whole), _ENDLESS), 0.0)
+        root = np.sqrt(whole) / size
+        kept = {label: np.sqrt(square) / size for label, square in squares.items() if np.any(square > 0)}
+        return Growth(
+            name=name, title=title, unit=unit, times=self.times.copy(), error=root, low=root * np.exp(-width),
+            high=root * np.exp(width), terms=kept,
+        )  # fmt: skip

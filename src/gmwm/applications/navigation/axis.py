@@ -1,0 +1,155 @@
+"""The noise of one axis for an error budget: its processes, and the covariance of their estimated parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.applications.navigation.response import Response, mean_squares
+from gmwm.base.arrays import Matrix, as_rate
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.units import SI_UNIT
+from gmwm.choosing.datasheets.curve import Curve
+from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.fitting.estimation.result import Fit
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.model import Model, as_model
+
+_STEP = 1e-3
+"""Relative step of the central differences with which derivatives with respect to shape parameters are computed. The
+relative error of the derivatives is about 1e-6."""
+
+
+@dataclass(frozen=True, eq=False)
+class AxisNoise:
+    """The noise of one axis.
+
+    Attributes
+    ----------
+    axis : str
+        Name of the axis.
+    terms : mapping of label to Process
+        The terms of the model that are not zero.
+    rate : float
+        Sampling rate (Hz).
+    curve : Curve or None
+        The estimated parameters and their covariance; None if the values were given, or have no standard errors.
+    longest : float
+        Longest averaging time (s) of the recording; infinite if the values were given.
+    """
+
+    axis: str
+    terms: Mapping[str, Process]
+    rate: float
+    curve: Curve | None = None
+    longest: float = np.inf
+
+    @classmethod
+    def of(cls, axis: str, source: Fit | Model | Process | str, rate: float | None) -> AxisNoise:
+        """Return the noise of an axis from a fit, or from a model with all values and its sampling rate (Hz).
+
+        Raises
+        ------
+        OptionError
+            If the axis is not an axis of an IMU, or `rate` is missing for a model.
+        ModelError
+            If a parameter has no value, or the unit of a fit is not the SI unit of the axis.
+        MissingTheoryError
+            If a term has no state-space form.
+        """
+        if axis not in AXES:
+            raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
+        if isinstance(source, Fit):
+            wv = source.wavelet_variance
+            wanted = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
+            if wv.unit != wanted:
+                raise ModelError(
+                    f"{axis} is in {wv.unit or 'an unknown unit'} instead of {wanted}",
+                    advice="Read the recording again with {--units}.",
+                )
+            written, labels = translated(source)
+            try:
+                curve = Curve.of(written)
+            except GmwmError:
+                curve = None
+            terms = dict(zip(labels, written.model.processes, strict=True))
+            return cls(axis, _present(axis, terms, wv.rate), wv.rate, curve, longest=float(wv.tau[-1]) / 2)
+        model = as_model(source)
+        missing = [name for name, value in model.parameters.items() if value is None]
+        if missing:
+            raise ModelError(
+                f"the error budget of {model} needs a value for {', '.join(missing)}",
+                advice="Write the values into the model, or calibrate a recording.",
+            )
+        if rate is None:
+            raise OptionError(argument="rate", expected="the sampling rate (Hz), because a model has none", got=rate)
+        rate = as_rate(rate)
+        return cls(axis, _present(axis, dict(zip(model.terms, model.processes, strict=True)), rate), rate)
+
+    def remarks(self, duration: float) -> tuple[Remark, ...]:
+        """Return remarks if the duration (s) exceeds the recording, or if the state space of a term is approximate."""
+        model = Model(tuple(self.terms.values())) if self.terms else None
+        found = () if model is None else approximated(model, self.rate, self.axis)
+        if duration <= self.longest:
+            return found
+        facts = {"duration": Quantity(duration, "s"), "longest": Quantity(self.longest, "s")}
+        return (Remark.of("budget-extrapolated", self.axis, **facts), *found)
+
+    def mean_squares(self, motion: Response, times: Sequence[float], rest: float) -> dict[str, Matrix]:
+        """Return the mean square (T, q) of the errors that each term causes.
+
+        Parameters
+        ----------
+        motion : Response
+            The error equations with q errors.
+        times : (T,) sequence of float
+            Times after the start (s).
+        rest : float
+            Time at rest before the start (s).
+        """
+        return {label: self._of(process, motion, times, rest) for label, process in self.terms.items()}
+
+    def errors(self, motion: Response, times: Sequence[float], rest: float, terms: Mapping[str, Matrix]) -> Matrix:
+        """Return the standard errors (T, q) of the sum of the mean squares `terms`; zero if the values were given."""
+        if self.curve is None or not self.curve.moving:
+            return np.zeros((len(times), motion.drive.size))
+        known = {id(process): terms[label] for label, process in self.terms.items()}
+
+        def slope(process: Process, name: str | None) -> Matrix:
+            """Return the derivative (T, q) of the mean squares with respect to the logarithm of the parameter `name`.
+
+            If `name` is None, the derivative is with respect to the scale of a term that is estimated as zero.
+            """
+            if name is None:
+                return self._of(process, motion, times, rest)
+            parameter = next(p for p in process.parameters if p.name == name)
+            if parameter.scale_power is not None:
+                return parameter.scale_power * known[id(process)]
+            value = process.value(name)
+            moved = [process.with_values(**{name: value * (1 + side * _STEP)}) for side in (1, -1)]
+            upper, lower = (self._of(one, motion, times, rest) for one in moved)
+            return (upper - lower) / (2 * _STEP)
+
+        slopes = np.array([slope(process, name) for process, name in self.curve.moving])
+        variance = np.einsum("iab,ij,jab->ab", slopes, self.curve.scatter, slopes)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+
+    def _of(self, process: Process, motion: Response, times: Sequence[float], rest: float) -> Matrix:
+        steps = [max(1, round(time * self.rate)) for time in times]
+        return mean_squares(process, self.rate, motion, steps, rest=round(rest * self.rate))
+
+
+def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, Process]:
+    """Return the terms that are not zero. Raises a MissingTheoryError if one of them has no state-space form."""
+    found = {label: process for label, process in terms.items() if process.scale > 0}
+    try:
+        for process in found.values():
+            process.state_space(rate)
+    except MissingTheoryError as error:
+        raise error.at(axis) from error
+    return found

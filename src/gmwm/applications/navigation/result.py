@@ -1,0 +1,177 @@
+"""Results of an error budget: navigation errors over time, and their collection."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.remarks import Remark
+from gmwm.base.text import Summarised
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Growth:
+    """One navigation error over time, as a root mean square (1 σ).
+
+    Attributes
+    ----------
+    name, title : str
+        Name and title of the error, such as "tilt_x" and "tilt about x".
+    unit : str
+        "deg", "m/s" or "m".
+    times : (T,) array, in s
+        Times since the start of navigation, or averaging times of an alignment.
+    error : (T,) array, in `unit`
+        Root mean square of the error.
+    low, high : (T,) arrays, in `unit`
+        Confidence limits of `error`, from the covariance of the estimated parameters. Both are equal to `error` if the
+        values of the model were given.
+    terms : mapping of label to (T,) array, in `unit`
+        Contribution of each term of each axis. The root of the sum of their squares is `error`.
+    """
+
+    name: str
+    title: str
+    unit: str
+    times: Vector
+    error: Vector
+    low: Vector
+    high: Vector
+    terms: Mapping[str, Vector]
+
+    def __post_init__(self) -> None:
+        for array in (self.times, self.error, self.low, self.high, *self.terms.values()):
+            freeze(array)
+
+    @property
+    def certain(self) -> bool:
+        """Whether there is no interval, because the values of the model were given."""
+        return bool(np.all(self.low == self.high))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the error as plain values for JSON."""
+        lists = {name: getattr(self, name).tolist() for name in ("times", "error", "low", "high")}
+        terms = {label: values.tolist() for label, values in self.terms.items()}
+        return {"title": self.title, "unit": self.unit, **lists, "terms": terms}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Budget(Summarised, Mapping[str, Growth]):
+    """The error budget of unaided inertial navigation: a mapping of name to `Growth`.
+
+    Attributes
+    ----------
+    growths : mapping of name to Growth
+        Navigation errors with the names "tilt_x", "tilt_y", "heading", "velocity_x" … "velocity_z" and "position_x" …
+        "position_z". An error is missing if none of its axes is known. Vertical errors are missing for durations above
+        100 s.
+    alignment : mapping of name to Growth
+        Errors of a static alignment over the averaging time: "level_x" and "level_y" are the tilt from averaged
+        accelerometers, "north_x" and "north_y" the heading from an averaged gyroscope that points east.
+    duration, rest : float
+        Time of navigation, and time at rest before navigation (s).
+    latitude : float
+        Latitude (deg).
+    gravity : float
+        Gravity (m/s²).
+    level : float
+        Confidence level of the intervals.
+    remarks : tuple of Remark
+        Remarks on durations that the recordings do not support, missing axes and approximations.
+    """
+
+    growths: Mapping[str, Growth]
+    alignment: Mapping[str, Growth]
+    duration: float
+    rest: float
+    latitude: float
+    gravity: float
+    level: float
+    remarks: tuple[Remark, ...] = ()
+
+    def __getitem__(self, name: str) -> Growth:
+        if name in self.alignment:
+            return self.alignment[name]
+        return self.growths[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.growths, *self.alignment))
+
+    def __len__(self) -> int:
+        return len(self.growths) + len(self.alignment)
+
+    @property
+    def times(self) -> Vector:
+        """Times of the errors (s), as a (T,) array. The last time is the duration."""
+        return next(iter(self.values())).times
+
+    def summary(self) -> str:
+        """Return the budget as text: the final errors with their largest terms, and the errors at several times."""
+        from gmwm.applications.navigation.summary_text import summary
+
+        return summary(self)
+
+    def compare(self, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
+        """Return a table that compares this budget with another: the errors at the end, and their ratios.
+
+        Parameters
+        ----------
+        other : Budget
+            The budget of another calibration or of a datasheet, for the same duration.
+        labels : tuple of two str
+            Names of the two budgets in the table.
+
+        Raises
+        ------
+        OptionError
+            If the durations, the times at rest or the latitudes differ, or the budgets have no error in common.
+        """
+        from gmwm.applications.navigation.summary_text import comparison
+
+        return comparison(self, other, labels)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the budget as plain values for JSON."""
+        return {
+            "duration": self.duration, "rest": self.rest, "latitude": self.latitude, "gravity": self.gravity,
+            "level": self.level,
+            "growth": {name: one.to_dict() for name, one in self.growths.items()},
+            "alignment": {name: one.to_dict() for name, one in self.alignment.items()},
+            "remarks": [remark.to_dict() for remark in self.remarks],
+        }  # fmt: skip
+
+    def to_frame(self) -> DataFrame:
+        """Return the errors as a Polars data frame, with one row for each error and time."""
+        from polars import DataFrame
+
+        rows = [
+            {"error": name, "unit": one.unit, "time": t, "value": v, "low": low, "high": high}
+            for name, one in self.items()
+            for t, v, low, high in zip(one.times, one.error, one.low, one.high, strict=True)
+        ]
+        return DataFrame(rows, infer_schema_length=None)
+
+    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from gmwm.applications.navigation.plot import plot_budget
+
+        return plot_budget(self, path=path)

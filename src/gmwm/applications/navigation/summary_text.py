@@ -1,0 +1,162 @@
+"""Format an error budget as text: final errors, errors over time, alignment errors, and a comparison of two budgets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from gmwm.applications.navigation.result import Budget, Growth
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import texts
+from gmwm.base.tables import aligned
+from gmwm.base.text import duration_text
+from gmwm.choosing.datasheets.entry import significant
+
+SHOWN = (1.0, 10.0, 60.0, 600.0, 3600.0, 36000.0)
+"""Times (s) for which the table shows the errors, in addition to the duration."""
+MOST_TERMS = 3
+"""Largest number of terms that the table names for an error."""
+RIGHT_ANGLE = 90.0
+"""Alignment errors above this angle (deg) are not shown as numbers, because the direction is then unknown."""
+_LEAST_SHARE = 0.05
+"""Smallest contribution of a term, relative to the error, for which the table names the term."""
+_KINDS = {
+    "tilt": ("tilt_x", "tilt_y"), "heading": ("heading",), "velocity": ("velocity_x", "velocity_y"),
+    "position": ("position_x", "position_y"), "height": ("position_z",),
+}  # fmt: skip
+"""Columns of the table of errors over time. A column shows the largest of the errors in its list."""
+
+
+def summary(budget: Budget) -> str:
+    """Return the text of `Budget.summary`."""
+    lines = [headline(budget), "", *_after(budget)]
+    if len(budget.times) > 1:
+        lines += ["", "Growth, largest of the horizontal directions", *_growth(budget)]
+    if budget.alignment:
+        lines += ["", alignment_title(budget), *_alignment(budget)]
+    lines += ["", *method(budget)]
+    return "\n".join([*lines, *texts(budget.remarks)])
+
+
+def headline(budget: Budget) -> str:
+    """Return one sentence with the largest tilt, heading and position errors at the end of the duration.
+
+    An example is "After 60 s of navigation without corrections: tilt 0.31 deg, heading 0.3 deg, position 40 m (1 σ)."
+    """
+    parts = [
+        f"{kind} {significant(float(worst.error[-1]), 2)} {worst.unit}"
+        for kind in ("tilt", "heading", "position")
+        if (worst := largest(budget, kind)) is not None
+    ]
+    return f"After {duration_text(budget.duration)} of navigation without corrections: {', '.join(parts)} (1 σ)."
+
+
+def largest(budget: Budget, kind: str) -> Growth | None:
+    """Return the error of a kind, such as "tilt", that is largest at the end of the duration; None if there is none."""
+    found = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
+    return max(found, key=lambda one: float(one.error[-1]), default=None)
+
+
+def error_text(one: Growth, k: int = -1) -> str:
+    """Format an error at the k-th time with its interval and unit. The default is the last time."""
+    value, low, high = (float(values[k]) for values in (one.error, one.low, one.high))
+    if low == high:
+        return f"{significant(value, 3)} {one.unit}"
+    return f"{significant(value, 3)} ({significant(low, 3)} … {significant(high, 3)}) {one.unit}"
+
+
+def terms_text(one: Growth, k: int = -1) -> str:
+    """Format the largest contributions to an error at the k-th time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
+    parts = sorted(((float(values[k]), label) for label, values in one.terms.items()), reverse=True)
+    named = [(value, label) for value, label in parts if value > _LEAST_SHARE * float(one.error[k])]
+    return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:MOST_TERMS])
+
+
+def _after(budget: Budget) -> list[str]:
+    interval = "" if all(one.certain for one in budget.growths.values()) else f", {100 * budget.level:g} % interval"
+    rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
+    rows += [(one.title, error_text(one), terms_text(one)) for one in budget.growths.values()]
+    return _table(rows)
+
+
+def _growth(budget: Budget) -> list[str]:
+    kinds = {kind: one for kind in _KINDS if (one := largest(budget, kind)) is not None}
+    rows: list[Sequence[str]] = [("time", *(f"{kind} ({one.unit})" for kind, one in kinds.items()))]
+    for time in shown_times(budget):
+        rows.append((duration_text(time), *(significant(at(one, time), 3) for one in kinds.values())))
+    return _table(rows, right=range(1, len(rows[0])))
+
+
+def _alignment(budget: Budget) -> list[str]:
+    rows: list[Sequence[str]] = [("averaging", *(f"{one.title} (deg)" for one in budget.alignment.values()))]
+    for time in shown_times(budget):
+        values = [at(one, time) for one in budget.alignment.values()]
+        rows.append((duration_text(time), *(significant(v, 3) if v < RIGHT_ANGLE else "> 90" for v in values)))
+    return _table(rows, right=range(1, len(rows[0])))
+
+
+def alignment_title(budget: Budget) -> str:
+    """Return the title of the table of alignment errors."""
+    return f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
+
+
+def shown_times(budget: Budget) -> list[float]:
+    """Return the times (s) for which the tables show the errors."""
+    inside = [time for time in SHOWN if budget.times[0] <= time < 0.99 * budget.duration]
+    return [*inside, budget.duration]
+
+
+def at(one: Growth, time: float) -> float:
+    """Return an error at a time (s), interpolated linearly on logarithmic scales."""
+    with np.errstate(divide="ignore"):
+        return float(np.exp(np.interp(np.log(time), np.log(one.times), np.log(one.error))))
+
+
+def method(budget: Budget) -> list[str]:
+    """Return sentences that state the assumptions of the budget."""
+    start = "The errors start at zero, and nothing is known about the biases."
+    if budget.rest:
+        start = (
+            f"Before the start, {duration_text(budget.rest)} at rest level the vehicle and give the mean of each axis."
+        )
+    return [
+        f"A level vehicle at rest at {budget.latitude:g}° latitude, x north: linear error equations with the rotation "
+        "of the Earth.",
+        f"{start} Constant biases, scale factors and misalignments are not included.",
+    ]
+
+
+def comparison(one: Budget, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
+    """Return the text of `Budget.compare`."""
+    rows: list[Sequence[str]] = [("error (1 σ)", *labels, "ratio")]
+    for row in compared(one, other):
+        rows.append((row[0], row[1], row[2], f"{row[3]:.2f}"))
+    title = f"After {duration_text(one.duration)} of navigation without corrections"
+    return "\n".join([title, *_table(rows)])
+
+
+def compared(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
+    """Return the title of each error that both budgets have, its two values as text, and their ratio.
+
+    Raises
+    ------
+    OptionError
+        If the durations, the times at rest or the latitudes differ, or the budgets have no error in common.
+    """
+    for name in ("duration", "rest", "latitude"):
+        if getattr(one, name) != getattr(other, name):
+            raise OptionError(argument="other", expected=f"a budget with the same {name}", got=getattr(other, name))
+    shared = [name for name in one if name in set(other)]
+    if not shared:
+        raise OptionError(argument="other", expected=f"a budget of {', '.join(one)}", got=", ".join(other))
+    rows = []
+    for name in shared:
+        ratio = float(other[name].error[-1]) / float(one[name].error[-1]) if one[name].error[-1] > 0 else np.inf
+        rows.append((one[name].title, error_text(one[name]), error_text(other[name]), ratio))
+    return rows
+
+
+def _table(rows: Sequence[Sequence[str]], right: Iterable[int] = ()) -> list[str]:
+    head, *lines = aligned(rows, right=set(right))
+    return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]

@@ -1,0 +1,250 @@
+"""Least squares with positive semidefinite or diagonal matrices as unknowns, solved by the logarithmic barrier method.
+
+For given shapes κ_p of all terms, the weighted moments b are linear in the covariance matrices Σ_p. With s the vector
+of their free entries and A the design matrix, the problem is
+
+    min |b − A s|²   subject to Σ_p ⪰ 0 for all p.
+
+Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for a decreasing sequence of μ. At the exact minimum for a
+value of μ, the objective is at most ν μ above the optimum, where ν is the number of rows of all matrices together (Boyd
+and Vandenberghe 2004, Convex Optimization, section 11.2). The last Newton step ends only near this minimum, so gmwm
+states the gap 2 ν μ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.applications.several.moments import entries, symmetric
+from gmwm.base.arrays import Matrix, Vector
+
+STEPS = 300
+"""Largest number of Newton steps; 30 to 60 are usual (tests/joint/test_conic.py)."""
+SHRINK = 0.02
+"""Factor by which μ decreases from one round to the next."""
+WARM = 1e-7
+"""Barrier parameter μ of the solution that is kept as the start of a similar problem."""
+INSIDE = 1e-4
+"""Smallest ratio of the eigenvalues of a matrix with which the solution without constraints is accepted. Closer to the
+boundary, it would be a poor start for a similar problem."""
+NEAR = (1.0, 0.1)
+"""Squared Newton decrement, in units of μ, at which the Newton steps of a round end. The first value is for all rounds
+except the last one, and the second value for the last one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """Pattern of the free entries in the covariance matrices of P terms.
+
+    Attributes
+    ----------
+    d : int
+        Number of signals.
+    full : (P,) array of bool
+        True if all entries of the matrix of a term are free, False if it is diagonal.
+    """
+
+    d: int
+    full: NDArray[np.bool_]
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Mask of the free entries among the P d(d + 1)/2 entries, term by term."""
+        rows, columns = entries(self.d)
+        return np.concatenate([np.ones(rows.size, bool) if whole else rows == columns for whole in self.full])
+
+    @cached_property
+    def terms(self) -> NDArray[np.int64]:
+        """Number of the term to which each free entry belongs."""
+        count = entries(self.d)[0].size
+        return np.repeat(np.arange(self.full.size), count)[self.free]
+
+    def matrices(self, unknowns: Vector) -> Matrix:
+        """Return the matrices Σ (P, d, d) with the given free entries."""
+        values = np.zeros(self.free.size)
+        values[self.free] = unknowns
+        return symmetric(values.reshape(self.full.size, -1), self.d)
+
+    def unknowns(self, matrices: Matrix) -> Vector:
+        """Return the free entries of matrices Σ (P, d, d) as a vector."""
+        rows, columns = entries(self.d)
+        return np.asarray(matrices[:, rows, columns].ravel()[self.free])
+
+
+@dataclass(frozen=True, eq=False)
+class Conic:
+    """Solution of a conic least-squares problem.
+
+    Attributes
+    ----------
+    sigmas : (P, d, d) array
+        Covariance matrices of the terms.
+    objective : float
+        |b − A s|² at the solution.
+    gap : float
+        Upper bound on the difference between `objective` and the optimum.
+    hessian : (k, k) array
+        Second derivatives of the objective plus the last barrier term, with respect to the free entries.
+    steps : int
+        Number of Newton steps.
+    warm : (P, d, d) array
+        Positive definite matrices to start a similar problem from.
+    """
+
+    sigmas: Matrix
+    objective: float
+    gap: float
+    hessian: Matrix
+    steps: int
+    warm: Matrix
+
+
+def least_squares(
+    design: Matrix, target: Vector, cone: Cone, *, gap: float = 1e-9, warm: Matrix | None = None
+) -> Conic:
+    """Minimise |b − A s|² subject to Σ_p ⪰ 0, until the relative gap to the optimum is small enough.
+
+    Parameters
+    ----------
+    design : (n, k) array
+        A, with one column for each free entry.
+    target : (n,) array
+        b.
+    cone : Cone
+        The free entries of the matrices.
+    gap : float
+        Largest error of the objective, relative to the objective.
+    warm : (P, d, d) array, optional
+        `Conic.warm` of a similar problem.
+    """
+    if warm is not None:
+        try:
+            return _least_squares(design, target, cone, gap=gap, warm=warm)
+        except np.linalg.LinAlgError:
+            pass  # The start is so near to the boundary that rounding takes a step across it.
+    return _least_squares(design, target, cone, gap=gap, warm=None)
+
+
+def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, warm: Matrix | None) -> Conic:
+    """Solve the problem from given matrices, or from multiples of the identity."""
+    k = design.shape[1]
+    triangle = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"), dtype=np.float64)
+    r, reduced = triangle[:k, :k], triangle[:k, k]
+    size = float(np.linalg.norm(reduced)) or 1.0
+    beyond = float(np.sum(triangle[k:, k] ** 2)) / size**2
+    lengths = np.zeros(cone.full.size)
+    np.add.at(lengths, cone.terms, np.linalg.norm(r, axis=0) ** 2)
+    unit = (size / np.sqrt(np.where(lengths > 0, lengths, 1.0)))[cone.terms]
+    rows, y = r * unit / size, reduced / size
+    quadratic, linear = 2 * rows.T @ rows, -2 * rows.T @ y
+    barrier = _Barrier(cone)
+    if (s := barrier.inside(rows, y)) is not None:
+        value = float(np.sum((rows @ s - y) ** 2)) + beyond
+        sigmas = cone.matrices(s * unit)
+        hessian = quadratic / np.outer(unit, unit) * size**2
+        return Conic(sigmas, value * size**2, gap=1e-12 * value * size**2, hessian=hessian, steps=0, warm=sigmas)
+    if warm is None:
+        s = cone.unknowns(np.tile(np.eye(cone.d), (cone.full.size, 1, 1))) * (0.3 / cone.full.size)
+    else:
+        s = cone.unknowns(warm) / unit
+    rank = cone.full.size * cone.d
+    mu, steps, inside = 0.1 if warm is None else WARM, 0, s
+    for near in NEAR:
+        while True:
+            while steps < STEPS:
+                gradient, hessian = barrier.at(s, mu)
+                gradient += quadratic @ s + linear
+                hessian += quadratic
+                scale = 1 / np.sqrt(np.diag(hessian))
+                step = -scale * _solved(hessian * np.outer(scale, scale), scale * gradient)
+                s = s + barrier.reach(step) * step
+                steps += 1
+                if -float(gradient @ step) < near * mu:
+                    break
+            if mu >= WARM:
+                inside = s
+            value = float(np.sum((rows @ s - y) ** 2)) + beyond
+            if 2 * rank * mu <= gap * value or steps >= STEPS or mu < 1e-15:
+                break
+            mu *= SHRINK
+    _, hessian = barrier.at(s, mu)
+    hessian = (hessian + quadratic) / np.outer(unit, unit) * size**2
+    return Conic(
+        sigmas=cone.matrices(s * unit),
+        objective=value * size**2,
+        gap=2 * rank * mu * size**2,
+        hessian=hessian,
+        steps=steps,
+        warm=cone.matrices(inside * unit),
+    )
+
+
+def _solved(matrix: Matrix, vector: Vector) -> Vector:
+    """Solve matrix · x = vector for a positive definite matrix, by elimination if rounding makes it indefinite."""
+    from scipy.linalg.lapack import dposv
+
+    _, x, failed = dposv(matrix, vector)
+    return np.asarray(np.linalg.solve(matrix, vector) if failed else x)
+
+
+class _Barrier:
+    """The barrier −μ Σ_p log det Σ_p: its derivatives with respect to the free entries, and the allowed step length."""
+
+    def __init__(self, cone: Cone) -> None:
+        rows, columns = entries(cone.d)
+        full, terms, free = cone.full, cone.terms, cone.free
+        self.cone, self.count = cone, int(full.sum())
+        self.in_matrix = full[terms]
+        self.where = np.flatnonzero(self.in_matrix)
+        self.diagonal = np.flatnonzero(~self.in_matrix)
+        self.rows, self.columns = rows, columns
+        self.twice = np.where(rows == columns, 1.0, 2.0)
+        self.blocks = self.where.reshape(self.count, rows.size)
+        assert free.size == full.size * rows.size
+
+    def at(self, s: Vector, mu: float) -> tuple[Vector, Matrix]:
+        gradient, hessian = np.zeros(s.size), np.zeros((s.size, s.size))
+        own = s[self.diagonal]
+        gradient[self.diagonal] = -mu / own
+        hessian[self.diagonal, self.diagonal] = mu / own**2
+        self.s = s
+        if self.count:
+            sigma = symmetric(s[self.blocks], self.cone.d)
+            self.root = np.linalg.inv(np.linalg.cholesky(sigma))
+            inverse = np.swapaxes(self.root, 1, 2) @ self.root
+            a, b = self.rows, self.columns
+            gradient[self.blocks] = -mu * self.twice * inverse[:, a, b]
+            weight = np.outer(self.twice, self.twice) / 2
+            second = inverse[:, a[:, None], a] * inverse[:, b[:, None], b]
+            second += inverse[:, a[:, None], b] * inverse[:, b[:, None], a]
+            hessian[self.blocks[:, :, None], self.blocks[:, None, :]] = mu * weight * second
+        return gradient, hessian
+
+    def inside(self, rows: Matrix, y: Vector) -> Vector | None:
+        """Return the solution without constraints if all its matrices are positive definite; it is then the optimum."""
+        from scipy.linalg.lapack import dtrtrs
+
+        pivots = np.abs(np.diag(rows))
+        if rows.shape[0] < rows.shape[1] or pivots.min() <= 1e-9 * pivots.max():
+            return None
+        s, _ = dtrtrs(rows, y)
+        if np.any(s[self.diagonal] <= 0):
+            return None
+        if self.count:
+            values = np.linalg.eigvalsh(symmetric(s[self.blocks], self.cone.d))
+            if np.any(values[:, 0] <= INSIDE * values[:, -1]):
+                return None
+        return np.asarray(s)
+
+    def reach(self, step: Vector) -> float:
+        """Return the largest factor, at most 1, with which a step keeps all matrices positive definite with a
+        margin."""
+        least = float(np.min(step[self.diagonal] / self.s[self.diagonal], initial=0.0))
+        if self.count:
+            moved = self.root @ symmetric(step[self.blocks], self.cone.d) @ np.swapaxes(self.root, 1, 2)
+            least = min(least, float(np.linalg.eigvalsh(moved)[:, 0].min()))
+        return min(1.0, -0.95 / least) if least < 0 else 1.0

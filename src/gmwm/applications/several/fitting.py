@@ -1,0 +1,299 @@
+"""Prepare the data of a joint fit, and repeat the weighted fit until estimate and weights agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
+from gmwm.applications.several.moments import lag_products, moment_covariance, stacked, symmetric
+from gmwm.applications.several.problem import JointProblem
+from gmwm.applications.several.search import EXACT, ROUGH, Found, first, resume, search
+from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
+from gmwm.applications.several.terms import JointTerm
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.measuring.covariance.design import Design
+from gmwm.recording.signals import Imu, Signal
+
+LEAST = 5.0
+"""Smallest number of coefficients per scale of a level that is used by default. With 3, the goodness-of-fit test
+rejects up to 8 % of correct models at the 5 % level, because the distribution of the coarsest moments is skewed.
+docs/validation/joint.md has the rates with 5."""
+MOST_SIGNALS = 12
+"""Largest number of signals. The covariance matrix of all moments takes 10 MB for 12 signals and 0.5 GB for 28."""
+PRIOR = 1000.0
+"""The covariance V of the moments is scaled to an average of fitted and measured wavelet variances. In this average,
+the fitted variances have this number of degrees of freedom, as in the fit of one signal; see
+`gmwm.estimation.reweighting`."""
+ROUNDS = 12
+"""Largest number of rounds (new weights, then a new estimate); 3 to 5 are usual."""
+DEGENERATE = 1e-5
+"""V counts as singular if, for some moment, the standard deviation given the moments before it is less than this share
+of its standard deviation. If a model has no noise in some combination of the signals, the share is 3e-7, the square
+root of the value 1e-13 that is added to the diagonal."""
+SETTLED = 1e-4
+"""The rounds end when the fitted wavelet variances change by less than this relative amount."""
+CONVERGED = 0.01
+"""If they change by more than this in the last round, the weights have not converged. Correct models end below 0.001.
+Fits of wrong models can alternate between values that differ by a factor of ten
+(tests/joint/test_joint_fit.py)."""
+MEMORY = (-3.0, 0.9)
+"""Limits of the coefficient with which the extrapolation subtracts the change between the last two rounds (see
+`_Mixed`). Without extrapolation, some fits of six signals still change by 0.4 % in round 12; with it, by 0.004 % to
+0.06 % (simulated RW + GM + WN + QN, 10⁵ samples)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The weighted least-squares problem of a joint fit with its final weights, and its solution.
+
+    Attributes
+    ----------
+    problem : JointProblem
+        The problem, in scaled units.
+    found : Found
+        The solution, in scaled units.
+    unit : (d,) array
+        Factors by which the signals were multiplied.
+    products : (P, P, J, J) array
+        G at the estimate; see `gmwm.several.moments`.
+    measured : WaveletMatrices
+        Estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals.
+    converged : bool
+        Whether the weights are the inverse of the covariance V under the estimate. If weights and estimate do not agree
+        after `ROUNDS` rounds, the weights are inverse variances of the moments, estimated from the data.
+    """
+
+    problem: JointProblem
+    found: Found
+    unit: Vector
+    products: Matrix
+    measured: WaveletMatrices
+    converged: bool
+
+    @property
+    def sigmas(self) -> Matrix:
+        """Covariance matrices Σ (P, d, d) of the terms, in products of the units of the signals."""
+        return np.asarray(self.found.sigmas / np.outer(self.unit, self.unit))
+
+    def wavelet(self) -> Matrix:
+        """Return the covariance V (n, n) of the stacked moments under the estimated model, in the units of the
+        problem."""
+        return self.problem.design.loss_factor * moment_covariance(self.found.sigmas, self.products)
+
+
+def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
+    """Fit the terms to measured covariance matrices, and update the weights until estimate and weights agree."""
+    gamma, design = measured.values, replace(measured.design, filled=0)
+    variances = np.einsum("jaa->ja", gamma)
+    if not np.all(variances > 0):
+        raise DataError("a signal has no noise at some scales", argument="x")
+    unit = np.exp(-0.5 * np.mean(np.log(variances), axis=0))
+    moments = stacked(gamma * np.outer(unit, unit))
+    from_data = _first_root(gamma * np.outer(unit, unit), design)
+    problem = JointProblem(terms, moments, root=from_data, design=design, d=unit.size)
+    found = first(problem)
+    weights = _Mixed.of(problem, found.u, found.sigmas)
+    accuracy = ROUGH
+    for k in range(ROUNDS):
+        products = lag_products(problem.processes(weights.u), design)
+        wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
+        problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
+        # The first weights are rough, so the search is repeated once with better weights.
+        accuracy = EXACT if k == 1 else _accuracy(weights.change)
+        found = search(problem) if k == 1 else resume(problem, found, accuracy=accuracy)
+        weights = weights.after(problem, found, restart=k <= 1)
+        if k > 1 and weights.change < SETTLED:
+            break
+    converged = weights.change <= CONVERGED
+    if not converged:
+        problem = replace(problem, root=from_data)
+        found = search(problem)
+    elif accuracy > EXACT:
+        found = resume(problem, found)
+    products = lag_products(problem.processes(found.u), design)
+    return Settled(problem, found, unit=unit, products=products, measured=measured, converged=converged)
+
+
+def _accuracy(change: float) -> float:
+    """Return the relative accuracy of the objective that a round needs.
+
+    The error of its fitted variances is then a tenth of their change in the last round.
+    """
+    return float(np.clip(0.01 * change**2, EXACT, ROUGH))
+
+
+@dataclass(frozen=True, eq=False)
+class _Mixed:
+    """The parameter values from which the weights of the next round are computed.
+
+    They are extrapolated from the estimates of the last two rounds by the secant method (Anderson 1965, Iterative
+    procedures for nonlinear integral equations, J. ACM 12, 547-560, with one step of memory).
+
+    Attributes
+    ----------
+    u : (K,) array
+        Search coordinates of the shapes.
+    sigmas : (P, d, d) array
+        Covariance matrices of the terms.
+    implied : (J, d) array
+        Wavelet variances of the model with these values.
+    change : float
+        Largest relative difference, in the last round, between the wavelet variances that gave the weights and the
+        fitted ones.
+    last : tuple of (K,) array, (P, d, d) array and (J, d) array, optional
+        Coordinates and matrices estimated in the last round, and the difference of two logarithms: of the fitted
+        wavelet variances, and of the wavelet variances that gave the weights of this round.
+    """
+
+    u: Vector
+    sigmas: Matrix
+    implied: Matrix
+    change: float = np.inf
+    last: tuple[Vector, Matrix, Matrix] | None = None
+
+    @classmethod
+    def of(cls, problem: JointProblem, u: Vector, sigmas: Matrix) -> _Mixed:
+        return cls(u, sigmas, _implied(problem, u, sigmas))
+
+    def after(self, problem: JointProblem, found: Found, *, restart: bool) -> _Mixed:
+        """Return the values for the weights of the next round, given the estimate of this round."""
+        miss = np.log(_implied(problem, found.u, found.sigmas) / self.implied)
+        u, sigmas = found.u, found.sigmas
+        if self.last is not None and not restart:
+            before, matrices, missed = self.last
+            turn = miss - missed
+            size = max(float(np.sum(turn**2)), 1e-300)
+            share = float(np.clip(np.sum(miss * turn) / size, *MEMORY))
+            u = np.clip(u - share * (u - before), *problem.limits)
+            values, vectors = np.linalg.eigh(sigmas - share * (sigmas - matrices))
+            sigmas = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        return replace(
+            _Mixed.of(problem, u, sigmas),
+            change=float(np.max(np.abs(np.expm1(miss)))),
+            last=(found.u, found.sigmas, miss),
+        )
+
+
+def _implied(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
+    """Return the wavelet variances (J, d) of the model."""
+    return np.asarray(np.einsum("pj,paa->ja", problem.shapes(u), sigmas))
+
+
+def _first_root(gamma: Matrix, design: Design) -> Matrix:
+    """Return diagonal weights for the first round from the data alone: Var γ̂_ab ≈ (ν_a² ν_b² + γ_ab²)/η.
+
+    Wavelet variances far below both neighbours are replaced by a smoothed value.
+    """
+    variances = np.einsum("jaa->ja", gamma)
+    # The wavelet variance of a level cannot be far below the variances of both neighbouring levels.
+    padded = np.concatenate([variances[:1], variances, variances[-1:]])
+    smooth = np.maximum(variances, np.sqrt(padded[:-2] * padded[2:]) / 2)
+    products = smooth[:, :, None] * smooth[:, None, :] + gamma**2
+    return np.diag(1 / np.sqrt(stacked(products / design.degrees_of_freedom[:, None, None])))
+
+
+def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
+    """Return the factors (n, n) that scale V from the fitted wavelet variances to averages of fitted and measured ones.
+
+    See `gmwm.estimation.reweighting.implied_weights`.
+    """
+    freedom = problem.design.degrees_of_freedom[:, None]
+    observed = np.einsum("jaa->ja", _matrices(problem))
+    ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))
+    scale = stacked(ratio[:, :, None] * ratio[:, None, :])
+    return np.outer(scale, scale)
+
+
+def _matrices(problem: JointProblem) -> Matrix:
+    """Return the stacked moments of a problem as covariance matrices (J, d, d)."""
+    return symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
+
+
+def _root(wavelet: Matrix) -> Matrix:
+    """Return L with LᵀL = V⁻¹.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise in some combination of signals and scales.
+    """
+    from scipy.linalg.lapack import dtrtri
+
+    size = np.sqrt(np.diag(wavelet))
+    if np.all(size > 0):
+        try:
+            factor = np.linalg.cholesky(wavelet / np.outer(size, size) + 1e-13 * np.eye(size.size))
+        except np.linalg.LinAlgError:
+            pass
+        else:
+            if float(np.diag(factor).min()) > DEGENERATE:
+                return np.asarray(dtrtri(factor, lower=1)[0] / size)
+    raise ModelError(
+        "the model as estimated has no noise in some combination of the signals, so its weights do not exist",
+        argument="model", advice="Add own noise of all signals to the model, for example WN.",
+    )  # fmt: skip
+
+
+def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST) -> NDArray[np.bool_]:
+    """Return the mask of the levels to use.
+
+    `levels` lists the levels or is the number of finest levels; by default, levels with at least `least` coefficients
+    per scale are used.
+
+    Raises
+    ------
+    OptionError
+        If a level does not exist.
+    """
+    if levels is None:
+        return np.asarray(design.degrees_of_freedom >= least)
+    wanted = list(range(1, levels + 1)) if isinstance(levels, int) else list(levels)
+    unknown = [level for level in wanted if level not in design.levels]
+    if unknown or not wanted:
+        raise OptionError(
+            argument="levels", expected=f"levels from 1 to {design.levels[-1]} of this recording", got=levels
+        )
+    return np.isin(design.levels, wanted)
+
+
+def chosen_signals(
+    x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None, axes: str | Sequence[str] | None
+) -> dict[str, Signal]:
+    """Return the synchronous signals of the selected axes, with short gaps filled.
+
+    Raises
+    ------
+    DataError, OptionError
+        If the signals are not synchronous, if there are too many or too few of them, or if an axis does not exist.
+    """
+    signals = synchronous_signals(x, rate)
+    signals = {name: signals[name] for name in chosen_names(tuple(signals), axes)}
+    if len(signals) > MOST_SIGNALS:
+        raise DataError(f"a joint model has at most {MOST_SIGNALS} signals; got {len(signals)}", argument="x")
+    return signals
+
+
+def measured_at(
+    signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST
+) -> WaveletMatrices:
+    """Return the estimated covariance matrices Γ̂ of the wavelet coefficients at the chosen levels.
+
+    Raises
+    ------
+    DataError
+        If there are not more levels than `unknowns`, the number of unknown parameters of each signal.
+    """
+    whole = wavelet_matrices(signals)
+    kept = chosen_levels(whole.design, levels, least)
+    if np.count_nonzero(kept) <= unknowns:
+        raise DataError(
+            f"a model with {unknowns} parameters of each signal needs more than {unknowns} levels; the recording has "
+            f"{np.count_nonzero(kept)}",
+            argument="x", advice="Use a longer recording, or a simpler model.",
+        )  # fmt: skip
+    return WaveletMatrices(names=whole.names, values=whole.values[kept], design=whole.design.only(kept))

@@ -1,0 +1,274 @@
+"""Fuse an array of sensors into one virtual sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.applications.several.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
+from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
+from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
+from gmwm.applications.several.model_fusion import (
+    best_noise,
+    fitted,
+    model_text,
+    noise_of,
+    optimism,
+    pvalue_of,
+    unit_of,
+)
+from gmwm.applications.several.sensor_array import like_axes
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.text import duration_text
+from gmwm.measuring.covariance.api import covariance
+from gmwm.measuring.covariance.mixture import mixture
+from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.recording.gaps import fill_gaps
+from gmwm.recording.signals import Imu, Signal
+from gmwm.theory.processes.model import ModelLike
+
+SPARE = 2.0
+"""The weights of d sensors need at least d + SPARE degrees of freedom. With d + 1, the expected variance in other
+recordings is infinite."""
+
+
+def fuse(
+    x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu,
+    rate: float | None = None,
+    *,
+    horizon: float | None = None,
+    model: ModelLike | None = None,
+    nonnegative: bool = False,
+) -> VirtualSensor:
+    """Fuse an array of sensors of the same type into one virtual sensor with less noise.
+
+    The signals of each axis are averaged with weights whose sum is 1, so that the motion is not changed. By default, a
+    Kalman filter also estimates the slow noise from the differences between the signals, which do not depend on the
+    motion, and subtracts it. At every scale, the wavelet variance of the result is within a few per cent of the
+    smallest variance that static weights reach at this scale. The filter needs a joint model of the noise, see
+    `fit_joint`.
+
+    With `horizon`, the virtual sensor is the weighted sum with the smallest wavelet variance at this scale,
+
+        w = Γ̂⁻¹ 1 / (1ᵀ Γ̂⁻¹ 1).
+
+    Γ̂ is the covariance matrix of the Haar wavelet coefficients of all signals at this scale, interpolated between the
+    two nearest levels. Unlike weights by inverse variances, these weights take into account noise that the sensors
+    share.
+
+    Weights that are estimated from a recording fit the noise of this recording, so the weighted sum has less noise in
+    it than in other recordings. The attribute `variance` is corrected for this. If Γ̂ has η degrees of freedom, the
+    expected variance wᵀ Γ̂ w at the scale of the weights is (η − d + 1)/η · (η − d)/(η − 1) times the variance in other
+    recordings. At another scale, the correction is reduced according to the regression of its wavelet variance on the
+    one at the scale of the weights. With a model, the correction follows from a parametric bootstrap.
+
+    Parameters
+    ----------
+    x : sequence of Imu, or mapping
+        A recording at rest of each of d units, sampled together; gmwm fuses the axes with the same name. Alternatively,
+        a mapping of names such as "gyro_x[2]" to signals or (N,) arrays. If the names have no brackets, all signals
+        belong to one axis. Arrays of the axes of an IMU are in rad/s and m/s².
+    rate : float
+        Sampling rate (Hz); only for plain arrays.
+    horizon : float, optional
+        Scale (s) at which static weights minimise the wavelet variance. By default, a Kalman filter is used.
+    model : str, optional
+        Joint model of the noise, such as "WN + shared(RW)". By default, a Kalman filter uses the model WN + RW + k·GM
+        with all terms shared and the smallest k for which it fits. Static weights use the measured covariance matrices
+        by default; a model makes the weights for long horizons more accurate.
+    nonnegative : bool
+        Whether to restrict the weights to values of at least 0; only with `horizon`. Negative weights remove noise that
+        the sensors share, but increase the errors from scale factor and misalignment.
+
+    Returns
+    -------
+    VirtualSensor
+
+    Raises
+    ------
+    DataError
+        If the signals are not synchronous, or differ in their units.
+    OptionError
+        If the recording is too short for weights at this scale.
+
+    References
+    ----------
+    Bates and Granger (1969), The combination of forecasts, Operational Research Quarterly 20, 451-468; Vaccaro and Zaki
+    (2017), Reduced-drift virtual gyro from an array of low-cost gyros, Sensors 17, 352. The accuracy of the predicted
+    variance is in docs/validation/fusion.md.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> supply = rng.normal(size=20_000)
+    >>> units = {f"gyro_x[{k}]": rng.normal(size=20_000) + share * supply for k, share in enumerate((0.2, 1.0, 2.0))}
+    >>> virtual = fuse(units, rate=100.0, horizon=1.0)
+    >>> virtual["gyro_x"].weights.round(2), f"{virtual['gyro_x'].gain[0]:.2f}"
+    (array([ 0.68,  0.37, -0.05]), '1.39')
+    """
+    if horizon is not None:
+        horizon = _as_horizon(horizon)
+    elif nonnegative:
+        raise OptionError(argument="nonnegative", expected="given with {--horizon}", got=nonnegative)
+    found = {}
+    for axis, signals in like_axes(x, rate).items():
+        filled = fill_gaps(signals)
+        if horizon is not None and model is None:
+            found[axis] = _static(axis, filled, horizon, nonnegative=nonnegative)
+        else:
+            found[axis] = _modelled(axis, filled, horizon, model=model, nonnegative=nonnegative)
+    return VirtualSensor(axes=found, horizon=horizon)
+
+
+def _as_horizon(horizon: float) -> float:
+    if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < np.inf:
+        raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
+    return float(horizon)
+
+
+def _modelled(
+    axis: str,
+    signals: Mapping[str, Signal],
+    horizon: float | None,
+    *,
+    model: ModelLike | None,
+    nonnegative: bool,
+) -> VirtualAxis:
+    """Return the Kalman filter, or the static weights, of one axis from a joint model."""
+    settled = fitted(signals, model)
+    measured = settled.measured
+    levels, d = measured.design.levels, len(measured.names)
+    noise, scale = noise_of(settled), unit_of(settled)
+    shares = None if horizon is None else _shares(measured, horizon)
+
+    def design(noise: ArrayNoise) -> DifferenceFilter:
+        if shares is None:
+            return noise.filter()
+        shapes = np.array([process.wavelet_variance(levels, noise.rate) for process in noise.processes])
+        weights = best_weights(np.einsum("pj,j,pab->ab", shapes, shares, noise.sigmas), nonnegative=nonnegative)
+        return DifferenceFilter.static(weights)
+
+    filter = design(best_noise(settled))
+    factor = optimism(settled, design, levels)
+    own = next(iter(signals.values()))
+    one = VirtualAxis(
+        axis=axis,
+        members=measured.names,
+        unit=own.unit,
+        weights=filter.weights,
+        levels=levels,
+        rate=own.rate,
+        samples=len(own),
+        variance=scale * factor * wavelet_variance(noise, filter, levels),
+        average=scale * noise.static(np.full(d, 1 / d), levels),
+        each=scale * np.array([noise.static(row, levels) for row in np.eye(d)]),
+        measured=np.zeros(levels.size),
+        optimism=factor,
+        filter=filter if filter.C.size else None,
+        model=model_text(settled),
+        pvalue=pvalue_of(settled),
+    )
+    own_variance = signal_wavelet_variance(one.apply(signals), levels=int(levels[-1])).variance
+    return replace(one, measured=own_variance[levels - 1])
+
+
+def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnegative: bool) -> VirtualAxis:
+    """Return the static weights of one axis for the scale `horizon`, from the measured covariance matrices."""
+    measured = wavelet_matrices(signals)
+    gamma, d = measured.values, len(measured.names)
+    shares = _shares(measured, horizon)
+    target = np.einsum("j,jab->ab", shares, gamma)
+    weights = best_weights(target, nonnegative=nonnegative)
+    own = np.einsum("a,jab,b->j", weights, gamma, weights)
+    optimism = _optimism(measured, own, shares, d=int(np.count_nonzero(weights)))
+    return VirtualAxis(
+        axis=axis,
+        members=measured.names,
+        unit=next(iter(signals.values())).unit,
+        weights=weights,
+        levels=measured.design.levels,
+        rate=measured.design.rate,
+        samples=measured.design.samples,
+        variance=own * optimism,
+        average=gamma.sum(axis=(1, 2)) / d**2,
+        each=np.einsum("jaa->aj", gamma),
+        measured=own,
+        optimism=optimism,
+    )
+
+
+def _shares(measured: WaveletMatrices, horizon: float) -> Vector:
+    """Return the interpolation weights (J,) of the two levels nearest to a scale, linear in the logarithm of the
+    scale."""
+    at = np.log2(horizon * measured.design.rate) - measured.design.levels[0]
+    if not 0 <= at <= measured.design.levels.size - 1:
+        low, high = (duration_text(measured.tau[k]) for k in (0, -1))
+        raise OptionError(
+            f"the scale {horizon:g} s is outside the scales of the recording, {low} to {high}",
+            argument="horizon", got=horizon, advice="Choose a scale {--horizon} inside.",
+        )  # fmt: skip
+    shares = np.zeros(measured.design.levels.size)
+    k = min(int(at), shares.size - 2) if shares.size > 1 else 0
+    shares[k] = 1 - (at - k)
+    if shares.size > 1:
+        shares[k + 1] = at - k
+    return shares
+
+
+def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
+    """Return the weights w (d,) with sum 1 that minimise wᵀ Γ w.
+
+    Raises
+    ------
+    DataError
+        If Γ is singular.
+    """
+    size = np.sqrt(np.diag(gamma))
+    try:
+        root = np.linalg.cholesky(gamma / np.outer(size, size))
+    except np.linalg.LinAlgError as error:
+        raise DataError(
+            "a signal is a weighted sum of the others", argument="x", advice="Leave out copies of a signal."
+        ) from error
+    towards: Vector = np.linalg.solve(root, 1 / size).astype(np.float64)
+    if nonnegative:
+        rows = root / np.linalg.norm(root, axis=1, keepdims=True)
+        found, _ = _core.nonnegative_least_squares(towards, np.ascontiguousarray(rows))
+        weights = found / np.linalg.norm(root, axis=1) / size
+    else:
+        weights = np.linalg.solve(root.T, towards) / size
+    return np.asarray(weights / weights.sum())
+
+
+def _optimism(measured: WaveletMatrices, own: Vector, shares: Vector, d: int) -> Vector:
+    """Return the factor (J,) from the wavelet variance in the recording itself to the expected one in other recordings.
+
+    If the estimate Γ̂ has η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1) and E wᵀΓw = (η − 1)/(η − d)
+    · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002, for a known
+    mean).
+    """
+    design = measured.design
+    curve, model = mixture(own, design.degrees_of_freedom, design, random=True)
+    relative = covariance(model, design) / np.outer(curve, curve)
+    parts = shares * curve / (shares @ curve)
+    scatter = float(parts @ relative @ parts)
+    eta = 2 / scatter
+    if eta < d + SPARE:
+        fitting = measured.tau[2 / np.diag(relative) >= d + SPARE]
+        longest = f"of at most {duration_text(fitting[-1])}" if fitting.size else ""
+        raise OptionError(
+            f"weights of {d} sensors need {d + SPARE:g} degrees of freedom at the scale of the horizon; the recording "
+            f"has {eta:.1f}",
+            argument="horizon",
+            advice="Use a horizon {longest}, or a longer recording." if longest else "Use a longer recording.",
+            longest=longest,
+        )
+    at_weights = eta / (eta - d + 1) * (eta - 1) / (eta - d)
+    regression = np.clip(relative @ parts / scatter, 0.0, 1.0)
+    return np.asarray(1 / (1 - regression + regression / at_weights))

@@ -1,0 +1,307 @@
+"""Result of the fusion of several sensors that measure the same motion: a virtual sensor."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.applications.several.difference_filter import DifferenceFilter
+from gmwm.applications.several.sensor_array import like_axes
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import DataError
+from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.tables import headed
+from gmwm.base.text import Summarised, duration_text
+from gmwm.recording.signals import Imu, Signal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
+
+
+REJECTED = 0.01
+"""p-value below which a model is reported as rejected."""
+ENOUGH = 10.0
+"""A remark compares measured and predicted variances only at levels with more coefficients per scale than this."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VirtualAxis:
+    """The weights or the filter of one axis, and the noise of the fused signal.
+
+    Attributes
+    ----------
+    axis : str
+        Name of the axis.
+    members : tuple of str
+        Names of the d signals.
+    unit : str
+        Their unit.
+    weights : (d,) array
+        Weights of the signals; their sum is 1, so that the motion is not changed. With a Kalman filter, these weights
+        minimise the white noise.
+    filter : DifferenceFilter or None
+        The Kalman filter on the differences of the signals; None for static weights.
+    model : str
+        The joint model of the noise; an empty string if the weights follow from the measured covariance matrices.
+    pvalue : float or None
+        p-value of the goodness-of-fit test of this model; None without a model.
+    levels : (J,) int array
+        Levels j of the wavelet variances below.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Number of samples of each signal.
+    variance : (J,) array
+        Predicted wavelet variance of the virtual sensor, in unit², corrected for the estimation of the weights from the
+        same recording.
+    average : (J,) array
+        Wavelet variance of the average of all signals.
+    each : (d, J) array
+        Wavelet variances of the signals.
+    measured : (J,) array
+        Wavelet variance of the fused signal in the recording itself.
+    optimism : (J,) array
+        Factor by which `variance` was multiplied to correct for the estimation of the weights from the same recording.
+    """
+
+    axis: str
+    members: tuple[str, ...]
+    unit: str
+    weights: Vector
+    levels: NDArray[np.int64]
+    rate: float
+    samples: int
+    variance: Vector
+    average: Vector
+    each: Matrix
+    measured: Vector
+    optimism: Vector
+    filter: DifferenceFilter | None = None
+    model: str = ""
+    pvalue: float | None = None
+
+    @property
+    def tau(self) -> Vector:
+        """Scales τ_j = 2^j / rate (J,), in seconds."""
+        return np.asarray(np.exp2(self.levels.astype(np.float64)) / self.rate)
+
+    @property
+    def seen(self) -> Vector:
+        """Number of wavelet coefficients per scale at each level (J,): samples/2^j − 1."""
+        return np.asarray(self.samples / np.exp2(self.levels) - 1)
+
+    @property
+    def deviation(self) -> Vector:
+        """Predicted wavelet deviation of the virtual sensor (J,), in `unit`."""
+        return np.sqrt(self.variance)
+
+    @property
+    def gain(self) -> Vector:
+        """Ratio (J,) of the wavelet deviation of the average of all signals to the deviation of the virtual sensor."""
+        return np.asarray(np.sqrt(self.average / self.variance))
+
+    @property
+    def gain_over_best(self) -> Vector:
+        """Ratio (J,) of the wavelet deviation of the best single signal at each scale to the deviation of the virtual
+        sensor."""
+        return np.asarray(np.sqrt(self.each.min(axis=0) / self.variance))
+
+    def apply(self, signals: Mapping[str, Signal]) -> Signal:
+        """Fuse the signals named in `members`. A Kalman filter restarts after a gap."""
+        first = next(iter(signals.values()))
+        x = np.array([signals[name].values for name in self.members])
+        if self.filter is None:
+            values = self.weights @ x
+        else:
+            values = np.concatenate([self.filter.run(x[:, start:stop]) for start, stop in first.segments])
+        return Signal(
+            values, first.rate, first.unit, self.axis, segments=first.segments, starts=first.starts,
+            gaps_known=first.gaps_known,
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers, lists and strings."""
+        return {
+            "axis": self.axis,
+            "unit": self.unit,
+            "rate": self.rate,
+            "weights": dict(zip(self.members, self.weights.tolist(), strict=True)),
+            "model": self.model,
+            "pvalue": self.pvalue,
+            "filter": None if self.filter is None else self.filter.to_dict(),
+            "tau": self.tau.tolist(),
+            "deviation": self.deviation.tolist(),
+            "average": np.sqrt(self.average).tolist(),
+            "gain": self.gain.tolist(),
+            "gain_over_best": self.gain_over_best.tolist(),
+            "measured": np.sqrt(self.measured).tolist(),
+            "optimism": self.optimism.tolist(),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class VirtualSensor(Summarised):
+    """A virtual sensor that fuses an array of sensors of the same type.
+
+    `virtual["gyro_x"]` returns one of its axes.
+
+    Attributes
+    ----------
+    axes : mapping of axis to VirtualAxis
+        The axes of the virtual sensor.
+    horizon : float or None
+        Scale (s) at which the weights minimise the wavelet variance; None for a Kalman filter.
+    """
+
+    axes: Mapping[str, VirtualAxis]
+    horizon: float | None
+
+    def __getitem__(self, axis: str) -> VirtualAxis:
+        """Return the weights and the noise of one axis."""
+        if axis not in self.axes:
+            raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
+        return self.axes[axis]
+
+    def apply(self, x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu, rate: float | None = None) -> Imu:
+        """Fuse a recording of the same array, at rest or in motion.
+
+        Parameters
+        ----------
+        x : sequence or mapping
+            The recordings or signals of the units, as for `fuse`, with the same names or in the same order.
+        rate : float, optional
+            Sampling rate (Hz); only for plain arrays.
+
+        Returns
+        -------
+        Imu
+            The fused recording, with one signal for each axis and the gaps of the input.
+
+        Raises
+        ------
+        DataError
+            If the signals do not belong to this array, or are not synchronous.
+        """
+        groups = like_axes(x, rate)
+        fused = {}
+        for axis, one in self.axes.items():
+            if tuple(groups.get(axis, ())) != one.members:
+                expected = f"the signals of {axis}: {', '.join(one.members)}"
+                raise DataError(argument="x", expected=expected, got=list(groups.get(axis, ())))
+            first = next(iter(groups[axis].values()))
+            if first.rate != one.rate:
+                raise DataError(
+                    f"the weights are for {one.rate:g} Hz, but the signals have {first.rate:g} Hz", argument="x"
+                )
+            fused[axis] = one.apply(groups[axis])
+        return Imu(fused)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks on weights that amplify errors from scale factor and misalignment, and on models that do not fit."""
+        found = []
+        for axis, one in self.axes.items():
+            place = int(np.argmin(one.weights))
+            if one.weights[place] < 0:
+                found.append(
+                    Remark.of(
+                        "weights-negative", axis, member=one.members[place], weight=float(one.weights[place]),
+                        factor=float(np.sqrt(one.weights @ one.weights * one.weights.size)),
+                    )
+                )  # fmt: skip
+            if one.pvalue is not None and one.pvalue < REJECTED:
+                ratio = one.measured / one.variance
+                at = int(np.argmax(np.abs(np.log(ratio)) * (one.seen > ENOUGH)))
+                found.append(
+                    Remark.of(
+                        "array-model-rejected", axis, model=one.model, ratio=float(np.sqrt(ratio[at])),
+                        tau=Quantity(float(one.tau[at]), "s"),
+                    )
+                )  # fmt: skip
+        return tuple(found)
+
+    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the wavelet deviations of each signal, of their average and of the virtual sensor as functions of the
+        scale.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from gmwm.applications.several.fusion_plot import plot_fusion
+
+        return plot_fusion(self, path=path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers, lists and strings."""
+        return {
+            "horizon": self.horizon,
+            "axes": {axis: one.to_dict() for axis, one in self.axes.items()},
+            "remarks": [remark.to_dict() for remark in self.remarks],
+        }
+
+    def to_frame(self) -> DataFrame:
+        """Return the predicted deviations as a Polars data frame with one row for each axis and level."""
+        from polars import DataFrame, concat
+
+        return concat(
+            DataFrame(
+                {
+                    "axis": [axis] * one.levels.size,
+                    "level": one.levels,
+                    "tau": one.tau,
+                    "deviation": one.deviation,
+                    "average": np.sqrt(one.average),
+                    "gain": one.gain,
+                    "gain_over_best": one.gain_over_best,
+                }
+            )
+            for axis, one in self.axes.items()
+        )
+
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Format the weights, the gain at a few scales, and the remarks.
+
+        Parameters
+        ----------
+        dialect : Dialect
+            Whether options are written as in Python or as in the shell.
+        """
+        lines = []
+        for axis, one in self.axes.items():
+            weights = [["weight", *(name.removeprefix(axis) for name in one.members)]]
+            weights.append(["", *(f"{weight:.3f}" for weight in one.weights)])
+            shown = self._shown(one)
+            gains = [["at τ", *(duration_text(one.tau[k]) for k in shown)]]
+            gains.append(["gain over the average", *(f"{one.gain[k]:.2f}" for k in shown)])
+            gains.append(["gain over the best one", *(f"{one.gain_over_best[k]:.2f}" for k in shown)])
+            lines += [f"{axis}: virtual sensor of {len(one.members)}, {self._method}"]
+            lines += [f"Model {one.model}, p = {one.pvalue:.2g}"] if one.pvalue is not None else []
+            lines += ["", *headed(weights), "", *headed(gains), ""]
+        return "\n".join([*lines, *texts(self.remarks, dialect)]).rstrip()
+
+    def _shown(self, one: VirtualAxis) -> list[int]:
+        """Return the levels that the table shows: about six, and the one nearest to the horizon."""
+        shown = set(range(0, one.tau.size, max(one.tau.size // 6, 1)))
+        if self.horizon is not None:
+            shown.add(int(np.argmin(np.abs(np.log(one.tau / self.horizon)))))
+        return sorted(shown)
+
+    @property
+    def _method(self) -> str:
+        return "Kalman filter" if self.horizon is None else f"for a scale of {duration_text(self.horizon)}"
+
+    def __repr__(self) -> str:
+        count = len(next(iter(self.axes.values())).members)
+        return f"VirtualSensor({', '.join(self.axes)}: {count} units, {self._method})"

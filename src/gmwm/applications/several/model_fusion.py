@@ -1,0 +1,168 @@
+"""Make virtual sensors from a joint noise model, with a Kalman filter on differences or with static weights.
+
+The predicted variance is corrected for the estimation of the model from the same recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.applications.several.conic import least_squares
+from gmwm.applications.several.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
+from gmwm.applications.several.fitting import Settled, measured_at, settle
+from gmwm.applications.several.inference import errors, misfit
+from gmwm.applications.several.moments import entries, moment_covariance, stacked
+from gmwm.applications.several.terms import joint_terms
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import DataError, ModelError
+from gmwm.recording.signals import Signal
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import ModelLike
+
+DRAWS = 40
+"""Number of simulated estimates for the correction factor `optimism`. Its relative error is then about 1 %; see
+docs/validation/fusion.md."""
+MOST_MARKOV = 2
+"""Largest number of Gauss-Markov terms in the automatic choice of a model."""
+LEAST = 3.0
+"""Smallest number of coefficients per scale of a level that is used. It is smaller than for a goodness-of-fit test,
+because coarse levels improve the weights (docs/validation/fusion.md)."""
+FITS = 0.01
+"""Smallest p-value of the goodness-of-fit test at which a model is accepted."""
+
+Design = Callable[[ArrayNoise], DifferenceFilter]
+"""Function that designs a filter, or static weights, for the noise of an array."""
+
+
+def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
+    """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k for which it fits.
+
+    If none of these fits, the model with the best score is returned.
+    """
+    if model is not None:
+        terms = joint_terms(model)
+        return settle(terms, measured_at(signals, None, len(terms), least=LEAST))
+    measured = measured_at(signals, None, 2, least=LEAST)
+    best: tuple[float, Settled] | None = None
+    for count in range(MOST_MARKOV + 1):
+        text = "shared(WN) + shared(RW)" + (f" + {count}*shared(GM)" if count else "")
+        terms = joint_terms(text)
+        if measured.design.levels.size <= len(terms) + count:
+            break
+        try:
+            found = settle(terms, measured)
+        except ModelError:  # no noise in some combination of the signals, as far as the weights can tell
+            continue
+        tested = misfit(found)
+        if tested.pvalue >= FITS:
+            return found
+        # Like Akaike's criterion, the score adds 2 for each parameter (the degrees of freedom decrease by 1).
+        score = tested.statistic - 2 * tested.df
+        if best is None or score < best[0]:
+            best = score, found
+    if best is None:
+        raise DataError(
+            "the units have nearly the same signal: what they share, such as motion, hides the noise of each",
+            argument="x",
+            advice="Compute the weights from a recording at rest, and fuse this one with {--apply}.",
+        )
+    return best[1]
+
+
+def pvalue_of(settled: Settled) -> float:
+    """Return the p-value of the goodness-of-fit test of a joint fit."""
+    return misfit(settled).pvalue
+
+
+def model_text(settled: Settled) -> str:
+    """Return the model of a fit as text."""
+    return " + ".join(map(str, settled.problem.terms))
+
+
+def noise_of(settled: Settled, sigmas: Matrix | None = None) -> ArrayNoise:
+    """Return the noise model of an array, with one scale factor for all signals; see `unit_of`.
+
+    Terms with the same shape are added. `sigmas` replaces the estimated covariance matrices.
+    """
+    problem = settled.problem
+    own = problem.processes(settled.found.u)
+    scale = float(np.exp(np.mean(np.log(settled.unit))))
+    relative = settled.unit / scale
+    given = settled.found.sigmas if sigmas is None else sigmas
+    found: dict[tuple[Any, ...], tuple[Process, Matrix]] = {}
+    for process, sigma in zip(own, given / np.outer(relative, relative), strict=True):
+        key = (type(process), *process.nonlinear.tolist())
+        found[key] = (process, sigma + found[key][1] if key in found else sigma)
+    processes, merged = zip(*found.values(), strict=True)
+    return ArrayNoise(processes, np.array(merged), problem.design.rate)
+
+
+def shrunk(settled: Settled, sigmas: Matrix, scatter: Vector) -> Matrix:
+    """Return the covariance matrices with those of shared and common terms shrunk towards a multiple of the identity.
+
+    Shrinkage makes the weights more stable, because they depend on the inverse matrices. Its share is the total
+    estimation variance of the entries of a matrix divided by their squared distance from the multiple of the identity
+    (Ledoit and Wolf 2004, Journal of Multivariate Analysis 88, 365-411). It is near 0 if the matrix is well determined,
+    and 1 if the data do not determine the differences between the signals.
+    """
+    out = sigmas.copy()
+    for place, term in enumerate(settled.problem.terms):
+        if term.kind != "own":
+            target = np.trace(sigmas[place]) / sigmas.shape[-1] * np.eye(sigmas.shape[-1])
+            distance = float(np.sum((sigmas[place] - target) ** 2))
+            share = min(1.0, scatter[place] / distance) if distance > 0 else 1.0
+            out[place] = (1 - share) * sigmas[place] + share * target
+    return out
+
+
+def scatters(settled: Settled) -> Vector:
+    """Return the total estimation variance (P,) of the entries of the matrix of each term.
+
+    Except for common terms, the fit does not require that the matrices are positive semidefinite.
+    """
+    inside, tangent = errors(settled, inside=True), errors(settled)
+    found = [tangent if term.kind == "common" else inside for term in settled.problem.terms]
+    rows, columns = entries(settled.problem.d)
+    times = np.where(rows == columns, 1.0, 2.0)
+    return np.array([float(times @ np.diag(one.of_matrix(k))) for k, one in enumerate(found)])
+
+
+def best_noise(settled: Settled) -> ArrayNoise:
+    """Return the noise model from which weights are computed: the estimate with shrunk covariance matrices."""
+    return noise_of(settled, shrunk(settled, settled.found.sigmas, scatters(settled)))
+
+
+def unit_of(settled: Settled) -> float:
+    """Return the factor that converts variances of the model from `noise_of` to the units of the signals."""
+    return float(np.exp(-2 * np.mean(np.log(settled.unit))))
+
+
+def optimism(settled: Settled, design: Design, levels: NDArray[np.int64]) -> Vector:
+    """Return the factor (J,) by which the variance in other recordings is larger than predicted.
+
+    The factor comes from a parametric bootstrap. Moments are drawn from their distribution under the fitted model, the
+    covariance matrices are estimated from them, and a filter is designed for these estimates. Its predicted variance
+    follows from the estimates, and its achieved variance from the fitted model. The factor is the ratio of the mean
+    achieved variance to the mean predicted one, and at least 1.
+    """
+    problem, scatter = settled.problem, scatters(settled)
+    centre = shrunk(settled, settled.found.sigmas, scatter)
+    truth = noise_of(settled, centre)
+    fitted = stacked(np.einsum("pj,pab->jab", problem.shapes(settled.found.u), centre))
+    wavelet = problem.design.loss_factor * moment_covariance(centre, settled.products)
+    size = np.sqrt(np.diag(wavelet))
+    root = np.linalg.cholesky(wavelet / np.outer(size, size) + 1e-13 * np.eye(size.size)) * size[:, None]
+    columns = problem.columns(problem.shapes(settled.found.u))
+    rng = np.random.default_rng(0)
+    achieved, predicted = np.zeros(levels.size), np.zeros(levels.size)
+    for _ in range(DRAWS):
+        drawn = problem.root @ (fitted + root @ rng.standard_normal(size.size))
+        sigmas = least_squares(columns, drawn, problem.cone, gap=1e-6).sigmas
+        filter = design(noise_of(settled, shrunk(settled, sigmas, scatter)))
+        achieved += wavelet_variance(truth, filter, levels)
+        predicted += wavelet_variance(noise_of(settled, sigmas), filter, levels)
+    return np.asarray(np.maximum(achieved / predicted, 1.0))

@@ -1,0 +1,283 @@
+"""Result of the test for shared noise: wavelet cross-covariances and correlations of several signals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.applications.several.pairs import Pairs
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.tables import headed
+from gmwm.base.text import Summarised, counted, duration_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedNoise:
+    """A scale at which the test finds that two axes share noise.
+
+    Attributes
+    ----------
+    axes : tuple of two str
+        Names of the two axes.
+    level : int
+        Level j.
+    tau : float
+        Scale (s).
+    correlation, lower, upper : float
+        Correlation of the wavelet coefficients, and its lower and upper confidence limits.
+    pvalue : float
+        p-value of zero correlation, adjusted for the number of tests.
+    """
+
+    axes: tuple[str, str]
+    level: int
+    tau: float
+    correlation: float
+    lower: float
+    upper: float
+    pvalue: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class CrossCovariance(Summarised):
+    """Covariance and correlation of the noise of several axes at each scale.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Names of the signals.
+    units : mapping of str to str
+        Unit of each signal.
+    levels : (J,) int array
+        Levels j.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Number of samples of each signal.
+    variance : mapping of str to (J,) array
+        Wavelet variance of each signal, in unit².
+    covariance : mapping of pair to (J,) array
+        Wavelet cross-covariance γ̂ of two signals, in the product of their units, for example `covariance["gyro_x",
+        "gyro_z"]`.
+    correlation, lower, upper : mapping of pair to (J,) array
+        Correlation of the wavelet coefficients, and its confidence limits. The limits are NaN for levels that are not
+        tested.
+    degrees_of_freedom : mapping of pair to (J,) array
+        Degrees of freedom η of each correlation, under the hypothesis that the signals share no noise.
+    pvalues : mapping of pair to (J,) array
+        p-values of zero correlation, adjusted for all levels and pairs; NaN for levels that are not tested.
+    delays : mapping of pair to int
+        For each pair of signals that are not aligned in time, the delay (samples) of the second signal relative to the
+        first. A negative value means that the second signal is earlier.
+    size, confidence : float
+        Significance level of all tests together, and confidence level of the limits.
+    efficiency : float or None
+        Efficiency of the robust estimates; None for classical ones.
+    """
+
+    axes: tuple[str, ...]
+    units: Mapping[str, str]
+    levels: NDArray[np.int64]
+    rate: float
+    samples: int
+    variance: Mapping[str, Vector]
+    covariance: Pairs[Vector]
+    correlation: Pairs[Vector]
+    lower: Pairs[Vector]
+    upper: Pairs[Vector]
+    degrees_of_freedom: Pairs[Vector]
+    pvalues: Pairs[Vector]
+    delays: Pairs[int]
+    size: float = 0.05
+    confidence: float = 0.95
+    efficiency: float | None = None
+
+    def __post_init__(self) -> None:
+        for pairs in (self.covariance, self.correlation, self.lower, self.upper, self.degrees_of_freedom, self.pvalues):
+            for values in pairs.values():
+                freeze(values)
+
+    @property
+    def tau(self) -> Vector:
+        """Scales τ_j = 2^j / rate (J,), in seconds."""
+        return np.asarray(np.exp2(self.levels.astype(np.float64)) / self.rate)
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """All pairs of axes, as tuples of two names."""
+        return tuple(self.covariance)
+
+    @property
+    def tests(self) -> int:
+        """Number of tests: the levels with enough degrees of freedom, summed over all pairs."""
+        return sum(int(np.count_nonzero(np.isfinite(p))) for p in self.pvalues.values())
+
+    @property
+    def matrices(self) -> Matrix:
+        """Covariance matrices Γ̂_j (J, d, d) of the wavelet coefficients of all axes, in products of their units."""
+        out = np.empty((self.levels.size, len(self.axes), len(self.axes)))
+        for k, a in enumerate(self.axes):
+            out[:, k, k] = self.variance[a]
+            for m, b in enumerate(self.axes[:k]):
+                out[:, k, m] = out[:, m, k] = self.covariance[a, b]
+        return out
+
+    @cached_property
+    def shared(self) -> tuple[SharedNoise, ...]:
+        """The scales at which two axes share noise, sorted by p-value."""
+        found = [
+            SharedNoise(
+                axes=pair,
+                level=int(self.levels[k]),
+                tau=float(self.tau[k]),
+                correlation=float(self.correlation[pair][k]),
+                lower=float(self.lower[pair][k]),
+                upper=float(self.upper[pair][k]),
+                pvalue=float(p[k]),
+            )
+            for pair, p in self.pvalues.items()
+            for k in np.flatnonzero(p <= self.size)
+        ]
+        return tuple(sorted(found, key=lambda one: one.pvalue))
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks on whether axes share noise, and on delayed axes."""
+        most = max(self.shared, key=lambda one: abs(one.correlation), default=None)
+        counts = {"size": self.size, "tests": self.tests, "count": len(self.shared)}
+        late = [
+            Remark.of("axis-delayed", b if d > 0 else a, reference=a if d > 0 else b, samples=abs(d))
+            for (a, b), d in self.delays.items()
+        ]
+        if most is None:
+            return (Remark.of("axes-independent", **counts), *late)
+        a, b = most.axes
+        tau = Quantity(most.tau, "s")
+        shared = Remark.of("axes-share-noise", **counts, first=a, second=b, correlation=most.correlation, tau=tau)
+        return (shared, *late)
+
+    def plot(self, *, confidence: bool = True, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the correlation of each pair as a function of the scale. Filled symbols mark significant correlations.
+
+        Parameters
+        ----------
+        confidence : bool
+            Whether to draw the confidence limits.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from gmwm.applications.several.cross_plot import plot_cross
+
+        return plot_cross(self, confidence=confidence, path=path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers, lists and strings.
+
+        The key of a pair is a string such as "gyro_x gyro_y". NaN becomes None.
+        """
+        return {
+            "axes": list(self.axes),
+            "units": dict(self.units),
+            "rate": self.rate,
+            "samples": self.samples,
+            "size": self.size,
+            "confidence": self.confidence,
+            "efficiency": self.efficiency,
+            "levels": self.levels.tolist(),
+            "tau": self.tau.tolist(),
+            "variance": {axis: values.tolist() for axis, values in self.variance.items()},
+            "pairs": {
+                f"{a} {b}": {
+                    name: _plain(getattr(self, name)[a, b])
+                    for name in ("covariance", "correlation", "lower", "upper", "degrees_of_freedom", "pvalues")
+                } | {"delay": self.delays.get((a, b), 0)}
+                for a, b in self.pairs
+            },
+            "remarks": [one.to_dict() for one in self.remarks],
+        }  # fmt: skip
+
+    def to_frame(self) -> DataFrame:
+        """Return the correlations as a Polars data frame with one row for each pair and level."""
+        from polars import DataFrame, concat
+
+        return concat(
+            DataFrame(
+                {
+                    "first": [a] * self.levels.size,
+                    "second": [b] * self.levels.size,
+                    "level": self.levels,
+                    "tau": self.tau,
+                    "covariance": self.covariance[a, b],
+                    "correlation": self.correlation[a, b],
+                    "lower": self.lower[a, b],
+                    "upper": self.upper[a, b],
+                    "degrees_of_freedom": self.degrees_of_freedom[a, b],
+                    "pvalue": self.pvalues[a, b],
+                }
+            )
+            for a, b in self.pairs
+        )
+
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Format a table with the largest correlation of each pair that shares noise, and the remarks.
+
+        Parameters
+        ----------
+        dialect : Dialect
+            Whether options are written as in Python or as in the shell.
+        """
+        robust = "" if self.efficiency is None else f", robust with efficiency {self.efficiency:g}"
+        lines = [
+            f"Shared noise of {', '.join(self.axes)}: {self.samples} samples at {self.rate:g} Hz{robust}; "
+            f"{counted(self.tests, 'test')}"
+        ]
+        rows = []
+        for a, b in self.pairs:
+            mine = [one for one in self.shared if set(one.axes) == {a, b}]
+            if mine:
+                most = max(mine, key=lambda one: abs(one.correlation))
+                rows.append(
+                    [
+                        f"{a}, {b}", f"{most.correlation:+.3f}", f"{most.lower:+.3f} … {most.upper:+.3f}",
+                        duration_text(most.tau), f"{most.pvalue:.2g}",
+                        _ranges(sorted(one.level for one in mine), self.rate),
+                    ]
+                )  # fmt: skip
+        if rows:
+            head = ["axes", "correlation", f"{100 * self.confidence:g} %", "at τ", "p", "shared at τ"]
+            lines += ["", *headed([head, *rows])]
+        return "\n".join([*lines, "", *texts(self.remarks, dialect)])
+
+    def __repr__(self) -> str:
+        return f"CrossCovariance({', '.join(self.axes)}: {len(self.shared)} of {self.tests} tests significant)"
+
+
+def _plain(values: Vector) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
+def _ranges(levels: list[int], rate: float) -> str:
+    """Format levels as ranges of scales; consecutive levels form one range."""
+    runs: list[list[int]] = []
+    for level in levels:
+        if runs and level == runs[-1][-1] + 1:
+            runs[-1].append(level)
+        else:
+            runs.append([level])
+    ends = [(2.0 ** run[0] / rate, 2.0 ** run[-1] / rate) for run in runs]
+    return ", ".join(" … ".join(dict.fromkeys(map(duration_text, pair))) for pair in ends)

@@ -1,0 +1,304 @@
+"""Search for the shapes and the covariance matrices that minimise the objective of a joint model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations, islice, product
+
+import numpy as np
+
+from gmwm.applications.several.conic import Cone, Conic, least_squares
+from gmwm.applications.several.moments import entries
+from gmwm.applications.several.problem import JointProblem, coordinates
+from gmwm.base.arrays import Matrix, Vector
+
+PLACES = 10
+"""Number of candidate shapes of a process for the starting values, equally spaced along its curve of shapes.
+tests/joint/test_joint_fit.py compares the fits with a finer scan."""
+STARTS = 4
+"""Number of starting values from which the search descends."""
+MOST_STARTS = 60
+"""Largest number of combinations of shapes that are compared as starting values."""
+ROUGH = 1e-4
+"""Relative accuracy of the objective while starting values are compared. This constant, `SAME` and `WORSE` halve the
+time and do not change any fit of docs/validation/joint.md."""
+EXACT = 1e-9
+"""Relative accuracy of the objective of a final fit."""
+SAME = 0.02
+"""Two starting values have led to the same optimum if their search coordinates differ by less than this."""
+WORSE = 0.1
+"""A rough descent is refined only if its objective exceeds the smallest one by at most this relative amount."""
+DESCENT = 40
+"""Largest number of Newton steps of a descent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An estimate of the parameters of a joint model.
+
+    Attributes
+    ----------
+    u : (K,) array
+        Search coordinates of the shapes.
+    sigmas : (P, d, d) array
+        Covariance matrices of the terms.
+    objective : float
+        Weighted residual sum of squares.
+    gap : float
+        Upper bound on the error of `objective` for these shapes.
+    warm : (P, d, d) array, optional
+        Positive definite matrices to start a similar problem from.
+    """
+
+    u: Vector
+    sigmas: Matrix
+    objective: float
+    gap: float = 0.0
+    warm: Matrix | None = None
+
+
+def search(problem: JointProblem) -> Found:
+    """Return the best local optimum from several starting values."""
+    rough = [descend(problem, u, accuracy=ROUGH) for u in _starts(problem)]
+    least = min(found.objective for found in rough)
+    # If several starting values lead to the same optimum, it is refined once.
+    followed: list[Found] = []
+    for found in sorted(rough, key=lambda found: found.objective):
+        new = all(np.max(np.abs(found.u - other.u), initial=0.0) > SAME for other in followed)
+        if found.objective <= least * (1 + WORSE) and (new or not followed):
+            followed.append(found)
+    return min((resume(problem, found) for found in followed), key=lambda found: found.objective)
+
+
+def first(problem: JointProblem) -> Found:
+    """Return a local optimum with rough accuracy, from the best starting value."""
+    return descend(problem, _starts(problem)[0], accuracy=ROUGH)
+
+
+def resume(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
+    """Return the local optimum near an estimate."""
+    return polish(problem, descend(problem, found.u, warm=found.warm, accuracy=accuracy), accuracy)
+
+
+def places(problem: JointProblem, place: int, count: int) -> Vector:
+    """Return the search coordinates (count,) of shapes that are equally spaced along the curve of shapes of a term."""
+    branch = problem.branches[place]
+    assert branch is not None
+    u = np.linspace(branch.low, branch.high, 400)
+    kind = type(problem.terms[place].process)
+    shapes = np.log(kind.shape(branch.values(u), problem.design.levels, problem.design.rate))
+    shapes -= shapes.mean(axis=1, keepdims=True)
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shapes, axis=0), axis=1))])
+    # The two ends of the curve are left out, because they have the shapes of other processes, such as WN and RW.
+    return np.asarray(np.interp((np.arange(count) + 1) / (count + 1) * length[-1], length, u))
+
+
+def _starts(problem: JointProblem) -> list[Vector]:
+    """Return starting values (search coordinates of all searched terms), the best one first."""
+    searched = problem.searched
+    if not searched:
+        return [np.empty(0)]
+    grids = [places(problem, place, PLACES) for place in searched]
+    # Neighbouring starting values lead to the same optimum.
+    apart = 1.5 * np.array([np.max(np.diff(grid)) for grid in grids])
+    if len(searched) == 1:
+        scored = _scored(problem, [np.array([value]) for value in grids[0]])
+        height = np.array([np.inf, *(objective for objective, _ in scored), np.inf])
+        scored = [pair for k, pair in enumerate(scored) if height[k + 1] <= min(height[k], height[k + 2])]
+    else:
+        scored = _scored(problem, _combined(problem, grids))
+    given = coordinates(problem)
+    if given is not None:
+        scored += _scored(problem, [given])
+    scored.sort(key=lambda pair: pair[0])
+    chosen: list[Vector] = []
+    for _, u in scored:
+        if all(np.any(np.abs(u - other) > apart) for other in chosen):
+            chosen.append(u)
+    return chosen[:STARTS]
+
+
+def _scored(problem: JointProblem, choices: list[Vector]) -> list[tuple[float, Vector]]:
+    """Return the rough objective at each of several search coordinates, with the coordinates."""
+    found, warm = [], None
+    for u in choices:
+        solved = problem.solve(u, gap=1e-2, warm=warm)
+        found.append((solved.objective, u))
+        warm = solved.warm
+    return found
+
+
+def _combined(problem: JointProblem, grids: list[Vector]) -> list[Vector]:
+    """Return combinations of candidate shapes of two or more terms, from the mixtures of all candidates of each."""
+    searched = problem.searched
+    kept = [_supported(problem, place, grid) for place, grid in zip(searched, grids, strict=True)]
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k, place in enumerate(searched):
+        groups.setdefault((problem.terms[place].process.name, problem.terms[place].kind), []).append(k)
+    choices = [
+        list(combinations(kept[group[0]] if len(kept[group[0]]) >= len(group) else grids[group[0]], len(group)))
+        for group in groups.values()
+    ]
+    order = np.argsort([k for group in groups.values() for k in group])
+    return [
+        np.array([value for part in choice for value in part])[order]
+        for choice in islice(product(*choices), MOST_STARTS)
+    ]
+
+
+def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
+    """Return the candidate shapes of a term with the largest parts in the best-fitting mixture of all candidates."""
+    branch = problem.branches[place]
+    assert branch is not None
+    others = [k for k, one in enumerate(problem.branches) if one is None]
+    levels, rate = problem.design.levels, problem.design.rate
+    own = type(problem.terms[place].process).shape(branch.values(grid), levels, rate)
+    fixed = [type(problem.terms[k].process).standard(problem.terms[k].process.nonlinear) for k in others]
+    shapes = np.array([*own, *(process.wavelet_variance(levels, rate) for process in fixed)])
+    whole = [problem.terms[place].kind != "own"] * grid.size + [problem.terms[k].kind != "own" for k in others]
+    cone = Cone(problem.d, np.array(whole))
+    found = least_squares(problem.columns(shapes, cone), problem.target, cone, gap=1e-3)
+    share = np.max(found.sigmas[: grid.size].trace(axis1=1, axis2=2)[:, None] * own, axis=1)
+    wanted = max(4, sum(1 for k in problem.searched if problem.terms[k].kind == problem.terms[place].kind) + 2)
+    return np.sort(grid[np.argsort(-share)[:wanted]])
+
+
+def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> Found:
+    """Minimise the objective over the search coordinates by Newton's method, to a relative accuracy.
+
+    At each step, the covariance matrices are optimal for the coordinates.
+    """
+    low, high = problem.limits
+    u = np.clip(u, low, high)
+    now = problem.solve(u, gap=accuracy, warm=warm)
+    for _ in range(DESCENT if u.size else 0):
+        gradient, curvature = _derivatives(problem, u, now)
+        free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0)))
+        if not np.any(free):
+            break
+        step = np.zeros_like(u)
+        step[free] = -_newton(curvature[np.ix_(free, free)], gradient[free])
+        step *= min(1.0, 2.0 / max(float(np.max(np.abs(step))), 1e-300))
+        expected = -float(gradient @ step)
+        if expected <= 0.1 * accuracy * now.objective:
+            break
+        for _ in range(12):
+            there = np.clip(u + step, low, high)
+            new = problem.solve(there, gap=accuracy, warm=now.warm)
+            if new.objective < now.objective:
+                break
+            step /= 2
+        else:
+            break
+        settled = now.objective - new.objective <= 0.01 * accuracy * now.objective
+        u, now = there, new
+        if settled:
+            break
+    return Found(u, now.sigmas, now.objective, now.gap, warm=now.warm)
+
+
+def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
+    """Return the gradient and the Gauss-Newton curvature of the objective with respect to the search coordinates.
+
+    The covariance matrices are optimal for the coordinates.
+    """
+    shapes, cone = problem.shapes(u), problem.cone
+    residual = problem.residual(shapes, now.sigmas)
+    along = problem.directions(u, now.sigmas)
+    mixed = 2 * along @ problem.columns(shapes)
+    terms = cone.terms
+    slopes = problem.blocks(problem.slopes(u)) @ residual
+    rows, columns = entries(problem.d)
+    for k, place in enumerate(problem.searched):
+        whole = slopes[k] if cone.full[place] else slopes[k][rows == columns]
+        mixed[k, terms == place] -= 2 * whole
+    scale = 1 / np.sqrt(np.diag(now.hessian))
+    inner = now.hessian * np.outer(scale, scale)
+    # Two terms with the same shape make the matrix singular. Any solution gives the same product.
+    response = np.linalg.lstsq(inner, (mixed * scale).T)[0]
+    curvature = 2 * along @ along.T - (mixed * scale) @ response
+    return -2 * along @ residual, curvature
+
+
+def _newton(curvature: Matrix, gradient: Vector) -> Vector:
+    """Solve curvature · x = gradient, after making the curvature positive definite."""
+    values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
+    values = np.maximum(np.abs(values), 1e-8 * max(float(np.abs(values).max()), 1e-300))
+    return np.asarray(vectors @ ((vectors.T @ gradient) / values))
+
+
+def polish(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
+    """Return the optimum in which the matrices of common terms have rank one, starting from a fit with any rank.
+
+    The unknowns are the search coordinates and factors F of the matrices, Σ = FFᵀ.
+    """
+    from scipy.optimize import least_squares as levenberg_marquardt
+
+    if not any(term.kind == "common" for term in problem.terms):
+        return found
+    factors = _Factors(problem)
+    start = factors.start(found)
+    solved = levenberg_marquardt(
+        factors.residual, start, jac=factors.jacobian, method="lm" if start.size <= problem.target.size else "trf",
+        x_scale="jac", ftol=1e-3 * accuracy, xtol=1e-3 * accuracy, gtol=1e-12, max_nfev=300,
+    )  # fmt: skip
+    u, sigmas = factors.of(solved.x)
+    return Found(u, sigmas, 2 * float(solved.cost), warm=found.warm)
+
+
+class _Factors:
+    """Nonlinear least-squares problem with covariance matrices written as Σ = FFᵀ.
+
+    The factor F is diagonal for independent terms, one column for common terms, and a full matrix for shared terms.
+    """
+
+    def __init__(self, problem: JointProblem) -> None:
+        self.problem, self.low, self.high = problem, *problem.limits
+        d = problem.d
+        self.sizes = [{"own": d, "common": d, "shared": d * d}[term.kind] for term in problem.terms]
+
+    def start(self, found: Found) -> Vector:
+        parts = [found.u]
+        for term, sigma in zip(self.problem.terms, found.sigmas, strict=True):
+            if term.kind == "own":
+                parts.append(np.sqrt(np.maximum(np.diag(sigma), 0.0)))
+            else:
+                values, vectors = np.linalg.eigh(sigma)
+                factor = vectors * np.sqrt(np.maximum(values, 1e-12 * values[-1]))
+                parts.append(factor[:, -1] if term.kind == "common" else factor.ravel())
+        return np.concatenate(parts)
+
+    def split(self, x: Vector) -> tuple[Vector, list[Matrix]]:
+        """Split the vector of unknowns into the search coordinates and the factor (d, r) of each matrix."""
+        d = self.problem.d
+        u = np.clip(x[: self.low.size], self.low, self.high)
+        parts = np.split(x[self.low.size :], np.cumsum(self.sizes)[:-1])
+        kinds = [term.kind for term in self.problem.terms]
+        return u, [np.diag(part) if kind == "own" else part.reshape(d, -1)
+                   for part, kind in zip(parts, kinds, strict=True)]  # fmt: skip
+
+    def of(self, x: Vector) -> tuple[Vector, Matrix]:
+        u, factors = self.split(x)
+        return u, np.array([factor @ factor.T for factor in factors])
+
+    def residual(self, x: Vector) -> Vector:
+        u, sigmas = self.of(x)
+        return self.problem.residual(self.problem.shapes(u), sigmas)
+
+    def jacobian(self, x: Vector) -> Matrix:
+        u, factors = self.split(x)
+        problem, (rows, columns) = self.problem, entries(self.problem.d)
+        blocks = problem.blocks(problem.shapes(u))
+        sigmas = np.array([factor @ factor.T for factor in factors])
+        parts = [problem.directions(u, sigmas)]
+        eye = np.eye(problem.d)
+        for term, factor, block in zip(problem.terms, factors, blocks, strict=True):
+            # d(FFᵀ)_ab / dF_ck = δ_ac F_bk + δ_bc F_ak
+            change = (
+                eye[rows][:, :, None] * factor[columns][:, None, :]
+                + eye[columns][:, :, None] * factor[rows][:, None, :]
+            )
+            if term.kind == "own":
+                change = np.einsum("icc->ic", change)
+            parts.append(change.reshape(rows.size, -1).T @ block)
+        return -np.concatenate(parts).T

@@ -1,0 +1,62 @@
+"""Parse durations and shares in the values of options."""
+
+from __future__ import annotations
+
+import re
+
+from gmwm.base.errors import OptionError
+
+_UNITS = {
+    "ms": 1e-3, "s": 1.0, "sec": 1.0, "second": 1.0, "m": 60.0, "min": 60.0, "minute": 60.0,
+    "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "d": 86400.0, "day": 86400.0,
+}  # fmt: skip
+_SECONDS = _UNITS | {f"{unit}s": seconds for unit, seconds in _UNITS.items() if len(unit) > 2 or unit == "hr"}
+_NUMBER = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?"
+_TERM = re.compile(rf"\s*({_NUMBER})\s*([a-z]+)", re.IGNORECASE)
+_PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
+
+
+def parse_length(text: str, argument: str = "duration") -> float:
+    """Parse a duration: a number with a unit, a sum of these, or a number of seconds.
+
+    Parameters
+    ----------
+    text : str
+    argument : str
+        Name of the argument, for errors.
+
+    Returns
+    -------
+    float
+        Duration (s).
+
+    Raises
+    ------
+    OptionError
+        If the value has another form.
+
+    Examples
+    --------
+    >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
+    (90.0, 1800.0, 7200.0, 5400.0, 129600.0)
+    >>> parse_length("100ms")
+    0.1
+    """
+    if (plain := _PLAIN.fullmatch(text)) and not plain[2]:
+        return float(plain[1])
+    terms, rest = _TERM.findall(text), _TERM.sub("", text)
+    if not terms or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in terms):
+        raise OptionError(argument=argument, expected="a duration such as 90s, 30min, 1h30m, 2h or 1d", got=text)
+    return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in terms))
+
+
+def parse_share(text: str, argument: str = "accuracy") -> float:
+    """Parse a share, as a number or a percentage.
+
+    >>> parse_share("0.1"), parse_share("10%"), parse_share("2.5 %")
+    (0.1, 0.1, 0.025)
+    """
+    match = _PLAIN.fullmatch(text)
+    if match is None:
+        raise OptionError(argument=argument, expected="a share such as 0.1 or 10%", got=text)
+    return float(match[1]) / (100.0 if match[2] else 1.0)

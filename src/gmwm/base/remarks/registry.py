@@ -1,0 +1,181 @@
+"""Registry of remarks: the severity, the sentence and the advice of each code, from `messages.toml`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from string import Formatter
+from typing import Any
+
+from gmwm.base.remarks.severity import Severity
+from gmwm.base.template import Fact, Quantity
+
+SECTIONS: Mapping[str, str] = {
+    "reading": "Reading a file",
+    "recording": "The recording",
+    "curve": "The wavelet variance",
+    "fit": "A fitted model",
+    "selection": "Several candidate models",
+    "numbers": "Numbers of a datasheet",
+    "calibration": "A calibration",
+    "axes": "Several axes together",
+    "agreement": "Several calibrations of one unit",
+    "fleet": "A fleet of units",
+    "plan": "A planned recording",
+    "files": "Files for other programs",
+}
+"""Sections of the documentation of remarks, in order: identifier and title."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Several templates, one of which is chosen by the value of a fact.
+
+    Attributes
+    ----------
+    by : str
+        Name of the fact.
+    templates : mapping of value to template
+        Template for each value of the fact, in lower case.
+    """
+
+    by: str
+    templates: Mapping[str, str]
+
+    def of(self, facts: Mapping[str, Fact]) -> str:
+        """Return the template for these facts."""
+        return self.templates[str(facts[self.by]).lower()]
+
+
+Text = str | Choice
+
+
+@dataclass(frozen=True)
+class Message:
+    """The entry of a code in the registry.
+
+    Attributes
+    ----------
+    code : str
+        Identifier of the remark.
+    section : str
+        One of the keys of `SECTIONS`.
+    severity : Severity
+        Severity of the remark.
+    sentence, advice : str or Choice
+        Templates of the sentence that states what happened, and of the advice on what to do. `{subjects}` is replaced
+        by the subjects of the remark. If the sentence does not contain it, the subjects are written before the
+        sentence.
+    detail : str
+        Template of the text in parentheses after the name of each subject.
+    meaning : str
+        What the remark means for the results, in Markdown, for the documentation.
+    example : mapping of name to fact
+        Facts and subject for the example of the message in the documentation.
+    """
+
+    code: str
+    section: str
+    severity: Severity
+    sentence: Text
+    advice: Text = ""
+    detail: str = ""
+    meaning: str = ""
+    example: Mapping[str, Fact] = field(default_factory=dict)
+
+    def sentence_for(self, facts: Mapping[str, Fact]) -> str:
+        """Return the template of the sentence for these facts."""
+        return self.sentence.of(facts) if isinstance(self.sentence, Choice) else self.sentence
+
+    def advice_for(self, facts: Mapping[str, Fact]) -> str:
+        """Return the template of the advice for these facts."""
+        return self.advice.of(facts) if isinstance(self.advice, Choice) else self.advice
+
+    def needs(self, facts: Mapping[str, Fact]) -> set[str]:
+        """Return the names of all facts that the message needs."""
+        named = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
+        if named - facts.keys():
+            return named
+        return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
+
+    def shared(self, facts: Mapping[str, Fact]) -> set[str]:
+        """Return the names of the facts that must be equal for all subjects in one sentence."""
+        chosen = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
+        return chosen | set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
+
+
+def _fields(*templates: str) -> Iterator[str]:
+    for template in templates:
+        for _, name, _, _ in Formatter().parse(template):
+            if name is None or name.startswith("gmwm "):
+                continue
+            if not name.startswith("--"):
+                yield name
+            elif (value := name.partition("=")[2]).startswith("@"):
+                yield value[1:]
+
+
+@cache
+def message(code: str) -> Message:
+    """Return the entry of a code in the registry. Only this entry is parsed: the whole file takes 50 ms.
+
+    Raises
+    ------
+    KeyError
+        If the code is not registered.
+    """
+    return _parsed(_tables()[code])[code]
+
+
+@cache
+def messages() -> Mapping[str, Message]:
+    """Return all messages by code, in the order of the file."""
+    return _parsed(_content())
+
+
+def _content() -> str:
+    return files("gmwm.base.remarks").joinpath("messages.toml").read_text(encoding="utf-8")
+
+
+@cache
+def _tables() -> Mapping[str, str]:
+    """Return the text of each table of the file by its name. A line that begins like a name is a link if more follows
+    after the bracket."""
+    found = re.finditer(r"^\[([a-z0-9-]+)\]\n.*?(?=^\[[a-z0-9-]+\]\n|\Z)", _content(), re.MULTILINE | re.DOTALL)
+    return {one[1]: one[0] for one in found}
+
+
+def _parsed(text: str) -> dict[str, Message]:
+    return {code: _message(code, entry) for code, entry in tomllib.loads(text).items()}
+
+
+def _message(code: str, entry: Mapping[str, Any]) -> Message:
+    return Message(
+        code=code,
+        section=entry["section"],
+        severity=Severity[entry["severity"].upper()],
+        sentence=_text(entry["sentence"]),
+        advice=_text(entry.get("advice", "")),
+        detail=entry.get("detail", ""),
+        meaning=entry.get("meaning", "").strip(),
+        example={name: as_fact(value) for name, value in entry.get("example", {}).items()},
+    )
+
+
+def _text(value: str | Mapping[str, str]) -> Text:
+    if isinstance(value, str):
+        return value
+    return Choice(value["by"], {name: text for name, text in value.items() if name != "by"})
+
+
+def as_fact(value: Any) -> Fact:
+    """Convert a plain value to a fact. `{value, unit}` becomes a number with a unit, and a list becomes a tuple."""
+    if isinstance(value, Mapping):
+        return Quantity(float("nan") if value["value"] is None else float(value["value"]), str(value["unit"]))
+    if isinstance(value, list | tuple):
+        return tuple(as_fact(item) for item in value)
+    return value if isinstance(value, str | bool | int | float) or value is None else str(value)

@@ -1,0 +1,220 @@
+"""Templates of messages, rendered for Python, for the shell or for HTML."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from html import escape
+from string import Formatter
+
+from gmwm.base.text import counted, duration_text, listed, moment, rounded
+
+
+class Dialect(Enum):
+    """The reader of a message: a Python user, a user of the command line, or a reader of an HTML page."""
+
+    PYTHON = "python"
+    SHELL = "shell"
+    HTML = "html"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its unit.
+
+    Attributes
+    ----------
+    value : float
+        The number.
+    unit : str
+        Unit, for example "s"; "" for a plain number.
+    """
+
+    value: float
+    unit: str = ""
+
+
+Fact = Quantity | float | int | str | bool | None | tuple["Fact", ...]
+"""A value in a message: a number with its unit, a count, a name, or a sequence of these."""
+
+_SHELL_OPTIONS: Mapping[str, str] = {"rng": "--seed", "axes": "--axis"}
+"""Options of the shell whose name differs from the Python argument."""
+_MAPPINGS = ("units", "scale", "columns")
+"""Arguments that are mappings in Python and `name=value` pairs in the shell."""
+_LISTS = ("columns", "increments")
+"""Arguments that are lists in Python and names separated by commas in the shell."""
+_PYTHON_COMMANDS: Mapping[str, str] = {
+    "gmwm info": "gmwm.inspect(recording)",
+    "gmwm agree": "gmwm.agree(calibrations)",
+    "gmwm fit": "gmwm.fit(model, curve)",
+    "gmwm fit --likelihood": "gmwm.fit_ml(model, signal)",
+    "gmwm calibrate": "gmwm.calibrate(recording)",
+    "gmwm calibrate --chunked no": "gmwm.calibrate(gmwm.read(path))",
+    "gmwm compare": "gmwm.compare(curves)",
+    "gmwm cross": "gmwm.cross(recording)",
+    "gmwm joint": "gmwm.fit_joint(model, recording)",
+    "gmwm psd": "gmwm.psd(recording)",
+}
+"""The Python call that is equivalent to a command."""
+
+
+def render(
+    template: str,
+    facts: Mapping[str, Fact] | None = None,
+    dialect: Dialect = Dialect.PYTHON,
+    options: Mapping[str, str] | None = None,
+) -> str:
+    """Fill a template with facts, for users of Python, the shell or HTML.
+
+    Fields of a template:
+
+    - `{name}` is a fact. Formats: `{count:#knock}` is a count with its noun, `{levels:@level}` a list after its noun
+      ("level 3", "levels 3 and 4"), `{time:moment}` a time to the millisecond,
+      `{time:span}` a duration in a readable unit, `{share:percent}` a percentage; or number formats such as `.3g`.
+    - `{--skip}` and `{--gaps=longest}` are options: `skip=` and `gaps='longest'` in Python, `--skip` and
+      `--gaps longest` in the shell. The value of `{--start=@first}` is the fact `first`. `{--columns=time:none}` leaves
+      a column out: `columns={'time': None}` in Python, `--columns time=` in the shell.
+    - `{gmwm info}` is a command in the shell, and the equivalent call in Python.
+
+    Text between backticks is code.
+
+    Parameters
+    ----------
+    template : str
+    facts : mapping of name to fact, optional
+    dialect : Dialect
+    options : mapping of argument to option, optional
+        Options of the shell that differ from the name of the argument, for one command.
+
+    Returns
+    -------
+    str
+        Plain text; escaped HTML with `<code>` if the dialect is HTML.
+
+    Examples
+    --------
+    >>> template = "{count:#knock} at {first:moment}: leave them out with {--skip}."
+    >>> facts = {"count": 2, "first": Quantity(612.5, "s")}
+    >>> render(template, facts)
+    '2 knocks at 612.5 s: leave them out with skip=.'
+    >>> render(template, facts, Dialect.SHELL)
+    '2 knocks at 612.5 s: leave them out with --skip.'
+    >>> render("{--units=gyro:deg/s} or {--gaps=longest}"), render("{--units=gyro:deg/s}", dialect=Dialect.SHELL)
+    ("units={'gyro': 'deg/s'} or gaps='longest'", '--units gyro=deg/s')
+    >>> render("{--columns=gyro_x:4,time:none} or {--columns=time,gyro_x}")
+    "columns={'gyro_x': 4, 'time': None} or columns=['time', 'gyro_x']"
+    """
+    known = facts or {}
+    html = dialect is Dialect.HTML
+    parts: list[str] = []
+    for literal, name, spec, _ in Formatter().parse(template):
+        parts.append(escape(literal, quote=False) if html else literal)
+        if name is None:
+            continue
+        if name.startswith("--"):
+            text = _option(name[2:] + (f":{spec}" if spec else ""), known, dialect, options or {})
+            parts.append(f"<code>{escape(text, quote=False)}</code>" if html else text)
+        elif name.startswith("gmwm "):
+            text = _PYTHON_COMMANDS[name] if dialect is Dialect.PYTHON else name
+            parts.append(f"<code>{escape(text, quote=False)}</code>" if html else f"`{text}`")
+        else:
+            text = fact_text(known[name], spec or "")
+            parts.append(escape(text, quote=False) if html else text)
+    text = "".join(parts)
+    return _code_spans(text) if html else text
+
+
+def fact_text(fact: Fact, spec: str = "") -> str:
+    """Format a fact as text; `render` describes the formats.
+
+    >>> fact_text(Quantity(0.25, "deg/√h")), fact_text(("gyro_x", "gyro_y")), fact_text(0.123, "percent")
+    ('0.25 deg/√h', 'gyro_x and gyro_y', '12 %')
+    >>> fact_text((3, 4), "@level")
+    'levels 3 and 4'
+    """
+    if spec.startswith("@"):
+        items = fact if isinstance(fact, tuple) else (fact,)
+        return f"{spec[1:]}{'s' if len(items) > 1 else ''} {fact_text(items)}"
+    if isinstance(fact, tuple):
+        return joined([fact_text(item, spec) for item in fact])
+    if isinstance(fact, str):
+        return fact
+    if fact is None:
+        return "none"
+    value, unit = (fact.value, fact.unit) if isinstance(fact, Quantity) else (fact, "")
+    if spec.startswith("#"):
+        return counted(int(value), spec[1:])
+    if spec == "moment":
+        return moment(value)
+    if spec == "span":
+        return duration_text(value)
+    if spec == "percent":
+        return f"{rounded(100 * value)} %"
+    if isinstance(value, bool | int):
+        number = str(value)
+    else:
+        number = format(value, spec) if spec else rounded(value, 3) if math.isfinite(value) else str(value)
+    return f"{number}{unit}" if unit == "°" else f"{number} {unit}".rstrip()
+
+
+def joined(names: Sequence[str], most: int = 6) -> str:
+    """Join names for a sentence, as in "a, b and c". Of many names, only the first ones and the number of the others
+    appear.
+
+    >>> joined(["a"]), joined(["a", "b"]), joined(["a", "b", "c"]), joined(list("abcdefgh"))
+    ('a', 'a and b', 'a, b and c', 'a, b, c, d, e, f and 2 others')
+    """
+    if len(names) > most + 1:
+        return listed(names, most)
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
+
+
+def shell_option(argument: str) -> str:
+    """Return the option of the shell that corresponds to an argument of a Python function.
+
+    >>> shell_option("gaps"), shell_option("rng"), shell_option("min_length")
+    ('--gaps', '--seed', '--min-length')
+    """
+    return _SHELL_OPTIONS.get(argument, f"--{argument.replace('_', '-')}")
+
+
+def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Mapping[str, str]) -> str:
+    """Format an option with its value for Python or the shell."""
+    name, given, value = text.partition("=")
+    shell = options.get(name) or shell_option(name)
+    fact = facts[value[1:]] if value.startswith("@") else None
+    python = dialect is Dialect.PYTHON
+    if not given:
+        return f"{name}=" if python else shell
+    if isinstance(fact, Quantity | float | int):
+        number = fact.value if isinstance(fact, Quantity) else fact
+        return f"{name}={number:g}" if python else f"{shell} {number:g}"
+    literal = fact if isinstance(fact, str) else value
+    if not python:
+        pairs_of_shell = literal.replace(":none", "=").replace(":", "=") if name in _MAPPINGS else literal
+        return f"{shell} {shlex.quote(pairs_of_shell)}"
+    if name in _MAPPINGS and ":" in literal:
+        pairs = (pair.partition(":") for pair in literal.split(","))
+        return f"{name}={ {key: _python_value(other) for key, _, other in pairs} }"
+    if name in _LISTS:
+        return f"{name}={[_python_value(item) for item in literal.split(',')]}"
+    return f"{name}={_PYTHON_VALUES.get(literal, repr(literal))}"
+
+
+def _python_value(text: str) -> str | int | None:
+    """Return a name, an index or None as a Python literal."""
+    return int(text) if text.isdecimal() else None if text in ("", "none") else text
+
+
+_PYTHON_VALUES: Mapping[str, str] = {"yes": "True", "no": "False"}
+
+
+def _code_spans(text: str) -> str:
+    """Mark the text between backticks as code."""
+    parts = text.split("`")
+    if len(parts) % 2 == 0:
+        return text
+    return "".join(f"<code>{part}</code>" if k % 2 else part for k, part in enumerate(parts))

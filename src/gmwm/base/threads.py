@@ -1,0 +1,113 @@
+"""Parallel work in threads, and its cancellation. Threads are enough, because the kernels release Python's global
+interpreter lock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from contextvars import ContextVar, copy_context
+from typing import TypeVar
+
+from gmwm.base.errors import GmwmError, OptionError
+
+T = TypeVar("T")
+Item = TypeVar("Item")
+
+INTERRUPT_CHECK = 0.1
+"""Longest time (s) until Ctrl-C is noticed (tests/test_threads.py)."""
+
+_check: ContextVar[Callable[[], None]] = ContextVar("_check", default=lambda: None)
+
+
+@contextmanager
+def stoppable(check: Callable[[], None]) -> Iterator[None]:
+    """Call a function often during long work in this block, also in the threads that it starts.
+
+    Parameters
+    ----------
+    check : function
+        Function that can raise an exception to end the work. `gmwm app` cancels a fit in this way.
+    """
+    token = _check.set(check)
+    try:
+        yield
+    finally:
+        _check.reset(token)
+
+
+def check_stop() -> None:
+    """Call the function that was passed to `stoppable`, which can end the work. Long loops call it at least every 0.1 s
+    (tests/app/test_workspace.py)."""
+    _check.get()()
+
+
+def in_threads(
+    work: Callable[[str, Item], T],
+    items: Mapping[str, Item],
+    *,
+    threads: int | None = None,
+    done: Callable[[str], None] | None = None,
+) -> dict[str, T]:
+    """Call a function for each item, in parallel threads.
+
+    Parameters
+    ----------
+    work : callable
+        Function that is called with the name and the item.
+    items : mapping of name to item
+    threads : int, optional
+        Number of threads. Default: the number of processors.
+    done : callable, optional
+        Function that is called in the calling thread with each name when its work has ended.
+
+    Returns
+    -------
+    dict of name to result
+        The results, in the order of the items.
+
+    Raises
+    ------
+    GmwmError
+        The error of the first item that failed, in the order of the items, with the item's name as its subject. An
+        OptionError is raised as it is, because options are the same for all items.
+    KeyboardInterrupt
+        After Ctrl-C. No further item is started.
+
+    Examples
+    --------
+    >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})
+    {'two': 4, 'three': 9}
+    """
+    pool = ThreadPoolExecutor(max(1, min(len(items), threads or processors())))
+    try:
+        futures = {pool.submit(copy_context().run, _named, work, name, item): name for name, item in items.items()}
+        pending = set(futures)
+        while pending:
+            # After Polars has installed its handler of Ctrl-C, a wait without a timeout ignores Ctrl-C.
+            ended, pending = wait(pending, timeout=INTERRUPT_CHECK, return_when=FIRST_COMPLETED)
+            if done is not None:
+                for future in ended:
+                    done(futures[future])
+        return {name: future.result() for future, name in futures.items()}
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _named(work: Callable[[str, Item], T], name: str, item: Item) -> T:
+    try:
+        check_stop()
+        return work(name, item)
+    except OptionError:
+        raise  # options are the same for all items
+    except GmwmError as error:
+        error.about(name)
+        raise

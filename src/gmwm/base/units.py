@@ -1,0 +1,254 @@
+"""Units of angular rate, of specific force and of their noise coefficients, with the factors to SI units.
+
+Inside the package all numbers are in SI (rad/s, m/s²) and per sample. Units appear only in signals, labels, readers and
+writers.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import MISSING_SAMPLES, Vector
+from gmwm.base.errors import DataError, UnitError
+
+__all__ = ["Unit", "datasheet_units", "find_unit", "parse_unit", "unit_names"]
+
+Quantity = Literal["gyro", "accel"]
+
+STANDARD_GRAVITY = 9.80665
+"""Standard gravity g₀ in m/s² (exact, CGPM 1901)."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of angular rate or specific force: its name, what it measures, and its factor to SI.
+
+    Attributes
+    ----------
+    name : str
+        Usual name of the unit, such as "deg/s".
+    quantity : "gyro" or "accel"
+        Angular rate or specific force.
+    factor : float
+        Size of the unit in rad/s or m/s².
+    aliases : tuple of str
+        Other names of the unit.
+    """
+
+    name: str
+    quantity: Quantity
+    factor: float
+    aliases: tuple[str, ...] = ()
+
+
+_UNITS = (
+    Unit("rad/s", "gyro", 1.0, ("rads^-1", "rad.s^-1", "radians/s", "radian/s", "rad/sec", "rps", "rads-1")),
+    Unit(
+        "deg/s",
+        "gyro",
+        math.pi / 180,
+        ("dps", "°/s", "degrees/s", "degree/s", "deg/sec", "degs^-1", "degs-1"),
+    ),
+    Unit("mdeg/s", "gyro", math.pi / 180e3, ("mdps", "m°/s", "mdeg/sec")),
+    Unit("mrad/s", "gyro", 1e-3, ("mrad/sec", "mrads^-1", "mrads-1")),
+    Unit("deg/min", "gyro", math.pi / 180 / 60, ("°/min", "degrees/min")),
+    Unit("arcsec/s", "gyro", math.pi / 180 / 3600, ("arcsec/sec", "″/s")),
+    Unit("rpm", "gyro", 2 * math.pi / 60, ("rev/min", "r/min")),
+    Unit("deg/h", "gyro", math.pi / 180 / 3600, ("°/h", "deg/hr", "deg/hour", "dph")),
+    Unit("m/s²", "accel", 1.0, ("m/s^2", "m/s2", "ms^-2", "ms-2", "m.s^-2", "m/s/s", "m/sec^2", "mps2")),
+    Unit("mm/s²", "accel", 1e-3, ("mm/s^2", "mm/s2", "mms^-2", "mms-2", "mm.s^-2", "mm/s/s")),
+    Unit("cm/s²", "accel", 1e-2, ("cm/s^2", "cm/s2", "cms^-2", "cms-2", "cm.s^-2", "cm/s/s", "Gal")),
+    Unit("g", "accel", STANDARD_GRAVITY, ("gn", "g0", "gee", "gees")),
+    Unit("mg", "accel", STANDARD_GRAVITY / 1e3, ("millig",)),
+    Unit("mGal", "accel", 1e-5, ("mgal",)),
+    Unit("µg", "accel", STANDARD_GRAVITY / 1e6, ("ug", "μg", "microg")),
+)
+
+SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}
+"""The SI unit of each quantity."""
+
+IMPOSSIBLE = 1e12
+"""Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors
+measure up to 2e6 m/s², and 32-bit counts without a scale reach 2e9."""
+
+
+def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
+    """Return a mask of the values (rad/s or m/s²) that no sensor can measure; None if there is no such value.
+
+    >>> beyond_sensors(np.array([0.1, -3.4e38, 9.8]))
+    array([False,  True, False])
+    """
+    if values.size == 0 or (values.max() <= IMPOSSIBLE and values.min() >= -IMPOSSIBLE):
+        return None
+    beyond = np.abs(values) > IMPOSSIBLE
+    return beyond if beyond.any() else None
+
+
+def require_measurable(values: Vector, unit: str, axis: str) -> None:
+    """Raise a DataError if the unit is rad/s or m/s² and no sensor can have measured a value."""
+    beyond = beyond_sensors(values) if unit in SI_UNIT.values() else None
+    if beyond is not None:
+        index, name = int(np.argmax(beyond)), axis or "the signal"
+        raise DataError(
+            f"{name} has values that no sensor measures, the first at index {index}: {values[index]:.3g} {unit}",
+            argument=name,
+            got=float(values[index]),
+            advice=MISSING_SAMPLES,
+        )
+
+
+def _key(text: str) -> str:
+    return text.strip().replace(" ", "").replace("·", "").replace("*", "").casefold()
+
+
+_BY_NAME = {_key(name): unit for unit in _UNITS for name in (unit.name, *unit.aliases)}
+
+
+def find_unit(text: str) -> Unit | None:
+    """Return the unit with the name `text`, or None. Spaces, dots and case do not matter.
+
+    >>> find_unit("Deg / s").factor == math.pi / 180
+    True
+    """
+    return _BY_NAME.get(_key(text))
+
+
+def unit_names(quantity: Quantity) -> tuple[str, ...]:
+    """Return the units of a quantity by their usual names.
+
+    >>> unit_names("accel")[0]
+    'm/s²'
+    """
+    return tuple(unit.name for unit in _UNITS if unit.quantity == quantity)
+
+
+def parse_unit(text: str, quantity: Quantity) -> Unit:
+    """Return the unit of `quantity` with the name `text`.
+
+    Raises
+    ------
+    UnitError
+        If the text is not the name of a unit, or names a unit of the other quantity.
+    """
+    unit = find_unit(text)
+    if unit is None or unit.quantity != quantity:
+        known = ", ".join(unit_names(quantity))
+        raise UnitError(f"{text!r} is not a unit of {quantity}; the units are {known}", argument="unit", got=text)
+    return unit
+
+
+# --- units of time --------------------------------------------------------------------------------------
+
+TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+"""Units of time stamps, with the number of each unit in a second."""
+
+LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400}
+"""Units of time that are never inferred, with their lengths in seconds."""
+
+TIME_WORDS = {
+    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+    "ms": "ms", "msec": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "us": "us", "usec": "us", "micros": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
+    "ns": "ns", "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "min": "min", "mins": "min", "minute": "min", "minutes": "min",
+    "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
+}  # fmt: skip
+"""Names of the units of time, with the short name of each unit."""
+_SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix|epoch|tai)\b.*", re.IGNORECASE)
+
+
+def find_time_unit(text: str) -> str:
+    """Return the short name of the unit of time that `text` names; "" if it names none.
+
+    >>> find_time_unit("[msec]"), find_time_unit("seconds since 1970-01-01"), find_time_unit("deg")
+    ('ms', 's', '')
+    """
+    bare = text.strip().strip("[](){}<>")
+    since = _SINCE.fullmatch(bare)
+    return TIME_WORDS.get(since.group(1).casefold() if since else bare.casefold().replace(" ", ""), "")
+
+
+# --- spellings ------------------------------------------------------------------------------------------
+
+# Spellings of the same unit, replaced in this order.
+_SPELLINGS = (
+    (r"[\s·*]", ""), (r"°", "deg"), (r"(sqrt|rt)\(?([a-z]+)\)?", r"√\2"), (r"√\(([a-z]+)\)", r"√\1"),
+    (r"(hours?|hrs?)\b", "h"), (r"\bsec\b", "s"), (r"\^?2\b", "²"), (r"\^?3\b", "³"), (r"^[uμ](?=[gr])", "µ"),
+)  # fmt: skip
+
+
+def spelt(text: str) -> str:
+    """Normalise the spelling of a unit, to compare units.
+
+    >>> spelt("°/sqrt(hr)") == spelt("deg / √h"), spelt("ug/sqrt(Hz)") == spelt("µg/√Hz")
+    (True, True)
+    """
+    found = text.casefold()
+    for pattern, written in _SPELLINGS:
+        found = re.sub(pattern, written, found)
+    return found
+
+
+# --- units of noise coefficients ----------------------------------------------------------------------
+
+_DEGREE = math.pi / 180
+
+# SI unit of a coefficient by the power of the second beside the signal's unit, and the units in which datasheets and
+# filters print it, the usual unit first, each with its size in SI.
+_COEFFICIENTS: dict[Quantity, dict[float, tuple[str, tuple[tuple[str, float], ...]]]] = {
+    "gyro": {
+        1.0: ("rad", (("arcsec", _DEGREE / 3600), ("µrad", 1e-6))),
+        0.5: ("rad/s/√Hz", (("deg/√h", _DEGREE / 60), ("deg/s/√Hz", _DEGREE))),
+        0.0: ("rad/s", (("deg/h", _DEGREE / 3600), ("deg/s", _DEGREE))),
+        -0.5: ("rad/s/√s", (("deg/h/√h", _DEGREE / 3600 / 60), ("deg/s/√s", _DEGREE), ("rad/s²/√Hz", 1.0))),
+        -1.0: ("rad/s²", (("deg/h/h", _DEGREE / 3600 / 3600), ("deg/s²", _DEGREE))),
+    },
+    "accel": {
+        1.0: ("m/s", (("m/s", 1.0), ("mm/s", 1e-3))),
+        0.5: ("m/s²/√Hz", (("m/s/√h", 1 / 60), ("µg/√Hz", STANDARD_GRAVITY / 1e6))),
+        0.0: ("m/s²", (("mg", STANDARD_GRAVITY / 1e3), ("µg", STANDARD_GRAVITY / 1e6))),
+        -0.5: ("m/s²/√s", (("mg/√h", STANDARD_GRAVITY / 60e3), ("m/s²/√h", 1 / 60), ("m/s³/√Hz", 1.0))),
+        -1.0: ("m/s³", (("mg/h", STANDARD_GRAVITY / 3600e3), ("m/s²/h", 1 / 3600))),
+    },
+}
+_PRINTED = {si: printed for table in _COEFFICIENTS.values() for si, printed in table.values()}
+_SECONDS = {1.0: "·s", 0.5: "/√Hz", 0.0: "", -0.5: "/√s", -1.0: "/s"}
+
+
+def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, float]:
+    """Return the SI unit of a noise coefficient in (unit of the signal) · s^`time_power`, and the factor to this unit.
+
+    An unknown unit is not converted: the factor is 1.
+
+    Parameters
+    ----------
+    time_power : float
+        1, ½, 0, −½ or −1: quantization noise, white noise, bias instability, random walk, ramp.
+    unit : str
+        Unit of the signal. If it is "", `empty` is written instead.
+
+    >>> noise_unit(0.5, "rad/s")
+    ('rad/s/√Hz', 1.0)
+    """
+    known = find_unit(unit)
+    if known is None:
+        return f"{unit or empty}{_SECONDS[time_power]}", 1.0
+    return _COEFFICIENTS[known.quantity][time_power][0], known.factor
+
+
+def datasheet_units(si: str) -> dict[str, float]:
+    """Return the units in which datasheets and filters state a coefficient with the SI unit `si`, with the factors from
+    SI.
+
+    The usual unit is first. The mapping is empty for other units, such as seconds.
+
+    >>> list(datasheet_units("m/s²/√Hz"))
+    ['m/s/√h', 'µg/√Hz']
+    """
+    return {name: 1 / size for name, size in _PRINTED.get(si, ())}

@@ -1,0 +1,172 @@
+"""Bias instability from the minimum of the Allan deviation of a model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.units import noise_unit
+from gmwm.choosing.datasheets.curve import ENDLESS, Curve
+from gmwm.choosing.datasheets.entry import Entry
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model
+
+_PER_OCTAVE = 24
+"""Number of points per octave at which `lowest` evaluates a curve at first. The Allan variance of a sum of processes
+has few extrema per octave."""
+_ZOOM = 32
+"""Number of points at which `lowest` evaluates a curve in each refinement."""
+_LEVEL = 1e-9
+"""Largest relative difference between the ends and the minimum of a curve for which the curve counts as flat, like the
+curve of flicker noise. B is then known although the curve does not rise. Pinned by tests/test_bias_limits.py."""
+
+SYMBOL: Literal["B"] = "B"
+
+
+def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
+    """Compute the bias instability B from the minimum of the Allan deviation of a model.
+
+    B is the minimum of the Allan deviation σ(τ) over the averaging times τ of the recording, divided by √(2 ln 2/π).
+    Sinusoids are left out, because the zeros of their Allan deviation give no information about the noise.
+
+    At the minimum, a change of τ has only a second-order effect. With A = σ²(τ) and a parameter θ of the model,
+
+        ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ at the τ of the minimum,
+
+    and the confidence interval is B exp(±z SE(ln B)). The standard error also includes the uncertainty of terms that
+    are estimated as zero.
+
+    B is only an upper limit if the curve still falls at the last τ, rises from the first τ on, or does not rise above
+    its minimum by z standard errors of the difference. The limit is then the upper end of the interval. It depends on
+    the model, which could lack flicker noise. But B is at most σ(τ)/√(2 ln 2/π) at any τ, so the smallest upper
+    confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used.
+
+    Parameters
+    ----------
+    fit : Fit
+        A fit in which terms that act as another process are replaced.
+    z : float or None
+        Half the width of the interval in standard errors; None if there are no standard errors.
+
+    Returns
+    -------
+    entry : Entry or None
+        B; None if it cannot be computed.
+    remark : Remark or None
+        A remark that gives the reason if B is missing or only an upper limit.
+
+    References
+    ----------
+    IEEE Std 952-1997, annex C.
+    """
+    wv = fit.wavelet_variance
+    noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)
+    lines = tuple(process for process in fit.model.processes if process.line(wv.rate) is not None)
+    if not noises:
+        return None, Remark.of("no-bias-instability", wv.axis, reason=f"{fit.model.structure} has no noise")
+    model = Model(noises)
+    last = 2 ** (int(wv.levels[-1]) - 1)
+    unit, factor = noise_unit(0.0, wv.unit)
+    factor /= LAWS[SYMBOL].factor
+    n = lowest(lambda sizes: model.allan_variance(sizes, wv.rate), last)
+    least = float(model.allan_variance([n], wv.rate)[0])
+    if least == 0:
+        return None, Remark.of("no-bias-instability", wv.axis, reason="all estimates of the model are zero")
+    curve = None if z is None else Curve.of(fit).without_lines()
+    judged = None if z is None else Curve.of(fit, sampling=True).without_lines()
+    bounded = _bounded(model, n, last=last, rate=wv.rate, curve=judged, z=z)
+    reached = {"tau": Quantity((1 if bounded == "rises" else last) / wv.rate, "s")}
+    remark = None if bounded is None else Remark.of("b-limit", wv.axis, because=bounded, source="model", **reached)
+    value = factor * math.sqrt(least)
+    entry = Entry(
+        symbol=SYMBOL,
+        title=LAWS[SYMBOL].name,
+        value=value,
+        low=None,
+        high=None,
+        unit=unit,
+        term=None,
+        upper_only=remark is not None,
+        tau=n / wv.rate,
+    )
+    if set(model.parameters) <= model.fixed_names:
+        return replace(entry, low=value, high=value, held=True), remark
+    if z is None or curve is None:
+        return entry, remark
+    reach = math.exp(min(0.5 * z * curve.error(curve.slopes(n)) / least, ENDLESS))
+    if remark is None or bounded is None:
+        return replace(entry, low=value / reach, high=value * reach), None
+    high = value * reach
+    measured = _of_data(wv, model, lines, n)
+    if measured is not None and factor * measured > high:
+        high = factor * measured
+        remark = Remark.of("b-limit", wv.axis, because=bounded, source="data", **reached)
+    return replace(entry, low=0.0, high=high), remark
+
+
+def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
+    """Return the smallest upper confidence limit of the measured Allan deviation, without the sinusoids `lines`.
+
+    The Allan variance is computed as the Allan variance of the model times the ratio of the wavelet variances of data
+    and model. With the Haar filter, this is twice the measured wavelet variance. The result is None if the levels next
+    to the minimum of the model, at `n` samples, were not measured.
+    """
+    implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
+    added = sum((line.wavelet_variance(wv.levels, wv.rate, wv.filter) for line in lines), np.zeros(len(wv)))
+    # A variance of zero is due to the coarse resolution of the output, so it gives no limit for the noise.
+    seen = (wv.variance > 0) & (wv.upper > added) & (implied > 0)
+    if not {n.bit_length(), (n - 1).bit_length() + 1} <= set(wv.levels[seen].tolist()):
+        return None
+    sizes = np.left_shift(1, wv.levels[seen] - 1)
+    ours = model.allan_variance(sizes, wv.rate)
+    high = np.sqrt(ours * (wv.upper[seen] - added[seen]) / implied[seen])
+    return float(high.min())
+
+
+def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
+    """Return the number of samples, from 1 to `last`, at which a curve has its minimum.
+
+    The result is exact if the curve has few extrema per octave.
+
+    >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
+    1000
+    """
+    count = 2 + math.ceil(_PER_OCTAVE * math.log2(last))
+    sizes = np.unique(np.round(np.geomspace(1, last, count)).astype(np.int64))
+    while True:
+        k = int(np.argmin(curve(sizes)))
+        low, high = int(sizes[max(k - 1, 0)]), int(sizes[min(k + 1, sizes.size - 1)])
+        if high - low <= 2:
+            return int(sizes[k])
+        # The next points are whole numbers between the two neighbours of the lowest point.
+        sizes = np.unique(np.linspace(low, high, min(_ZOOM, high - low) + 1).astype(np.int64))
+
+
+def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
+    """Return why the minimum gives only an upper limit: "falls", "rises" or "unsure"; None if it gives a value."""
+    ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
+    # On a flat curve, the position n of the minimum depends only on rounding errors.
+    if ends.max() <= (1 + _LEVEL) * least:
+        return None
+    if n == last:
+        return "falls"
+    if n == 1:
+        return "rises"
+    if z is None or curve is None:
+        return None
+    later = [2**k for k in range(n.bit_length(), last.bit_length())]
+    rises = model.allan_variance(later, rate) - least
+    here = curve.slopes(n)
+    if not any(rise > z * curve.error(curve.slopes(m) - here) for m, rise in zip(later, rises, strict=True)):
+        return "unsure"
+    return None

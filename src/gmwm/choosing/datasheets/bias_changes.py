@@ -1,0 +1,153 @@
+"""Variance of the mean of a recording, and mean square of the bias over a duration, from a fitted model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from gmwm.choosing.datasheets.curve import Curve, sensitivity
+from gmwm.choosing.datasheets.effective import WALK, Use, counted, is_scale, is_scale_free
+from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.fitting.estimation.result import Fit
+from gmwm.theory.processes.base import Process
+
+SLOW = 1.0
+"""Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N is
+defined, and to the default time horizon of exported files."""
+
+
+@dataclass(frozen=True)
+class Variance:
+    """A variance and its relative standard error."""
+
+    value: float
+    relative: float
+
+
+@dataclass(frozen=True)
+class BiasTerms:
+    """The terms of a fit, divided into those that are part of the bias and the others.
+
+    Parameters
+    ----------
+    processes : tuple of (Process, bool)
+        Each term that is not estimated as zero, and whether it is part of the bias; see `is_slow`.
+    curve : Curve
+        The free parameters and their covariance.
+    moving : tuple of bool
+        Whether the process of each free parameter is part of the bias.
+    """
+
+    processes: tuple[tuple[Process, bool], ...]
+    curve: Curve
+    moving: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, fit: Fit) -> BiasTerms:
+        """Return the terms of a fit. Terms that act as another process are replaced."""
+        written, _ = translated(fit)
+        rate, curve = fit.wavelet_variance.rate, Curve.of(written)
+        processes = tuple((p, is_slow(p, rate)) for p in written.model.processes if p.scale > 0)
+        known = {id(p): slow for p, slow in processes}
+        moving = (known[id(p)] if id(p) in known else is_slow(p, rate) for p, _ in curve.moving)
+        return cls(processes, curve, tuple(moving))
+
+    def variance_of_mean(self, samples: int, span: int) -> Variance:
+        """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias.
+
+        Let T be the length of the recording. The contribution of a term depends on its kind. For stationary noise, it
+        is the variance of the mean. The level of a random walk is not constant, so its contribution is the variance of
+        the mean minus the level at the end of the recording, K²T/3. For flicker and power-law noise, it is the Allan
+        variance at T, which is half the variance of the difference between the means of two successive recordings of
+        this length. Ramps are not noise and contribute nothing.
+
+        Parameters
+        ----------
+        samples, span : int
+            Number of samples, and number including those that are missing in gaps. For each term, the larger of the
+            variances for these two lengths is used.
+
+        Returns
+        -------
+        Variance
+        """
+        rate = self.curve.rate
+
+        def of(process: Process) -> float:
+            return max(_mean_variance(process, length, rate) for length in {samples, span})
+
+        return self._sum(of, fast=True)
+
+    def variance_over(self, duration: float) -> Variance:
+        """Compute the mean square of the bias about its mean over a duration (s).
+
+        The bias is the sum of all terms with a correlation time of at least 1 s, random walks, and flicker and
+        power-law noise. The variance of 2^J samples about their mean is the sum of the Haar wavelet variance ν_j² over
+        the levels 1 to J, which is exact even for a random walk. For other lengths, it is interpolated on a logarithmic
+        scale.
+
+        References
+        ----------
+        Percival and Walden (2000), Wavelet Methods for Time Series Analysis, section 8.1.
+        """
+        rate = self.curve.rate
+        position = max(math.log2(max(duration * rate, 1.0)), 1.0)
+        low = math.floor(position)
+
+        def of(process: Process) -> float:
+            sums = np.cumsum(process.wavelet_variance(low + 1, rate))
+            below, above = float(sums[low - 1]), float(sums[low])
+            return below * (above / below) ** (position - low) if below > 0 else 0.0
+
+        return self._sum(of, fast=False)
+
+    def _sum(self, of: Callable[[Process], float], *, fast: bool) -> Variance:
+        """Add up the variances that `of` computes for the slow terms and, if `fast` is True, for the other terms too.
+
+        The variance of the slow terms is estimated as v with the standard error s, but its true value cannot be
+        negative. Its posterior distribution under a uniform prior for positive values has the mean v + sλ and the
+        variance s²(1 − uλ − λ²), with u = v/s, λ = φ(u)/Φ(u), and the normal density φ and distribution function Φ.
+        With this mean, a random walk that is estimated as zero is not treated as absent.
+        """
+        total, square, known = 0.0, 0.0, dict[int, float]()
+
+        def once(process: Process) -> float:
+            # The derivative with respect to a scale parameter is the variance itself.
+            if id(process) not in known:
+                known[id(process)] = of(process)
+            return known[id(process)]
+
+        for slow in (True, False) if fast else (True,):
+            value = sum(once(p) for p, own in self.processes if own is slow)
+            slopes = [
+                sensitivity(p, name, once if is_scale(p, name) else of) if own is slow else 0.0
+                for (p, name), own in zip(self.curve.moving, self.moving, strict=True)
+            ]
+            error = self.curve.error(np.array(slopes))
+            if slow and error > 0:
+                u = value / error
+                hazard = NormalDist().pdf(u) / NormalDist().cdf(u)
+                value, error = value + error * hazard, error * math.sqrt(max(1 - u * hazard - hazard**2, 0.0))
+            total, square = total + value, square + error**2
+        return Variance(total, math.sqrt(square) / total if total > 0 else 0.0)
+
+
+def is_slow(process: Process, rate: float) -> bool:
+    """Return whether a process is part of the bias of a sensor."""
+    if process.line(rate) is not None or process.scale == 0:
+        return False
+    return WALK in counted(process, Use(SLOW), rate) or is_scale_free(process, rate)
+
+
+def _mean_variance(process: Process, samples: int, rate: float) -> float:
+    if not process.has("state_space") or is_scale_free(process, rate):
+        return float(process.allan_variance([samples], rate)[0])
+    if process.has("autocovariance"):
+        begin, end = process.running_sum_covariance([0, samples], rate)
+        return 2 * float(begin - end) / samples**2
+    # The mean of the states is not used. For a ramp, it contains the slope, which is not noise.
+    return float(process.state_space(rate).block_variance([samples])[0]) / samples**2

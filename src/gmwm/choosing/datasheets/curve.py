@@ -1,0 +1,112 @@
+"""Standard errors of the Allan variance of a fitted model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.fitting.estimation.linearised import COLLINEAR, columns_of, relative_jacobian
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.weighting import square_root
+from gmwm.fitting.inference.intervals import free_shape
+from gmwm.measuring.covariance import Design
+from gmwm.theory.processes.base import Process
+
+_STEP = 0.01
+"""Relative step of the differences of order 6 that approximate derivatives, with an error of about _STEP⁶ = 1e-12."""
+ENDLESS = 300.0
+"""Largest half width of an interval on a logarithmic scale, because e^300 is near the limit of double precision."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The free parameters of a fit and their covariance, from which standard errors of its Allan variance follow.
+
+    Parameters
+    ----------
+    moving : tuple of (Process, str or None)
+        The p free parameters, each with its process. A name means the logarithm of this parameter. None means the scale
+        of a term that is estimated as zero.
+    scatter : (p, p) array
+        Covariance of the estimates of these parameters.
+    rate : float
+        Sampling rate (Hz).
+    """
+
+    moving: tuple[tuple[Process, str | None], ...]
+    scatter: Matrix
+    rate: float
+
+    @classmethod
+    def of(cls, fit: Fit, *, sampling: bool = False) -> Curve:
+        """Return the parameters and covariance of a fit in which terms that act as another process are replaced.
+
+        If `sampling` is True, the covariance does not include the spread between recordings.
+        """
+        sandwich = fit.sandwich.sampling if sampling else fit.sandwich
+        design, model = Design.of(fit.wavelet_variance), fit.model
+        processes = dict(zip(model.terms, model.processes, strict=True))
+        names, _ = columns_of(model, {})
+        unseen = [
+            p.with_values(**{p.scale_parameter().name: p.value_from(1.0)})
+            for p in model.processes
+            if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and not free_shape(p)
+        ]
+        columns = [p.wavelet_variance(design.levels, design.rate, design.filter) for p in unseen]
+        root = square_root(fit.weighting_matrix)
+        weighted = root @ np.column_stack([relative_jacobian(model, design, names), *columns])
+        length = np.linalg.norm(weighted, axis=0)
+        length[length == 0] = 1.0
+        # The pseudoinverse leaves out directions in which the wavelet variance does not change.
+        gain = (np.linalg.pinv(weighted / length, rcond=COLLINEAR) / length[:, None]) @ root
+        split = (name.rpartition(".") for name in names)
+        moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
+        moving += [(process, None) for process in unseen]
+        return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
+
+    def without_lines(self) -> Curve:
+        """Return the parameters and covariance without those of sinusoids."""
+        kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
+        return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
+
+    def slopes(self, n: int) -> Vector:
+        """Return the derivatives (p,) of the Allan variance at n samples with respect to the parameters."""
+        return np.array([slope(process, name, n, self.rate) for process, name in self.moving])
+
+    def error(self, slopes: Vector) -> float:
+        """Return the standard error of a quantity that has these derivatives (p,) with respect to the parameters."""
+        return math.sqrt(max(float(slopes @ self.scatter @ slopes), 0.0))
+
+
+def slope(process: Process, name: str | None, n: int, rate: float) -> float:
+    """Return the derivative ∂σ²(n)/∂ ln θ of the Allan variance of one process at n samples.
+
+    θ is the parameter `name`. If `name` is None, the derivative is with respect to the scale.
+    """
+    return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
+
+
+def sensitivity(process: Process, name: str | None, of: Callable[[Process], float]) -> float:
+    """Return the derivative ∂f/∂ ln θ of a variance f of one process with respect to the parameter `name`.
+
+    It is exact for a scale parameter, and computed by differences of order 6 for a shape parameter. If `name` is None,
+    the derivative is with respect to the scale itself.
+    """
+    if name is None:
+        return of(process)
+    parameter = next(p for p in process.parameters if p.name == name)
+    if parameter.scale_power is not None:
+        return parameter.scale_power * of(process)
+    at = process.value(name)
+    place = [p.name for p in process.nonlinear_parameters()].index(name)
+    room = float(process.room(process.nonlinear.reshape(1, -1))[0, place])
+    total = 0.0
+    for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+        for sign in (1, -1):
+            moved = process.with_values(**{name: at + sign * distance * _STEP * room})
+            total += sign * weight * of(moved)
+    return at * total / (60.0 * _STEP * room)

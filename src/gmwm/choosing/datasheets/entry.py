@@ -1,0 +1,169 @@
+"""One datasheet number: its value, confidence interval and unit, and its format as text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from gmwm.base.errors import OptionError
+from gmwm.base.units import datasheet_units, spelt
+
+_DIGITS = 2
+"""Number of significant digits to which half the width of an interval is rounded, as is usual for standard errors."""
+_MOST_DIGITS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One datasheet number with its confidence interval.
+
+    Parameters
+    ----------
+    symbol : str
+        "N", "Q", "K", "R" or "B"; "T_c" and "q_c" of a Gauss-Markov term; "f_b", "f_r" and "Q_r" of an ARMA term;
+        "f_0" and "A" of a sinusoid. If there are several such terms, the symbol has an index, for example "T_c[2]".
+    title : str
+        Name of the number, for example "white noise density".
+    value : float
+        Value in `unit`. Only the rate ramp R can be negative.
+    low, high : float or None
+        Ends of the confidence interval in `unit`. `high` is infinite if the data do not determine the number. Both are
+        None if there is no interval.
+    unit : str
+        SI unit. In it, "u" stands for the unknown unit of a signal.
+    term : str or None
+        Term of the model from which the number is computed; None if it is computed from the whole model.
+    upper_only : bool
+        Whether the data give only an upper limit, so that the magnitude of the number is at most `high`.
+    held : bool
+        Whether the number was held fixed instead of estimated.
+    tau : float or None
+        Averaging time (s) at which the number is read from the Allan deviation; None for other numbers.
+
+    Examples
+    --------
+    >>> entry = Entry(
+    ...     symbol="N", title="white noise density", value=1.0e-4, low=0.9e-4, high=1.1e-4, unit="rad/s/√Hz", term="WN"
+    ... )
+    >>> entry.text()
+    '0.344 (0.309 … 0.378) deg/√h'
+    >>> entry.text("si")
+    '1.00e-04 (9.00e-05 … 1.10e-04) rad/s/√Hz'
+    """
+
+    symbol: str
+    title: str
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+    term: str | None = None
+    upper_only: bool = False
+    held: bool = False
+    tau: float | None = None
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units to which the number can be converted. The first is the usual datasheet unit, the last the SI unit."""
+        return tuple(dict.fromkeys((*datasheet_units(self.unit), self.unit)))
+
+    def in_units(self, units: str = "datasheet") -> tuple[float, float | None, float | None, str]:
+        """Convert the number to another unit.
+
+        Parameters
+        ----------
+        units : str
+            "si", "datasheet" (the usual datasheet unit, or SI if there is none), or one of `units`, for example
+            "µg/√Hz". √ may be written sqrt.
+
+        Returns
+        -------
+        value, low, high : float, and float or None
+            The number and the ends of its interval, in this unit.
+        unit : str
+            Name of the unit.
+
+        Raises
+        ------
+        OptionError
+            If the number cannot be converted to this unit.
+        """
+        factors = {self.unit: 1.0, **datasheet_units(self.unit)}
+        named = {"si": self.unit, "datasheet": self.units[0]} | {spelt(name): name for name in factors}
+        name = named.get(units) or named.get(spelt(units), "")
+        if not name:
+            raise OptionError(
+                argument="units", expected=f"'si', 'datasheet' or one of {', '.join(self.units)}", got=units
+            )
+        factor = factors[name]
+        return (
+            factor * self.value,
+            None if self.low is None else factor * self.low,
+            None if self.high is None else factor * self.high,
+            name,
+        )
+
+    def text(self, units: str = "datasheet") -> str:
+        """Format the number in `units` (see `in_units`), for example "0.21 (0.20 … 0.22) deg/√h" or "≤ 0.03 deg/h"."""
+        value, low, high, unit = self.in_units(units)
+        unit = "" if unit == "1" else f" {unit}"
+        if self.held:
+            return f"{significant(value, 4)}{unit} (held)"
+        if low is None or high is None:
+            return f"{significant(value, 4)}{unit}"
+        if not math.isfinite(high):
+            return "not determined"
+        if self.upper_only:
+            return f"{'≤' if low >= 0 else 'within ±'} {significant(high, 3)}{unit}".replace("± ", "±")
+        shown = _alike(value, low, high)
+        return f"{shown[0]} ({shown[1]} … {shown[2]}){unit}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain values for JSON. An infinite limit becomes None."""
+        values = asdict(self)
+        if self.high is not None and not math.isfinite(self.high):
+            values["high"] = None
+        return values
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Entry:
+        """Restore an entry from `values`, the result of `to_dict`."""
+        given = dict(values)
+        if given["low"] is not None and given["high"] is None:
+            given["high"] = math.inf
+        return cls(**given)
+
+    def __str__(self) -> str:
+        return f"{self.symbol} = {self.text()}".replace("= ≤", "≤")
+
+
+def significant(x: float, digits: int) -> str:
+    """Format a number with a given number of significant digits. Very small and large numbers have a power of ten.
+
+    >>> significant(0.012345, 3), significant(1.5e-7, 2), significant(1234.5, 2)
+    ('0.0123', '1.5e-07', '1234')
+    """
+    if x == 0 or not math.isfinite(x):
+        return f"{x:g}"
+    if not 1e-3 <= abs(x) < 1e5:
+        return f"{x:.{digits - 1}e}"
+    return f"{x:.{max(0, digits - 1 - math.floor(math.log10(abs(x))))}f}"
+
+
+def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """Format a value and its limits with the same number of decimals, so that the interval has `_DIGITS` digits.
+
+    If the limits differ much, each number has `_DIGITS` significant digits instead.
+    """
+    size, half = max(abs(low), abs(high)), (high - low) / 2
+    if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
+        return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)
+    digits = _MOST_DIGITS
+    if half > 0:
+        digits = min(_MOST_DIGITS, _DIGITS + math.floor(math.log10(size)) - math.floor(math.log10(half)))
+    if not 1e-3 <= size < 1e5:
+        return f"{value:.{digits - 1}e}", f"{low:.{digits - 1}e}", f"{high:.{digits - 1}e}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(size)))
+    return f"{value:.{decimals}f}", f"{low:.{decimals}f}", f"{high:.{decimals}f}"

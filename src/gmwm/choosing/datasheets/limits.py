@@ -1,0 +1,69 @@
+"""Upper limits of white noise and random walks that the fitted model does not contain."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+
+from gmwm.base.errors import DataError, FitWarning, GmwmError
+from gmwm.base.units import noise_unit
+from gmwm.choosing.datasheets.entry import Entry
+from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.fitting.estimation import fit as fitted
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import REWEIGHTED
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.noise import WN
+from gmwm.theory.processes.walk import RW
+
+_KINDS: Mapping[str, type[Process]] = {"N_eff": WN, "K_eff": RW}
+"""Process that is added to the model to compute the upper limit of N_eff or K_eff."""
+
+
+def hidden(fit: Fit, entry: Entry, level: float) -> float:
+    """Compute the upper limit of white noise or a random walk from a fit of the model with this term added.
+
+    Parameters
+    ----------
+    fit : Fit
+    entry : Entry
+        The number N_eff or K_eff whose limit is computed.
+    level : float
+        Confidence level of the interval, whose upper end is the limit.
+
+    Returns
+    -------
+    float
+        The upper limit in the unit of the entry; infinite if the confidence interval is unbounded.
+
+    Raises
+    ------
+    DataError
+        If the model with this term cannot be fitted, or its confidence intervals cannot be computed.
+    """
+    kind, (base, _) = _KINDS[entry.symbol], translated(fit)
+    try:
+        holder = base if any(isinstance(p, kind) for p in base.model.processes) else _widened(base, kind)
+        intervals = holder.confidence_intervals(level)
+    except GmwmError as error:
+        message = f"the data give no upper limit of the {entry.title}: {error.reason}"
+        raise DataError(message, advice="Record longer.").with_advice_of(error) from error
+    pairs = zip(holder.model.terms, holder.model.processes, strict=True)
+    term, process = next((t, p) for t, p in pairs if isinstance(p, kind))
+    scale = process.scale_parameter().name
+    high = process.value(scale) if process.is_fixed(scale) else intervals[f"{term}.{scale}"][1]
+    if not math.isfinite(high):
+        return math.inf
+    wv = fit.wavelet_variance
+    number = process.with_values(**{scale: high}).physical(wv.rate)[0]
+    return noise_unit(number.time_power, wv.unit)[1] * number.value
+
+
+def _widened(fit: Fit, kind: type[Process]) -> Fit:
+    """Fit the model with a process of class `kind` added to the same data."""
+    weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
+    with warnings.catch_warnings():
+        # The fit may warn that the data do not support the new term, which is expected here.
+        warnings.simplefilter("ignore", FitWarning)
+        return fitted(fit.model + kind(), fit.wavelet_variance, weighting=weighting, certify=False)

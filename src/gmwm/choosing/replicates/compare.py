@@ -1,0 +1,143 @@
+"""Compare the recordings of a pooled fit: tests, the noise parameters of each recording, and their spread."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from statistics import NormalDist
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import GmwmError
+from gmwm.base.random_effects import effects, predicted, spread_limits
+from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
+from gmwm.choosing.replicates.level_ratios import level_ratios
+from gmwm.choosing.replicates.result import RecordingNumber, Replicates
+from gmwm.fitting.estimation.recordings import Deviations, deviations, stepped
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.weighting import precision
+from gmwm.fitting.inference.intervals import parameters_by_name, with_quick_intervals
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.variance.result import WaveletVariance
+
+CONFIDENCE = 0.95
+"""Confidence level of the limits of the spread, and of the prediction for a further recording."""
+_RAMP = "R"
+"""Symbol of the rate ramp. It is not compared, because it has a sign and differs in each recording."""
+
+
+def compared(fit: Fit) -> Replicates | None:
+    """Compare the recordings of a pooled fit, or return None if there is a single recording; see `Fit.replicates`."""
+    wv = fit.wavelet_variance
+    if len(wv.recordings) < 2:
+        return None
+    apart = deviations(fit)
+    own = {name: _own_fit(fit, curve, apart, k) for k, (name, curve) in enumerate(wv.recordings.items())}
+    sheets = {name: _quick_sheet(one) for name, one in own.items() if one is not None}
+    return Replicates(
+        fit=fit,
+        deviations=apart,
+        fits={name: one for name, one in own.items() if one is not None},
+        numbers=tuple(_numbers(datasheet(fit, CONFIDENCE), sheets, tuple(wv.recordings))),
+        levels=tuple(level_ratios(wv.recordings, wv.axis)),
+    )
+
+
+def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
+    """Return the fit to one recording, one Gauss-Newton step from the pooled fit.
+
+    The result is None if the recording is too short for the model.
+
+    A new fit could give terms another meaning. For example, a Gauss-Markov term that is slow in the pooled fit can
+    become fast in a single recording.
+    """
+    if not np.all(np.isfinite(apart.values[place])):
+        return None
+    wv = curve.first(min(len(curve), len(fit.wavelet_variance)))
+    parameters = parameters_by_name(fit.model)
+    steps = zip(apart.names, apart.values[place].tolist(), strict=True)
+    try:
+        model = fit.model.with_values({n: stepped(parameters[n], fit.parameters[n], share) for n, share in steps})
+    except GmwmError:  # after the step, the coefficients of an AR process may not be stationary
+        return None
+    matrix = precision(covariance(fit.model, Design.of(wv)))
+    implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
+    miss = wv.variance - implied
+    return Fit(
+        wavelet_variance=wv,
+        model=model,
+        parameters={name: value for name, value in model.parameters.items() if value is not None},
+        objective=float(miss @ matrix @ miss),
+        lower_bound=None,
+        relaxed_bound=0.0,
+        implied=implied,
+        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
+        weighting="optimal",
+        weighting_matrix=matrix,
+        diagnostics=fit.diagnostics,
+    )
+
+
+def _quick_sheet(fit: Fit) -> Datasheet:
+    """Return the datasheet of a fit with approximate upper limits.
+
+    If a term is zero, there is no approximation, and exact limits are computed.
+    """
+    try:
+        return datasheet(with_quick_intervals(fit, CONFIDENCE), CONFIDENCE)
+    except GmwmError:
+        return datasheet(fit, CONFIDENCE)
+
+
+def _numbers(pooled: Datasheet, sheets: Mapping[str, Datasheet], names: tuple[str, ...]) -> list[RecordingNumber]:
+    """Return each free datasheet parameter of the pooled fit with its values in the recordings, except the rate
+    ramp."""
+    found = []
+    for symbol, entry in pooled.items():
+        if entry.held or symbol.partition("[")[0] == _RAMP:
+            continue
+        entries = {name: sheets[name].get(symbol) if name in sheets else None for name in names}
+        found.append(_number(symbol, entry, entries))
+    return found
+
+
+def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> RecordingNumber:
+    """Return one datasheet parameter with the spread of its logarithm over the recordings."""
+    points = [_point(entry, pooled) for entry in entries.values()]
+    x, s2 = (np.array([values], dtype=np.float64) for values in zip(*points, strict=True))
+    known = int(np.count_nonzero(np.isfinite(x)))
+    number = RecordingNumber(symbol=symbol, title=pooled.title, unit=pooled.unit, pooled=pooled, entries=dict(entries))
+    if known < 2:
+        return number
+    at = effects(x, s2)
+    low, high = spread_limits(x, s2, CONFIDENCE)
+    first, last = predicted(x, s2, CONFIDENCE)
+    return RecordingNumber(
+        symbol=symbol, title=pooled.title, unit=pooled.unit, pooled=pooled, entries=dict(entries),
+        spread=math.sqrt(_one(at.spread2)), spread_low=math.sqrt(_one(low)), spread_high=math.sqrt(_one(high)),
+        predicted_low=_exp(_one(first)), predicted_high=_exp(_one(last)),
+    )  # fmt: skip
+
+
+def _point(entry: Entry | None, pooled: Entry) -> tuple[float, float]:
+    """Return the logarithm of a parameter in one recording, and its variance. The logarithm is NaN if it is not known.
+
+    An upper limit below the pooled value is treated as a value, because the recording deviates by at least this much.
+    """
+    if entry is None or entry.low is None or entry.high is None or not math.isfinite(entry.high):
+        return math.nan, 1.0
+    z = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
+    if entry.upper_only or entry.low <= 0:
+        below = not pooled.upper_only and 0 < entry.high < pooled.value
+        return (math.log(entry.high), 1 / z**2) if below else (math.nan, 1.0)
+    error = math.log(entry.high / entry.low) / (2 * z)
+    return (math.log(entry.value), max(error, 1e-12) ** 2) if entry.value > 0 else (math.nan, 1.0)
+
+
+def _one(values: Vector) -> float:
+    return float(np.asarray(values)[0])
+
+
+def _exp(value: float) -> float:
+    return math.exp(min(value, 700.0))

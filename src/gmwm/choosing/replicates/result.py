@@ -1,0 +1,318 @@
+"""Result of the comparison of the recordings of a pooled fit."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from gmwm.base.multiple_tests import holm
+from gmwm.base.random_effects import predicted
+from gmwm.base.remarks import Remark, texts
+from gmwm.base.tables import headed
+from gmwm.base.text import Summarised, listed, p_relation, rounded
+from gmwm.choosing.datasheets import Entry
+from gmwm.choosing.datasheets.entry import significant
+from gmwm.choosing.replicates.level_ratios import LevelRatio
+from gmwm.fitting.estimation.recordings import Deviations, stepped
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.intervals import parameters_by_name
+from gmwm.recording.options import as_confidence, one_of
+from gmwm.theory.processes.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+WIDTH = 80
+"""Largest number of characters in a line of the summary."""
+SIZE = 0.05
+"""Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
+MAIN = ("N", "B", "K", "Q")
+"""Symbols of the parameters that a remark names. Tables contain all parameters."""
+Use = Literal["mean", "high"]
+"""Noise that a filter assumes: the mean over the recordings, or the highest that a further recording may have."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingNumber:
+    """One datasheet parameter in each of several recordings, with its spread.
+
+    Attributes
+    ----------
+    symbol, title, unit : str
+        Symbol, name and SI unit.
+    pooled : Entry
+        Value from all recordings together. Its confidence interval includes the spread between recordings.
+    entries : mapping of recording to (Entry or None)
+        Value from each recording alone, with the same model; None if the recording is too short.
+    spread, spread_low, spread_high : float or None
+        Standard deviation of the logarithm between recordings, without estimation errors, and its confidence limits
+        (0.1 is 10 %). None if fewer than two recordings have a value.
+    predicted_low, predicted_high : float or None
+        Prediction limits for the value in a further recording."""
+
+    symbol: str
+    title: str
+    unit: str
+    pooled: Entry
+    entries: Mapping[str, Entry | None]
+    spread: float | None = None
+    spread_low: float | None = None
+    spread_high: float | None = None
+    predicted_low: float | None = None
+    predicted_high: float | None = None
+
+    @property
+    def apart(self) -> float | None:
+        """Ratio of the largest to the smallest value, minus 1. None if a recording has no value or only an upper
+        limit."""
+        known = [entry.value for entry in self.entries.values() if entry is not None and not entry.upper_only]
+        return max(known) / min(known) - 1 if len(known) == len(self.entries) and min(known) > 0 else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameter as numbers, lists and strings for JSON."""
+        entries = {name: None if entry is None else entry.to_dict() for name, entry in self.entries.items()}
+        names = ("spread", "spread_low", "spread_high", "predicted_low", "predicted_high")
+        return {
+            "symbol": self.symbol, "title": self.title, "unit": self.unit, "pooled": self.pooled.to_dict(),
+            "recordings": entries, "apart": self.apart, **{name: getattr(self, name) for name in names},
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Replicates(Summarised):
+    """Comparison of several recordings of one unit.
+
+    Attributes
+    ----------
+    fit : Fit
+        Fit to the mean of the wavelet variances of all recordings (pooled fit).
+    deviations : gmwm.estimation.recordings.Deviations
+        Deviations of the parameters of each recording from the pooled fit, with their covariances, and the test of
+        equal parameters.
+    fits : mapping of recording to Fit
+        Fit to each recording alone, computed by one Gauss-Newton step from the pooled fit.
+    numbers : tuple of RecordingNumber
+        Datasheet parameters with their spread, without the rate ramp R, which differs in each recording.
+    levels : tuple of LevelRatio
+        Ratio of the wavelet deviation of each recording to the mean of the others at each level, with unadjusted
+        p-values.
+    """
+
+    fit: Fit
+    deviations: Deviations
+    fits: Mapping[str, Fit]
+    numbers: tuple[RecordingNumber, ...]
+    levels: tuple[LevelRatio, ...]
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """Names of the recordings."""
+        return self.deviations.recordings
+
+    @property
+    def axis(self) -> str:
+        """Name of the axis."""
+        return self.fit.wavelet_variance.axis
+
+    def __getitem__(self, symbol: str) -> RecordingNumber:
+        """Return the parameter with a symbol, such as "N"."""
+        for number in self.numbers:
+            if number.symbol == symbol:
+                return number
+        raise KeyError(f"{symbol}; there are {', '.join(number.symbol for number in self.numbers)}")
+
+    @property
+    def spread(self) -> dict[str, float]:
+        """Standard deviation of the logarithm of each parameter between recordings, if at least two recordings have a
+        value."""
+        return {number.symbol: number.spread for number in self.numbers if number.spread is not None}
+
+    @property
+    def parameter_pvalue(self) -> float:
+        """p-value of the test that all recordings have the same parameters. It is valid only if the model is right."""
+        return self.deviations.pvalue
+
+    @cached_property
+    def model_free_pvalue(self) -> float:
+        """p-value of the test that all recordings have the same wavelet variances, without a model."""
+        found = holm([math.nan if row.pvalue is None else row.pvalue for row in self.levels])
+        known = found[np.isfinite(found)]
+        return float(known.min()) if known.size else 1.0
+
+    @property
+    def pvalue(self) -> float:
+        """p-value of both tests together: twice the smaller p-value, but at most 1."""
+        return min(1.0, 2 * min(self.parameter_pvalue, self.model_free_pvalue))
+
+    @property
+    def differs(self) -> bool:
+        """Whether the tests find a difference between the recordings at the 5 % level."""
+        return self.pvalue <= SIZE
+
+    def for_filter(self, use: Use = "mean", confidence: float = 0.95) -> Model:
+        """Return the model with values for a filter that will process further recordings.
+
+        For fixed gains, the error covariance of a filter is linear in the covariance of the noise. A filter with the
+        mean noise therefore has the smallest mean squared error over many recordings. With the highest noise, the
+        filter rarely underestimates its errors.
+
+        Parameters
+        ----------
+        use : "mean" or "high"
+            "mean" uses the mean over the recordings, weighted by 1/(spread² + error²). "high" uses the upper end of the
+            prediction interval for a further recording for each variance, and the mean of the correlation times.
+        confidence : float
+            Level of the prediction interval, from 0.5 to below 1. With two or three recordings, the interval is wide.
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        OptionError
+            If `use` or `confidence` is not allowed.
+        """
+        one_of(use, "use", get_args(Use))
+        as_confidence(confidence)
+        found = self.deviations
+        _, high = predicted(found.values.T, found.variances.T, confidence)
+        parameters = parameters_by_name(self.fit.model)
+        values: dict[str, float] = {}
+        for name, mean, end in zip(found.names, found.effects.mean, high, strict=True):
+            raised = use == "high" and parameters[name].scale_power is not None and math.isfinite(end)
+            share = float(end if raised else mean)
+            if math.isfinite(share):
+                values[name] = stepped(parameters[name], self.fit.parameters[name], share)
+        return self.fit.model.with_values(values)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """The remark on whether the recordings agree."""
+        return (self.remark(self.pvalue),)
+
+    def remark(self, pvalue: float) -> Remark:
+        """Return the remark on whether the recordings agree, for a given p-value.
+
+        Parameters
+        ----------
+        pvalue : float
+            p-value of the test that the recordings are equal, possibly adjusted for the number of axes.
+        """
+        few = "yes" if len(self.recordings) < FEW else "no"
+        if pvalue > SIZE:
+            return Remark.of(
+                "recordings-agree", self.axis, count=len(self.recordings), numbers=self._within(),
+                p=f"p {p_relation(pvalue)}", few=few, size=SIZE,
+            )  # fmt: skip
+        return Remark.of(
+            "recordings-differ", self.axis, count=len(self.recordings), numbers=self._spreads(),
+            p=f"p {p_relation(pvalue)}", few=few, size=SIZE,
+        )  # fmt: skip
+
+    def _within(self) -> str:
+        known = [(one.symbol, one.apart) for one in self.numbers if one.symbol in MAIN and one.apart is not None]
+        return listed([f"{symbol} within {_percent(apart)}" for symbol, apart in known]) or "no number has a value"
+
+    def _spreads(self) -> str:
+        known = [(one.symbol, one.spread) for one in self.numbers if one.symbol in MAIN and one.spread]
+        return listed([f"{symbol} by {_percent(spread)}" for symbol, spread in known]) or "only the curves"
+
+    def table(self) -> list[list[str]]:
+        """Return the header and the rows of a table in datasheet units.
+
+        Each row has a parameter in each recording, its pooled value and its spread.
+        """
+        rows = [["", *self.recordings, "together", "spread"]]
+        for number in self.numbers:
+            unit = number.pooled.units[0]
+            title = number.symbol if unit == "1" else f"{number.symbol} ({unit})"
+            values = ["" if entry is None else _short(entry) for entry in number.entries.values()]
+            rows.append([title, *values, _short(number.pooled), spread_text(number)])
+        return rows
+
+    def summary(self) -> str:
+        """Format the remarks, the parameters of each recording with their spread, and the tests."""
+        lines = [line for text in texts(self.remarks) for line in wrap(text, WIDTH)]
+        if self.numbers:
+            lines += ["", *headed(self.table())]
+        lines += ["", *wrap(
+            "spread: standard deviation between recordings without estimation errors, with 95 % limits. Test of equal "
+            f"parameters: p {p_relation(self.parameter_pvalue)}; of equal curves, without a model: "
+            f"p {p_relation(self.model_free_pvalue)}.", WIDTH,
+        )]  # fmt: skip
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as numbers, lists and strings for JSON."""
+        found = self.deviations
+        return {
+            "recordings": list(self.recordings),
+            "pvalue": self.pvalue,
+            "differs": self.differs,
+            "parameters": {
+                "statistic": found.statistic,
+                "df": found.df,
+                "pvalue": found.pvalue,
+                "spread": dict(zip(found.names, np.sqrt(found.effects.spread2).tolist(), strict=True)),
+            },
+            "model_free_pvalue": self.model_free_pvalue,
+            "numbers": [number.to_dict() for number in self.numbers],
+            "for_filter": {use: str(self.for_filter(use)) for use in get_args(Use)},
+            "remarks": [remark.to_dict() for remark in self.remarks],
+        }
+
+    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
+
+        A band shows the range of differences that chance explains.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+        """
+        from gmwm.showing.plots.recordings import plot_recordings
+
+        return plot_recordings(self, path=path)
+
+    def __repr__(self) -> str:
+        found = "different" if self.differs else "equal"
+        return f"Replicates({', '.join(self.recordings)}: {found}, p = {self.pvalue:.2g})"
+
+
+FEW = 4
+"""With fewer recordings than this, an interval is hardly narrower than with one recording, because the spread between
+recordings is not well determined (docs/validation/recordings.md)."""
+
+
+def _percent(share: float) -> str:
+    """Format a relative amount in per cent, or as a factor if it is 1 or larger."""
+    return f"{rounded(100 * share)} %" if share < 1 else f"a factor of {rounded(1 + share)}"
+
+
+def short_spread(number: RecordingNumber) -> str:
+    """Format the spread of a parameter without its limits."""
+    return "" if number.spread is None else f"{rounded(100 * number.spread)} %"
+
+
+def spread_text(number: RecordingNumber) -> str:
+    """Format the spread of a parameter with its limits."""
+    if number.spread is None or number.spread_low is None or number.spread_high is None:
+        return ""
+    low, spread, high = (100 * s for s in (number.spread_low, number.spread, number.spread_high))
+    return f"{rounded(spread)} % ({rounded(low)}–{rounded(high)})"
+
+
+def _short(entry: Entry) -> str:
+    value, _, high, _ = entry.in_units("datasheet")
+    if entry.upper_only:
+        return "" if high is None or not math.isfinite(high) else f"≤ {significant(high, 2)}"
+    return significant(value, 3)

@@ -1,0 +1,454 @@
+"""Rank given models, or all models within a general one, by the wavelet information criterion."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.errors import ModelError, OptionError
+from gmwm.choosing.selection.candidate_fits import Explored, Progress, explore, losses_left_out
+from gmwm.choosing.selection.comparison import difference_error
+from gmwm.choosing.selection.equivalence import SURELY, as_good
+from gmwm.choosing.selection.options import DRAWS, RankingOptions, Weights
+from gmwm.choosing.selection.ranking import SAME, Candidate, Ranking
+from gmwm.choosing.selection.structure import (
+    freedom,
+    nested,
+    shown_by,
+    structure_of,
+    within,
+    without_drift,
+    without_values,
+)
+from gmwm.fitting.estimation.estimator import measured
+from gmwm.fitting.estimation.linearised import columns_of
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
+from gmwm.fitting.inference.intervals import Method
+from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.measuring.covariance import Design
+from gmwm.measuring.regression.against import Against
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model, as_model
+from gmwm.theory.processes.validation import as_seed
+
+CLEAR = 4.0
+"""A model is not equivalent to the best one if its criterion is larger by more than this number of standard errors of
+the difference. The standard error assumes Gaussian wavelet variances, which does not hold at coarse levels. With 2, the
+true model WN + RW is excluded in 10 % of recordings; with 4, it was excluded in none of 40
+(docs/validation/selection.md)."""
+REJECTED = 0.005
+"""A model is not equivalent to the best one if the p-value of its goodness-of-fit test is below this level, and the
+p-value of the best one is more than `BETTER` times as large. A true model has such a p-value in 5 of 1000 recordings
+(tests/selection/test_equivalence.py)."""
+BETTER = 10.0
+"""Ratio of p-values; see `REJECTED`."""
+
+Data = WaveletVariance | Signal | ArrayLike
+AnyModel = Model | Process | str
+
+
+def select(
+    general: AnyModel,
+    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
+    rate: float | None = None,
+    *,
+    weighting: Weights = "optimal",
+    criterion: Method = "asymptotic",
+    confidence: float = 0.95,
+    draws: int = DRAWS,
+    rng: int | np.random.Generator = 0,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    against: Against = None,
+    progress: Progress | None = None,
+) -> Ranking:
+    """Select a model: rank every model within a general one, and recommend the simplest model that is as good as the
+    best.
+
+    All models are fitted with the same weighting matrix Ω, which is computed from the estimate of the general model.
+    They are compared by the wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂², ν²(θ̂)) Ω], where ν̂² is the
+    measured wavelet variance and ν²(θ̂) the one of the fitted model. The second term is the optimism, because a fit is
+    closer to the fitted data than to other data. The criterion is uncertain and tends to keep unnecessary terms. A
+    model is therefore equivalent to the best one if the difference of their criteria can be due to chance. The test
+    simulates recordings from the model. The model is equivalent if, in more than 5 % of them, its criterion exceeds the
+    smallest criterion by at least as much as in the data. Models that contain a smaller equivalent model are left out,
+    and the simplest of the remaining models is recommended.
+
+    Parameters
+    ----------
+    general : Model, Process or str
+        The largest model, for example `4 * GM() + WN() + QN() + RW() + DR()`. Fixed values stay fixed, and a process
+        whose values are all fixed is in every candidate. Models with more parameters than the wavelet variance has
+        levels are not candidates.
+    data : WaveletVariance, Signal or (N,) array; or a list of these
+        The recording, or several recordings of the same sensor. With several recordings, the candidates are fitted to
+        the mean of the wavelet variances, and ranked by cross-validation. Each recording is left out in turn, and the
+        loss is its distance from a fit to the other recordings. A model that describes a disturbance of one recording
+        only has a large loss.
+    rate : float, optional
+        Sampling rate (Hz); only for plain arrays.
+    weighting : "optimal" or "diagonal"
+        Ω = V⁻¹ or diag(1 / V_jj), where V is the exact covariance of ν̂² under the general model. "optimal"
+        distinguishes models best.
+    criterion : "asymptotic" or "bootstrap"
+        How the optimism is computed: by first-order theory, or by fitting every candidate to `draws` recordings
+        simulated from the general model. A simulated fit takes a few milliseconds.
+    confidence : float
+        Probability that the true model is among the equivalent models, if it is a candidate.
+    draws : int
+        Number of simulated recordings for the uncertainty of the criterion and for the bootstrap.
+    rng : int or numpy.random.Generator
+        Seed or generator of the random numbers. The same integer gives the same result.
+    robust, efficiency, against
+        As for `fit`. The same regression is used for all models.
+    progress : callable, optional
+        Function that is called with the number of fitted candidates and the number of all candidates.
+
+    Returns
+    -------
+    Ranking
+
+    Raises
+    ------
+    ModelError
+        If no parameter is free, or there are too many candidates.
+    MissingTheoryError
+        If a process does not define its autocovariance.
+    DataError, OptionError
+        As for `fit`, and if the recordings differ in their rate, unit or estimator.
+
+    References
+    ----------
+    Efron (2004), The estimation of prediction error, JASA 99, 619-632; section III-C of Balamuta, Guerrier, Molinari
+    and Yang.
+
+    Examples
+    --------
+    >>> from gmwm import GM, QN, RW, WN, select
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(50_000, 100.0, rng=1)
+    >>> ranking = select(2 * GM() + WN() + QN() + RW(), x, rate=100.0)
+    >>> ranking.recommended.structure
+    'WN + RW'
+    """
+    options = RankingOptions(
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=as_seed(rng)
+    )  # fmt: skip
+    return select_within(
+        general, data, options, rate=rate, robust=robust, efficiency=efficiency, against=against, progress=progress
+    )  # fmt: skip
+
+
+def select_within(
+    general: AnyModel,
+    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
+    options: RankingOptions,
+    *,
+    required: Sequence[Process] = (),
+    rate: float | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    against: Against = None,
+    progress: Progress | None = None,
+) -> Ranking:
+    """Rank every model within a general one, with the `required` terms added to each. The options are already
+    checked."""
+    wv = measured(data, rate, robust, efficiency, against=against)
+    optional = without_drift(without_values(as_model(general)), [wv])
+    models = nested(optional)
+    if required:
+        models = [*(Model((*model.processes, *required)) for model in models), Model(tuple(required))]
+    wanted = Model((*optional.processes, *required))
+    candidates = [model for model in models if freedom(model) <= len(wv)]
+    if not candidates:
+        raise ModelError(
+            f"every model within {wanted.structure} has more parameters than the wavelet variance has levels, "
+            f"{len(wv)}",
+            advice="Record longer.",
+        )
+    return _ranked(wanted, candidates, wv, options=options, progress=progress)
+
+
+def rank(
+    models: Sequence[AnyModel],
+    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
+    rate: float | None = None,
+    *,
+    weighting: Weights = "optimal",
+    criterion: Method = "asymptotic",
+    confidence: float = 0.95,
+    draws: int = DRAWS,
+    rng: int | np.random.Generator = 0,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    against: Against = None,
+    progress: Progress | None = None,
+) -> Ranking:
+    """Rank given models by the criterion of `select`.
+
+    The weighting matrix Ω and the covariance V are computed from the smallest model that contains all candidates.
+
+    Parameters
+    ----------
+    models : list of Model, Process or str
+        The candidates.
+    data, rate, weighting, criterion, confidence, draws, rng, robust, efficiency, against, progress
+        As for `select`.
+
+    Returns
+    -------
+    Ranking
+
+    Raises
+    ------
+    ModelError, DataError, OptionError
+        As for `select`.
+
+    Examples
+    --------
+    >>> from gmwm import rank
+    >>> from gmwm import RW, WN
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(50_000, 100.0, rng=1)
+    >>> ranking = rank(["WN", "WN + RW", "GM + WN"], x, rate=100.0)
+    >>> [candidate.structure for candidate in ranking]
+    ['WN + RW', 'GM + WN', 'WN']
+    """
+    options = RankingOptions(
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=as_seed(rng)
+    )  # fmt: skip
+    if isinstance(models, (str, Process, Model)) or not list(models):
+        raise OptionError(
+            argument="models", expected='a list of candidates such as ["WN + RW", "GM + WN"]', got=models,
+            advice="To rank all models within one, use `gmwm.select`.",
+        )  # fmt: skip
+    wanted = [as_model(model) for model in models]
+    return rank_models(wanted, measured(data, rate, robust, efficiency, against=against), options, progress=progress)
+
+
+def rank_models(
+    models: Sequence[Model], wv: WaveletVariance, options: RankingOptions, *, progress: Progress | None = None
+) -> Ranking:
+    """Rank given models. The options are already checked."""
+    wanted = [without_values(model) for model in models]
+    for model in wanted:
+        if freedom(model) > len(wv):
+            raise ModelError(
+                f"{model.structure} has {freedom(model)} free parameters, but the wavelet variance has only "
+                f"{len(wv)} levels",
+                advice="Record longer, or leave this model out.",
+            )
+    unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
+    return _ranked(_union(unique), unique, wv, options=options, progress=progress)
+
+
+def _union(models: Sequence[Model]) -> Model:
+    """Return the smallest model that contains all models.
+
+    A term that is fixed in some models and free in others is free in the result.
+    """
+    most = Counter[Process]()
+    for model in models:
+        most |= Counter(model.processes)
+    terms: list[Process] = []
+    single: dict[str, int] = {}
+    for process, count in most.items():
+        place = single.get(process.name)
+        larger = next(((k, kind) for k, p in enumerate(terms) if (kind := _join(p, process)) is not None), None)
+        if larger is not None:
+            terms[larger[0]] = larger[1]()
+        elif process.repeatable or place is None:
+            single[process.name] = len(terms)
+            terms += [process] * count
+        elif terms[place].is_complete:
+            terms[place] = process
+    return Model(tuple(terms))
+
+
+def _join(one: Process, other: Process) -> type[Process] | None:
+    """Return the class of a process that includes two processes of different order, such as ARMA processes.
+
+    The result is None if there is no such class, or if one of the processes has fixed values.
+    """
+    if type(one) is type(other) or any(
+        process.is_fixed(p.name) for process in (one, other) for p in process.parameters
+    ):
+        return None
+    return type(one).joined(type(other))
+
+
+def _ranked(
+    general: Model,
+    candidates: Sequence[Model],
+    wv: WaveletVariance,
+    *,
+    options: RankingOptions,
+    progress: Progress | None,
+) -> Ranking:
+    weighting, draws, seed = options.weighting, options.draws, options.seed
+    explored = explore(general, candidates, wv, weighting, progress=progress)
+    criteria = _criteria(explored, method=options.criterion, draws=draws, seed=seed)
+    losses = losses_left_out(explored, candidates, weighting)
+    made = [
+        _candidate(model, explored.fits[k], criteria[k], None if losses is None else float(losses[k]))
+        for k, model in enumerate(candidates)
+    ]
+    made = _related(made)
+    made = _sorted(made)
+    made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
+    chosen = _equivalent(made, explored, confidence=options.confidence, draws=draws, seed=seed)
+    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in made]
+    return Ranking(
+        candidates=tuple(made),
+        within=general,
+        general=explored.general,
+        weighting=weighting,
+        weighting_matrix=explored.weights.matrix,
+        wavelet=explored.wavelet,
+        confidence=options.confidence,
+    )
+
+
+def _levels(made: Sequence[Candidate]) -> dict[str, float]:
+    """Return the criterion of each structure. Criteria that differ only by numerical errors get the same value.
+
+    For example, ARMA(1,1) and GM + WN have the same wavelet variance. The last digits of their criteria must not decide
+    between them.
+    """
+    level: dict[str, float] = {}
+    least = -np.inf
+    for c in sorted(made, key=_score):
+        if not _score(c) - least <= SAME * abs(_score(c)):
+            least = _score(c)
+        level[c.structure] = least
+    return level
+
+
+def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
+    """Sort candidates by the criterion. A model with the same fit as a smaller model comes after it."""
+    level = _levels(made)
+    return sorted(
+        made,
+        key=lambda c: (level[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
+    )
+
+
+def _score(candidate: Candidate) -> float:
+    return candidate.wic.value if candidate.out_of_sample is None else candidate.out_of_sample
+
+
+def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | None) -> Candidate:
+    return Candidate(
+        model=model,
+        fit=fit,
+        wic=wic,
+        out_of_sample=out_of_sample,
+        difference=0.0,
+        parameters=len(columns_of(fit.model, fit.diagnostics.acts_as)[0]),
+        equivalent=False,
+        recommended=False,
+        same_as=None,
+    )
+
+
+def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:
+    """Compute the criterion of each candidate. If candidates share a fit, it is evaluated once."""
+    known: dict[int, float] = {}
+    variances = None
+    if method == "bootstrap":
+        wv = explored.general.wavelet_variance
+        variances = simulated_variances(explored.general.model, Design.of(wv), draws, seed)
+    for fit in explored.fits:
+        if id(fit) not in known:
+            if variances is None:
+                known[id(fit)] = optimism(fit, explored.wavelet, explored.weights)
+            else:
+                implied = implied_by_refits(*problem_of(fit), variances)
+                known[id(fit)] = covariance_trace(variances, implied, explored.weights.matrix)
+    return [Criterion(loss=float(fit.objective), optimism=known[id(fit)], method=method) for fit in explored.fits]
+
+
+def _related(made: Sequence[Candidate]) -> list[Candidate]:
+    """Set `same_as` of candidates that have the same fit as a smaller candidate."""
+    own = {frozenset(structure_of(c.model).items()): c for c in made}
+    alike: dict[int, Candidate] = {}
+    for c in sorted(made, key=lambda c: freedom(c.model)):
+        alike.setdefault(id(c.fit), c)
+    related = []
+    for c in made:
+        smaller = own.get(frozenset(shown_by(c.fit).items()))
+        if smaller is None or smaller is c:
+            smaller = alike[id(c.fit)]
+        related.append(c if smaller is c else replace(c, same_as=smaller.structure))
+    target = {c.structure: c.same_as for c in related}
+    return [c if c.same_as is None else replace(c, same_as=_end(c.same_as, target)) for c in related]
+
+
+def _end(name: str, target: Mapping[str, str | None]) -> str:
+    """Follow a chain of `same_as` names, and return the last one."""
+    seen = {name}
+    while (after := target[name]) is not None and after not in seen:
+        name = after
+        seen.add(name)
+    return name
+
+
+def _complexity(candidate: Candidate) -> int:
+    """Return the number of parameters, plus 2 for each term like flicker noise.
+
+    The additional count is for terms that are not sinusoids and have neither a correlation time nor shape parameters.
+    Flicker noise has one parameter, but its wavelet variance is similar to a sum of several Gauss-Markov processes.
+    Without the additional count, it would often replace a single Gauss-Markov process in short recordings.
+    """
+    return candidate.parameters + 2 * sum(
+        p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
+        for p in candidate.fit.model.processes if p.scale > 0
+    )  # fmt: skip
+
+
+def _rejected(candidate: Candidate, best: Candidate) -> bool:
+    """Return whether the goodness-of-fit test rejects a candidate, and the best candidate fits much better.
+
+    The test of equivalence alone is not sufficient. It uses the weights of the candidate. If the candidate is far below
+    the data at long scales, other models can appear equally far from the data with these weights.
+    """
+    own = candidate.pvalue
+    if own is None or own >= REJECTED:
+        return False
+    other = best.pvalue
+    return other is not None and other > BETTER * own
+
+
+def _equivalent(
+    made: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
+) -> list[Candidate]:
+    """Return the candidates that are as good as the best one, the simplest first.
+
+    Candidates that contain a smaller such candidate are left out.
+    """
+    best, level = made[0], _levels(made)
+    equivalent: list[Candidate] = []
+    own = (c for c in made if c.same_as is None)
+    for candidate in sorted(own, key=lambda c: (_complexity(c), level[c.structure])):
+        structure = structure_of(candidate.model)
+        if any(within(structure_of(k.model), structure) for k in equivalent):
+            continue
+        if level[candidate.structure] != level[best.structure]:
+            difference = candidate.wic.value - best.wic.value
+            if difference > SURELY:
+                continue
+            # A model with a clearly larger criterion is not equivalent, even if it is simpler.
+            if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.weights, explored.wavelet):
+                continue
+            if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
+                continue
+            # This is the last check, because the test fits the candidate again with its own weights.
+            if _rejected(candidate, best):
+                continue
+        equivalent.append(candidate)
+    return equivalent

@@ -1,0 +1,257 @@
+"""Fit all candidate models to a recording with the weighting matrix Ω of the general model."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.choosing.selection.structure import consists_of, containing, freedom, names_of, structure_of, without_values
+from gmwm.fitting.estimation.atoms import grid
+from gmwm.fitting.estimation.estimator import as_fit
+from gmwm.fitting.estimation.problem import Problem, pose, to_find
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import Settled, nearly_settled
+from gmwm.fitting.estimation.solver import Solution, solve
+from gmwm.fitting.estimation.weighting import Weights, precision
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.variance.pooling import without
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.model import Model
+
+NOT_LOWER = 1e-9
+"""Two objectives count as equal if their relative difference is below this
+(tests/selection/test_nested_objectives.py)."""
+
+EVERY = 8
+"""Only every EVERY-th point of the grid of correlation times is used. Neighbouring points then differ by 20 % (used in
+docs/validation/selection.md)."""
+
+Progress = Callable[[int, int], None]
+"""Progress callback, which is called with the number of fitted candidates and the number of all candidates."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """Fits of all candidates to one recording.
+
+    Attributes
+    ----------
+    general : Fit
+        Fit of the largest model that has at most as many parameters as there are levels. Its Ω and V are used for all
+        candidates.
+    weights : Weights
+        Weighting matrix Ω (J, J).
+    wavelet : (J, J) array
+        Covariance V of the measured wavelet variance ν̂².
+    fits : tuple of Fit
+        Fit of each candidate. A candidate with terms that are estimated as zero may share the fit of a smaller
+        candidate.
+    """
+
+    general: Fit
+    weights: Weights
+    wavelet: Matrix
+    fits: tuple[Fit, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self.wavelet)
+
+    @cached_property
+    def columns(self) -> tuple[Matrix, int]:
+        """Result of `relaxed_columns`, which all tests of equivalence use."""
+        return relaxed_columns(self)
+
+
+def explore(
+    general: Model,
+    candidates: Sequence[Model],
+    wv: WaveletVariance,
+    weighting: str,
+    *,
+    progress: Progress | None = None,
+) -> Explored:
+    """Fit every candidate with the weighting matrix Ω of the general model.
+
+    If the optimum of a model has terms that are zero, it is also the optimum of every smaller model that contains the
+    other terms. These models are not fitted separately, which saves most of the work. The objective of a model is never
+    larger than the objective of a model that it contains; `mend` ensures this.
+    """
+    largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
+    settled, wavelet = nearly_settled(largest, wv, weighting)
+    weights = Weights(settled.problem.matrix)
+    search = _Exploration(wv, weights, weighting)
+    search.take(largest, settled.problem, settled.solution)
+    order = sorted(range(len(candidates)), key=lambda k: -len(candidates[k].processes))
+    for done, k in enumerate(order):
+        search.add(candidates[k])
+        if progress is not None:
+            progress(done + 1, len(candidates))
+    search.mend()
+    fits = tuple(search.fit(model) for model in candidates)
+    return Explored(as_fit(settled, wv, weighting), weights, wavelet, fits)
+
+
+def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
+    """Return the mean loss of each candidate for recordings that its fit did not use, or None for a single recording.
+
+    Each recording r is left out once. The candidates are fitted to the other recordings with the Ω of the general
+    model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²). ν̂²_r is the wavelet variance of the left-out recording, and ν²
+    is the one of the fit. Ω_r is the weighting matrix for a recording of this length.
+    """
+    wv = explored.general.wavelet_variance
+    if len(wv.recordings) < 2:
+        return None
+    losses = []
+    for name, one in wv.recordings.items():
+        fits = _explored_again(explored, candidates, without(wv, name), weighting)
+        design = replace(Design.of(one), model_error=wv.model_error)
+        design = design.only(one.levels <= len(fits[0].wavelet_variance))
+        scatter = covariance(explored.general.model, design)
+        matrix, reach = _inverse(scatter, weighting), design.levels.size
+        miss = [one.variance[:reach] - fit.implied[:reach] for fit in fits]
+        losses.append([float(m @ matrix @ m) for m in miss])
+    return np.asarray(np.mean(losses, axis=0))
+
+
+def _explored_again(explored: Explored, candidates: Sequence[Model], wv: WaveletVariance, weighting: str) -> list[Fit]:
+    """Fit the candidates to other data with the weighting matrix of `explored`."""
+    weights = explored.weights
+    if len(wv) < len(explored.wavelet):
+        weights = Weights(_inverse(explored.wavelet[: len(wv), : len(wv)], weighting))
+    search = _Exploration(wv, weights, weighting)
+    fitting = [model for model in candidates if freedom(model) <= len(wv)]
+    for model in sorted(fitting, key=lambda model: -len(model.processes)):
+        search.add(model)
+    search.mend()
+    # If a model has more parameters than the other recordings have levels, the fit of the largest possible model is
+    # used.
+    return [search.fit(model if freedom(model) <= len(wv) else max(fitting, key=freedom)) for model in candidates]
+
+
+def _inverse(scatter: Matrix, weighting: str) -> Matrix:
+    return precision(scatter) if weighting == "optimal" else np.diag(1 / np.diag(scatter))
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    model: Model
+    structure: Counter[str]
+    shown: Counter[str]
+    problem: Problem
+    solution: Solution
+
+
+class _Exploration:
+    """Solutions for one weighting matrix Ω, by structure of the model."""
+
+    def __init__(self, wv: WaveletVariance, weights: Weights, weighting: str) -> None:
+        self.wv, self.weights, self.weighting = wv, weights, weighting
+        self.solved: dict[frozenset[tuple[str, int]], _Solved] = {}
+        self.fits: dict[int, Fit] = {}
+
+    def take(self, model: Model, problem: Problem, solution: Solution) -> _Solved:
+        """Store the solution of a model. If terms are zero, also store it for the smaller model without them."""
+        structure = structure_of(model)
+        shown = _shown(model, problem, solution)
+        found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
+        self.solved[_key(structure)] = found
+        if shown != structure and shown and _key(shown) not in self.solved:
+            self.solved[_key(shown)] = self._part(found)
+        return found
+
+    def add(self, model: Model) -> None:
+        """Fit a candidate, unless its solution is already known."""
+        structure = structure_of(model)
+        if _key(structure) in self.solved:
+            return
+        for known in self.solved.values():
+            if known.shown and consists_of(structure, known.shown) and consists_of(known.structure, structure):
+                self.solved[_key(structure)] = replace(self.solved[_key(known.shown)], structure=structure)
+                return
+        problem = pose(without_values(model), self.wv, self.weights)
+        self.take(model, problem, solve(problem, certify=False))
+
+    def mend(self) -> None:
+        """Replace each solution whose objective is larger than the objective of a model that it contains."""
+        lowest = sorted(self.solved.items(), key=lambda item: item[1].solution.objective)
+        # The first structure that a structure contains has the smallest objective of all that it contains.
+        first = np.argmax(containing([found.structure for _, found in lowest]), axis=1)
+        for (key, found), place in zip(lowest, first.tolist(), strict=True):
+            square, other = found.problem.unit**2, lowest[place][1]
+            if not found.problem.as_low(
+                found.solution.objective / square, other.solution.objective / square, NOT_LOWER
+            ):
+                self.solved[key] = replace(other, structure=found.structure)
+
+    def fit(self, model: Model) -> Fit:
+        """Return the fit of a candidate. Models with the same optimum share one fit."""
+        found = self.solved[_key(structure_of(model))]
+        if id(found.solution) not in self.fits:
+            self.fits[id(found.solution)] = as_fit(Settled(found.problem, found.solution), self.wv, self.weighting)
+        return self.fits[id(found.solution)]
+
+    def _part(self, found: _Solved) -> _Solved:
+        """Return a solution in the form of the smaller model without the terms that are zero."""
+        old = found.problem
+        linear = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
+        moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
+        free = {*old.linear, *old.shaped}
+        places = sorted([*linear, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
+        model = Model(tuple(old.model.processes[k] for k in places))
+        problem = pose(without_values(model), self.wv, self.weights)
+        scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
+        terms = tuple(t for t in found.solution.terms if t.scale > 0)
+        solution = replace(found.solution, scales=scales, terms=terms)
+        return _Solved(model, found.shown, shown=found.shown, problem=problem, solution=solution)
+
+
+def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
+    """Return the structure of a solved model without the terms that are zero."""
+    structure = structure_of(model)
+    zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
+    zero += [k for k, term in zip(problem.shaped, solution.terms, strict=True) if term.scale == 0]
+    return structure - names_of(problem.model.processes[k] for k in zero)
+
+
+def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
+    return frozenset(structure.items())
+
+
+def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
+    """Return the wavelet variances (n, J) of processes that the general model can add to a candidate.
+
+    The second value is the number of rows for processes without shape parameters.
+
+    These rows come first. A Gauss-Markov process is evaluated on a grid over the domain of its correlation time. For
+    processes with several shape parameters, mixtures of grid points would describe more curves than one such process
+    can. The rows of these processes are the estimated shape and its derivatives.
+    """
+    wv = explored.general.wavelet_variance
+    problem = pose(without_values(explored.general.model), wv, explored.weights)
+    rows = [problem.shapes, *_ways(explored.general, problem)]
+    if problem.curved_class is not None:
+        rows.append(
+            grid(problem.curved_class, wv.levels, samples=wv.longest, rate=wv.rate, filter=problem.filter).values[
+                ::EVERY
+            ]
+        )
+    return np.concatenate(rows), len(problem.shapes)
+
+
+def _ways(general: Fit, problem: Problem) -> list[Matrix]:
+    """Return the estimated shape of each other process with free shape parameters, and its derivatives with both
+    signs."""
+    rows = []
+    for process in general.model.processes:
+        moving = to_find(process)
+        if not moving or type(process) is problem.curved_class or process.scale == 0:
+            continue
+        at = process.nonlinear.reshape(1, -1)
+        slopes = process.shape_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]
+        rows += [process.shape(at, problem.levels, problem.rate, problem.filter), slopes, -slopes]
+    return rows

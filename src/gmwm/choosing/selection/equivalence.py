@@ -1,0 +1,277 @@
+"""Test whether a candidate is equivalent to the best model, given the uncertainty of the criterion.
+
+Recordings are simulated from the candidate. The candidate is equivalent if, in more than 5 % of these recordings, its
+criterion exceeds the smallest criterion by at least as much as in the data.
+
+A simulated recording consists only of its wavelet variances. They have a chi-square distribution at each level and the
+covariance V that the candidate implies. The covariance of a larger model would give too much weight to levels with
+small measured variances. The fit of the candidate to a simulated recording is computed by first-order theory.
+
+The rivals in each simulated recording are all models with one more term. To bound all models with several more terms,
+the test uses the best sum of any number of processes, with the penalty of two parameters. The test thus takes into
+account that the smallest of many criteria is chosen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import GmwmError
+from gmwm.choosing.selection.candidate_fits import Explored
+from gmwm.choosing.selection.structure import without_values
+from gmwm.fitting.estimation.estimator import as_fit
+from gmwm.fitting.estimation.linearised import COLLINEAR, slopes_of
+from gmwm.fitting.estimation.problem import pose
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import Settled, drawn_covariance
+from gmwm.fitting.estimation.solver import solve
+from gmwm.fitting.estimation.weighting import Weights, precision
+from gmwm.fitting.inference.criterion import optimism
+from gmwm.measuring.covariance import Design
+
+SPARE = 1e-8
+"""A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of the
+candidate. The value is √ε of a double."""
+SURELY = 100.0
+"""A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
+one by more than this."""
+NEVER = 1e-6
+"""A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below this."""
+CLOSER = 1
+"""Number of times that a rejected candidate is fitted and tested again, with weights from its last fit; see
+docs/validation/selection.md."""
+
+DEGREE = 72
+"""Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
+(tests/selection/test_equivalence.py)."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hypothesis:
+    """The hypothesis that the data come from a candidate, with recordings simulated from this candidate.
+
+    Attributes
+    ----------
+    explored : Explored
+        The fits of all candidates.
+    fit : Fit
+        Fit of the candidate; at first with the Ω that all candidates share.
+    weights : Weights
+        Ω of the candidate, which is V⁻¹ or diag(1 / V_jj).
+    wavelet : (J, J) array
+        Covariance V of ν̂² under the fit.
+    draws, seed : int
+        Number of simulated recordings, and seed of the random numbers.
+    """
+
+    explored: Explored
+    fit: Fit
+    weights: Weights
+    wavelet: Matrix
+    draws: int
+    seed: int
+
+    @classmethod
+    def of(cls, explored: Explored, fit: Fit, draws: int, seed: int) -> Hypothesis | None:
+        """Create the hypothesis for a fit, or return None if the fitted model has no noise at some level."""
+        wv = fit.wavelet_variance
+        try:
+            wavelet = drawn_covariance(fit.model, Design.of(wv), wv.variance)
+            matrix = precision(wavelet)
+        except GmwmError:
+            return None
+        if fit.weighting != "optimal":
+            matrix = np.diag(1 / np.diag(wavelet))
+        return cls(explored=explored, fit=fit, weights=Weights(matrix), wavelet=wavelet, draws=draws, seed=seed)
+
+    def absurd(self, rival: Fit) -> bool:
+        """Return whether the loss of the candidate exceeds the loss of a rival by far more than chance explains.
+
+        This check needs no other fit.
+        """
+        from scipy.special import gammaincc
+
+        losses = []
+        for fit in (self.fit, rival):
+            left = self.root @ (fit.wavelet_variance.variance - fit.implied)
+            axes = self.axes if fit is self.fit else axes_of(fit, self.root)
+            losses.append(float(left @ left - np.sum((axes.T @ left) ** 2)))
+        size = self.root.shape[0] - self.axes.shape[1]
+        return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
+
+    def excess(self, rival: Fit) -> float:
+        """Return the criterion of the candidate minus the criterion of a rival, after fitting both with the candidate's
+        Ω."""
+        own, other = self.again, self._fitted(rival)
+        criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (own, other)]
+        return criteria[0] - criteria[1]
+
+    @cached_property
+    def again(self) -> Fit:
+        """Fit of the candidate with its own Ω."""
+        return self._fitted(self.fit)
+
+    def closer(self) -> Hypothesis | None:
+        """Return the hypothesis with Ω and V from the fit `again`, or None if this fit has no noise at some level."""
+        return Hypothesis.of(self.explored, self.again, self.draws, self.seed)
+
+    def _fitted(self, fit: Fit) -> Fit:
+        wv = fit.wavelet_variance
+        problem = pose(without_values(fit.model), wv, self.weights)
+        return as_fit(Settled(problem, solve(problem, certify=False)), wv, fit.weighting)
+
+    @property
+    def root(self) -> Matrix:
+        """Square root L of the weighting matrix, LᵀL = Ω."""
+        return self.weights.root
+
+    @cached_property
+    def axes(self) -> Matrix:
+        """Orthonormal directions (J, p) in which the weighted wavelet variance of the candidate can change."""
+        return axes_of(self.fit, self.root)
+
+    @cached_property
+    def errors(self) -> Matrix:
+        """Weighted deviations (B, J) of the wavelet variance from its true value in B simulated recordings."""
+        return drawn_errors(self.fit.implied, self.wavelet, self.draws, self.seed) @ self.root.T
+
+    @cached_property
+    def _columns(self) -> tuple[Matrix, int]:
+        """Unit vectors (n, J) of the weighted wavelet variances of all processes that can be added.
+
+        The second value is the number of processes without shape parameters, which come first.
+        """
+        shapes, linear = self.explored.columns
+        columns = shapes @ self.root.T
+        return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
+
+    @cached_property
+    def losses(self) -> Vector:
+        """Losses (B,) of the candidate in the simulated recordings."""
+        taken = self.errors @ self.axes
+        return np.asarray(np.sum(self.errors**2, axis=1) - np.sum(taken**2, axis=1))
+
+    @cached_property
+    def single(self) -> Matrix:
+        """Decrease (B, k) of the criterion that one more term causes, for each simulated recording and term."""
+        return self._single[0]
+
+    @property
+    def least(self) -> float:
+        """Smallest penalty for two additional parameters."""
+        return self._single[1]
+
+    @cached_property
+    def _single(self) -> tuple[Matrix, float]:
+        all_columns, linear = self._columns
+        columns = all_columns - (all_columns @ self.axes) @ self.axes.T
+        square = np.sum(columns**2, axis=1)
+        new = square > SPARE
+        spread = columns @ self.root @ factor_of(self.wavelet)
+        penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, SPARE)
+        net = self.errors @ np.where(new[:, None], columns, 0.0).T
+        np.maximum(net, 0, out=net)
+        net *= net
+        net /= np.where(new, square, 1.0)
+        net -= np.where(new, penalty, 0.0)
+        # If the candidate contains a process that is a limit of the added one, the added process has one more
+        # parameter.
+        single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
+        return single, 2 * float(penalty[new].min(initial=np.inf))
+
+    def several(self, records: NDArray[np.int64]) -> Vector:
+        """Return an upper bound for the decrease of the criterion by two or more parameters in the given simulated
+        recordings."""
+        parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
+        columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
+        centre = self.fit.implied @ self.root.T
+        best = [_core.nonnegative_least_squares(centre + error, columns)[1] for error in self.errors[records]]
+        return np.asarray(self.losses[records] - np.array(best) - self.least)
+
+
+def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
+    """Return whether a candidate is equivalent to a rival with a smaller criterion, by a test of level `size`."""
+    hypothesis = Hypothesis.of(explored, fit, draws, seed)
+    for closer in range(1 + CLOSER):
+        if closer and hypothesis is not None:
+            hypothesis = hypothesis.closer()
+        if hypothesis is None or hypothesis.absurd(rival):
+            return False
+        if by_chance(hypothesis, rival, size):
+            return True
+    return False
+
+
+def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
+    """Return whether more than the share `size` of the simulated recordings has as large a difference as the data.
+
+    The difference is the criterion of the candidate minus the smallest criterion.
+    """
+    difference = hypothesis.excess(rival)
+    if difference <= 0:
+        return True
+    single = np.max(hypothesis.single, axis=1)
+    if np.mean(single >= difference) > size:
+        return True
+    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
+    # this bound rejects most candidates.
+    most = hypothesis.losses - hypothesis.least
+    if np.mean(np.maximum(single, most) >= difference) <= size:
+        return False
+    open_ones = np.flatnonzero((single < difference) & (most >= difference))
+    several = hypothesis.several(open_ones)
+    return bool(np.count_nonzero(single >= difference) + np.count_nonzero(several >= difference) > size * single.size)
+
+
+def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
+    """Draw deviations of ν̂² (B, J) from a curve, with chi-square distributions and the covariance V.
+
+    `wavelet` is V (J, J).
+    """
+    deviation = np.sqrt(np.diag(wavelet))
+    normal = np.random.default_rng(seed).standard_normal((draws, curve.size))
+    scores = normal @ factor_of(wavelet).T / deviation
+    return np.asarray(curve * (_mean_squares(scores, 2 * (curve / deviation) ** 2) - 1))
+
+
+def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
+    """Return the chi-square quantiles (B, J) at the probabilities of normal scores, divided by the degrees of freedom
+    (J,).
+
+    For each level, they are an analytic function of the score, so Chebyshev polynomials of degree `DEGREE` replace
+    most of the slow quantiles.
+    """
+    from scipy.special import chdtri, ndtr
+
+    reach = float(np.abs(scores).max(initial=0.0))
+    if len(scores) <= DEGREE or reach == 0:
+        return np.asarray(chdtri(freedom, ndtr(-scores)) / freedom)
+    angle = (np.arange(DEGREE + 1) + 0.5) * np.pi / (DEGREE + 1)
+    values = chdtri(freedom, ndtr(-reach * np.cos(angle[:, None]))) / freedom
+    terms = 2 / (DEGREE + 1) * np.cos(np.outer(np.arange(DEGREE + 1), angle)) @ values
+    terms[0] /= 2
+    return np.asarray(np.polynomial.chebyshev.chebval(scores / reach, terms, tensor=False))
+
+
+def factor_of(wavelet: Matrix) -> Matrix:
+    """Return F (J, J) with FFᵀ = V. V is first scaled to unit diagonal."""
+    deviation = np.sqrt(np.diag(wavelet))
+    share, axes = np.linalg.eigh(wavelet / np.outer(deviation, deviation))
+    return np.asarray(deviation[:, None] * axes * np.sqrt(np.maximum(share, 0)))
+
+
+def axes_of(fit: Fit, root: Matrix) -> Matrix:
+    """Return orthonormal directions (J, p) in which the weighted wavelet variance of a fit can change with its
+    parameters."""
+    slopes = root @ slopes_of(fit)
+    length = np.linalg.norm(slopes, axis=0)
+    if not np.any(length > 0):
+        return np.empty((root.shape[0], 0))
+    axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
+    return np.asarray(axes[:, strength > COLLINEAR * strength[0]])

@@ -1,0 +1,39 @@
+"""Options of `select` and `rank`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from gmwm.fitting.inference.intervals import Method
+from gmwm.recording.options import as_confidence, as_whole_number, one_of
+
+Weights = Literal["optimal", "diagonal"]
+DRAWS = 500
+"""Default number of simulated recordings."""
+FEWEST_DRAWS = 100
+"""Smallest number of simulated recordings that is allowed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankingOptions:
+    """Options of a ranking of models, with a check of their values. `gmwm.select` describes each option.
+
+    Raises
+    ------
+    OptionError
+        If a value is not allowed.
+    """
+
+    weighting: Weights = "optimal"
+    criterion: Method = "asymptotic"
+    confidence: float = 0.95
+    draws: int = DRAWS
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        one_of(self.weighting, "weighting", ("optimal", "diagonal"))
+        one_of(self.criterion, "criterion", ("asymptotic", "bootstrap"))
+        as_confidence(self.confidence)
+        as_whole_number(self.draws, "draws", FEWEST_DRAWS)
+        as_whole_number(self.seed, "seed", 0)

@@ -1,0 +1,455 @@
+"""Result of model selection: models sorted by the criterion, and the recommended model."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix
+from gmwm.base.errors import GmwmError, ModelError, OptionError
+from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.tables import aligned
+from gmwm.base.text import Summarised, counted
+from gmwm.choosing.selection.structure import structure_of
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.criterion import Criterion
+from gmwm.theory.processes.model import Model, as_model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
+
+    from gmwm.showing.plots.view import UnitSystem, ViewName
+
+WIDTH = 80
+"""Largest number of characters in a line of the remarks."""
+SAME = 1e-6
+"""Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
+REJECTED = 0.01
+"""If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
+`recommended-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
+LONG = 60
+"""If the text of a model has more characters than this, it is shown without fixed values, because the coefficients of a
+filter would fill a page."""
+LISTED = 10
+"""Default number of candidates in a table."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Candidate:
+    """A candidate model in a ranking, with its fit and its criterion.
+
+    Attributes
+    ----------
+    model : Model
+        The model with its fixed values.
+    fit : Fit
+        Fit to the recording, or to the mean of several recordings, with the weighting matrix Ω that all candidates
+        share.
+    wic : Criterion
+        Wavelet information criterion.
+    out_of_sample : float or None
+        Cross-validation loss for several recordings: mean loss for the left-out recording of a fit to the other ones.
+        None for a single recording.
+    difference : float
+        Criterion of this candidate minus the smallest criterion. The criterion is `out_of_sample` for several
+        recordings, otherwise `wic`.
+    parameters : int
+        Number of parameters that the data determine. Parameters that are fixed, zero, or at an end of their domain do
+        not count.
+    equivalent : bool
+        Whether the model is as good as the best one within the uncertainty of the criterion, and contains no smaller
+        model that is.
+    recommended : bool
+        Whether the model is the simplest of the equivalent models.
+    same_as : str or None
+        Structure of the smaller model with the same fit, if some estimates are zero or at an end of their domain;
+        otherwise None.
+    """
+
+    model: Model
+    fit: Fit
+    wic: Criterion
+    out_of_sample: float | None
+    difference: float
+    parameters: int
+    equivalent: bool
+    recommended: bool
+    same_as: str | None
+
+    @property
+    def structure(self) -> str:
+        """The model as text without estimated values, such as "GM + WN"."""
+        return str(self.model)
+
+    @property
+    def boundary(self) -> tuple[str, ...]:
+        """Terms whose estimate is zero or at an end of the domain."""
+        diagnostics = self.fit.diagnostics
+        here = set(self.model.terms)
+        zero = [term for term in self.fit.model.terms if term in diagnostics.not_supported]
+        acting = [f"{term} as {name}" for term, name in diagnostics.acts_as.items()]
+        missing = sorted(here - set(self.fit.model.terms)) if len(here) > len(self.fit.model.terms) else []
+        return tuple(dict.fromkeys([*acting, *zero, *missing]))
+
+    @cached_property
+    def pvalue(self) -> float | None:
+        """p-value of the goodness-of-fit test of the fit; None if there are too few levels."""
+        try:
+            return self.fit.goodness_of_fit().pvalue
+        except GmwmError:
+            return None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the candidate as numbers, lists and strings for JSON."""
+        return {
+            "model": self.structure,
+            "wic": self.wic.to_dict(),
+            "out_of_sample": self.out_of_sample,
+            "difference": self.difference,
+            "parameters": self.parameters,
+            "boundary": list(self.boundary),
+            "equivalent": self.equivalent,
+            "recommended": self.recommended,
+            "same_as": self.same_as,
+        }
+
+    def __repr__(self) -> str:
+        return f"Candidate({self.structure}, WIC {self.wic.value:.6g}, difference {self.difference:.4g})"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Ranking:
+    """Candidate models sorted by the criterion, the best first.
+
+    `ranking[0]` is the best candidate, `ranking["GM + WN"]` is the candidate with this model, and a loop visits all
+    candidates.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        The candidates, sorted by the criterion. A model with the same fit as a smaller model comes after it.
+    within : Model
+        The general model, which contains all candidates, with its fixed values.
+    general : Fit
+        Fit of the largest model that the number of levels allows. Its Ω and V are used for all candidates.
+    weighting : str
+        Kind of the weighting matrix: "optimal" or "diagonal".
+    weighting_matrix, wavelet : (J, J) arrays
+        Weighting matrix Ω, and covariance V of the measured wavelet variance ν̂².
+    confidence : float
+        Probability that the true model is among the equivalent models, if it is a candidate.
+    """
+
+    candidates: tuple[Candidate, ...]
+    within: Model
+    general: Fit
+    weighting: str
+    weighting_matrix: Matrix
+    wavelet: Matrix
+    confidence: float
+
+    @property
+    def best(self) -> Candidate:
+        """The candidate with the smallest criterion."""
+        return self.candidates[0]
+
+    @property
+    def recommended(self) -> Candidate:
+        """The simplest of the equivalent candidates."""
+        return next(candidate for candidate in self.candidates if candidate.recommended)
+
+    @property
+    def equivalent(self) -> tuple[Candidate, ...]:
+        """The candidates that are as good as the best one, except those that contain a smaller such candidate."""
+        return tuple(candidate for candidate in self.candidates if candidate.equivalent)
+
+    @property
+    def distinct(self) -> tuple[Candidate, ...]:
+        """The candidates except those with the same fit as a smaller candidate."""
+        return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
+
+    def label(self, candidate: Candidate) -> str:
+        """Return a candidate as text. Fixed values are left out of a long text if no other candidate has the same
+        terms."""
+        whole, short = candidate.structure, candidate.model.structure
+        return short if len(whole) > LONG and self._terms[short] == 1 else whole
+
+    @cached_property
+    def _terms(self) -> Counter[str]:
+        """Number of candidates with the same terms but different fixed values."""
+        return Counter(candidate.model.structure for candidate in self.candidates)
+
+    def compare(self, first: int | str | Model, second: int | str | Model) -> Comparison:
+        """Compute the difference between the criteria of two candidates, and its standard error.
+
+        Parameters
+        ----------
+        first, second : int, str or Model
+            The candidates, as the place in the ranking (from 0), the text of the model, or the model.
+
+        Returns
+        -------
+        Comparison
+            The criterion of `first` minus the criterion of `second`, and its standard error.
+        """
+        from gmwm.choosing.selection.comparison import compared
+
+        return compared(self, self[first], self[second])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the ranking as numbers, lists and strings for JSON."""
+        return {
+            "within": str(self.within),
+            "general": self.general.model.structure,
+            "weighting": self.weighting,
+            "confidence": self.confidence,
+            "recordings": max(len(self.best.fit.wavelet_variance.recordings), 1),
+            "recommended": self.recommended.structure,
+            "candidates": [candidate.to_dict() for candidate in self.candidates],
+            "remarks": [remark.to_dict() for remark in self.remarks],
+        }
+
+    def to_frame(self) -> DataFrame:
+        """Return the candidates as a Polars data frame with one row for each model, the best first."""
+        from polars import DataFrame
+
+        rows = [
+            {
+                "model": one.structure,
+                "wic": one.wic.value,
+                "difference": one.difference,
+                "parameters": one.parameters,
+                "p": one.pvalue,
+                "equivalent": one.equivalent,
+                "recommended": one.recommended,
+                "same_as": one.same_as,
+            }
+            for one in self
+        ]
+        return DataFrame(rows, infer_schema_length=None)
+
+    def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
+        """Return the header and the rows of the table. It contains the first `limit` distinct candidates and all
+        equivalent ones."""
+        several = self.best.out_of_sample is not None
+        head = [
+            "",
+            "model",
+            "WIC",
+            "loss",
+            "out of sample" if several else "optimism",
+            "difference",
+            "p",
+            "zero or at an end",
+        ]
+        shown = [c for k, c in enumerate(self.distinct) if limit is None or k < limit or c.equivalent]
+        rows = []
+        for c in shown:
+            mark = "*" if c.recommended else "=" if c.equivalent else ""
+            part = c.wic.optimism if c.out_of_sample is None else c.out_of_sample
+            numbers = map(_short, (c.wic.value, c.wic.loss, part, c.difference))
+            p = "-" if c.pvalue is None else f"{c.pvalue:.3f}" if c.pvalue >= 0.001 else "< 0.001"
+            ends = ", ".join(c.boundary) if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
+            rows.append([mark, self.label(c).replace(" ", ""), *numbers, p, ends])
+        return head, rows
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks on the recommended model, the equivalent models, and the limits of the recommendation."""
+        return tuple(self._remarks())
+
+    def _remarks(self) -> Iterator[Remark]:
+        axis, chosen = self.best.fit.wavelet_variance.axis, self.recommended
+        yield Remark.of("recommended", axis, model=self.label(chosen))
+        if others := tuple(self.label(c) for c in self.equivalent if not c.recommended):
+            yield Remark.of("as-good", axis, models=others)
+        if chosen is not self.best and not self.best.equivalent:
+            yield Remark.of("smallest-criterion", axis, model=self.label(self.best))
+        if chosen.pvalue is not None and chosen.pvalue < REJECTED:
+            yield Remark.of("recommended-rejected", axis, p=chosen.pvalue)
+        if reduced := len(self.candidates) - len(self.distinct):
+            yield Remark.of("candidates-reduced", axis, count=reduced)
+
+    def summary(self, limit: int | None = LISTED) -> str:
+        """Write the table of the first `limit` candidates, and the remarks."""
+        wv = self.best.fit.wavelet_variance
+        lines = [
+            f"{counted(len(self), 'model')}{' of ' + wv.axis if wv.axis else ''} within {self.within}",
+            f"{wv.extent}, {len(wv)} levels, weighting {self.weighting}",
+            "",
+        ]
+        head, rows = self.table(limit)
+        lines += aligned([head, *rows], right=range(2, len(head) - 1), indent="")
+        if more := len(self.distinct) - len(rows):
+            lines.append(f"… and {more} more")
+        lines += ["* recommended, = as good as the best model", ""]
+        remarks = texts(remark.about("") for remark in self.remarks)
+        return "\n".join([*lines, *(part for text in remarks for part in wrap(text, WIDTH, subsequent_indent="  "))])
+
+    def _repr_html_(self) -> str:
+        head, rows = self.table()
+        cells = "".join(f"<th>{escape(text)}</th>" for text in head)
+        body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows)
+        remarks = "<br>".join(texts((remark.about("") for remark in self.remarks), Dialect.HTML))
+        return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table><p>{remarks}</p>"
+
+    @overload
+    def __getitem__(self, key: int | str | Model) -> Candidate: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[Candidate, ...]: ...
+    def __getitem__(self, key: int | str | Model | slice) -> Candidate | tuple[Candidate, ...]:
+        if isinstance(key, (int, np.integer, slice)):
+            return self.candidates[key]
+        wanted = structure_of(as_model(key))
+        for candidate in self.candidates:
+            if structure_of(candidate.model) == wanted:
+                return candidate
+        raise OptionError(
+            f"{as_model(key)} is not among the {counted(len(self), 'candidate')} within {self.within}",
+            advice="To compare it with them, pass all models to `gmwm.rank`.",
+        )
+
+    def __contains__(self, key: object) -> bool:
+        if isinstance(key, Candidate):
+            return any(candidate is key for candidate in self.candidates)
+        try:
+            return isinstance(key, str | Model) and isinstance(self[key], Candidate)
+        except (OptionError, ModelError):
+            return False
+
+    def __iter__(self) -> Iterator[Candidate]:
+        return iter(self.candidates)
+
+    def __len__(self) -> int:
+        return len(self.candidates)
+
+    def plot(
+        self,
+        *,
+        limit: int = 4,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the best models with the data, their distances from the data, and the criteria.
+
+        The curves of different models often look the same. The second panel shows their distances from the data, scaled
+        so that the confidence limits are at −1 and 1. With several recordings, the mean wavelet variance is drawn.
+
+        Parameters
+        ----------
+        limit : int
+            Number of the best distinct candidates to draw. The recommended candidate is always drawn.
+        view : "wavelet" or "allan"
+            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+
+        Examples
+        --------
+        >>> from gmwm import QN, RW, WN, select
+        >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+        >>> figure = select(WN() + QN() + RW(), x, rate=100.0).plot()
+        >>> figure.axes[2].get_xlabel()
+        'WIC above the best'
+        """
+        from gmwm.showing.plots.ranking import plot_ranking
+
+        return plot_ranking(self, limit=limit, view=view, units=units, path=path)
+
+    def __repr__(self) -> str:
+        return f"Ranking({counted(len(self), 'model')}, {self.recommended.structure} recommended)"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Comparison(Summarised):
+    """Comparison of two candidates of a ranking.
+
+    Attributes
+    ----------
+    first, second : Candidate
+        The candidates.
+    difference : float
+        Criterion (WIC) of the first candidate minus the criterion of the second; negative if the first is better. With
+        several recordings, the criterion of the fit to their mean wavelet variance is used.
+    error : float
+        Standard error of the difference, computed from the covariance V of the measured wavelet variance.
+    """
+
+    first: Candidate
+    second: Candidate
+    difference: float
+    error: float
+
+    @property
+    def remark(self) -> Remark:
+        """Remark that states which model has the smaller criterion, and whether the difference may be due to chance."""
+        better, worse = (self.first, self.second) if self.difference <= 0 else (self.second, self.first)
+        size = abs(self.difference)
+        if size <= SAME * abs(self.first.wic.value):
+            return Remark.of("criteria-equal", first=self.first.structure, second=self.second.structure)
+        return Remark.of(
+            "criteria-differ", better=better.structure, worse=worse.structure, least=better.wic.value,
+            other=worse.wic.value, difference=size, error=self.error, clear="yes" if size > 2 * self.error else "no",
+        )  # fmt: skip
+
+    def summary(self) -> str:
+        """Return the comparison as text."""
+        return self.remark.text()
+
+    def plot(
+        self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the two candidates with the data, and their distances from the data.
+
+        The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.showing.plots.ranking import plot_candidates
+
+        return plot_candidates(self, view=view, units=units, path=path)
+
+    def __repr__(self) -> str:
+        return f"Comparison({self.first.structure} − {self.second.structure}: {self.difference:.4g} ± {self.error:.2g})"
+
+
+def _short(number: float) -> str:
+    """Format a number with two decimals, or with five digits if it is 1000 or larger."""
+    return f"{number:.2f}" if abs(number) < 1000 else f"{number:.5g}"

@@ -1,0 +1,370 @@
+"""Search for the noise model of one axis: first among slow processes, then with terms that the spectrum shows.
+
+1. All models within the family `SLOW` are ranked. If the goodness-of-fit test accepts the recommended model, the search
+ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, two kinds of
+terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. The shape of the noise at high
+frequencies, which the filter and the resonances of the sensor cause, becomes an ARMA process with known coefficients.
+Both are linear in their unknown scales, so the global optimum of every fit can still be proved. Without a spectrum, an
+AR(2) process is fitted to the wavelet variance. 3. The model error is estimated from the largest of these models, and
+all models within it are ranked again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import GmwmError
+from gmwm.choosing.selection.api import rank_models, select_within
+from gmwm.choosing.selection.options import RankingOptions
+from gmwm.choosing.selection.ranking import Candidate, Ranking
+from gmwm.choosing.selection.shape_error import (
+    acts_as_filter,
+    band_errors,
+    process_of,
+    with_sampling_error,
+    with_shape_error,
+)
+from gmwm.choosing.selection.structure import freedom, nested, without_drift, without_values
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.inference.model_error import Distance, having_error, model_error, nearly_fitted
+from gmwm.measuring.spectrum.result import PowerSpectrum
+from gmwm.measuring.spectrum.short_memory import SpectralShape, short_memory
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model, ModelLike, as_model
+from gmwm.theory.processes.noise import WN
+from gmwm.theory.processes.parameter import Fixed
+from gmwm.theory.processes.sinusoid import SIN
+
+SLOW = "4*GM + WN + QN + FN + RW + DR"
+"""General model whose submodels are ranked first (docs/validation/selection.md)."""
+BESIDE = "4*GM + FN + RW + DR"
+"""General model that is combined with a shape at high frequencies. The shape includes white and quantization noise."""
+REJECTED = 0.002
+"""The search continues if the p-value of the goodness-of-fit test is below this level. A true model has such a p-value
+in 2 of 1000 recordings."""
+FEWEST = 24
+"""Smallest number of frequencies to which a shape at high frequencies is fitted. With fewer, no shape is fitted."""
+MIXED = 0.5
+"""The shape at high frequencies is fitted above the first frequency at which slow noise is at most this share of the
+spectral density."""
+FAST = 20.0
+"""A Gauss-Markov term with a correlation time up to this value (samples) counts as noise at high frequencies. With this
+value, the corner frequency of its spectral density is 1/126 of the sampling rate. The shape is fitted to the density
+above this frequency."""
+FELT = 0.003
+"""A spectral line enters the model if it is at least this share of the wavelet variance at some level. For comparison,
+the relative standard error at the first levels is 0.2 % for 10^6 samples (tests/selection/test_search.py)."""
+MOST_FREE = 1
+"""Number of the strongest lines whose power is fitted. The power of other lines is fixed at the value from the
+spectrum."""
+MEMORY = 2000.0
+"""An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
+frequencies."""
+NARROW = 0.002
+"""A spectral peak that is narrower than this, relative to the sampling rate, is treated as a line. The value is half
+the width of the narrowest peak that the fitted ARMA processes can have; see `gmwm.spectrum.short_memory.POLE`."""
+AROUND = 8
+"""Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
+(tests/selection/test_search.py)."""
+_ROUNDS = 2
+"""Number of times that the shape at high frequencies and the slow terms are fitted in turn."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Searched:
+    """Result of the search for a model of one axis.
+
+    Attributes
+    ----------
+    ranking : Ranking
+        Ranking of the models that were compared last.
+    wavelet_variance : WaveletVariance
+        Wavelet variance of the data. Its covariance includes the uncertainty of the shape at high frequencies.
+    error : float
+        Relative model error τ, which is not included in this covariance.
+    tried : tuple of str
+        General models that were tried, in order.
+    band : mapping of str to float
+        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of the
+        shape at high frequencies; empty if the shape is not from the spectrum.
+    """
+
+    ranking: Ranking
+    wavelet_variance: WaveletVariance
+    error: float
+    tried: tuple[str, ...]
+    band: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def with_error(self) -> WaveletVariance:
+        """The wavelet variance with the model error included in its covariance."""
+        return having_error(self.wavelet_variance, self.error)
+
+
+def search(
+    wv: WaveletVariance,
+    spectrum: PowerSpectrum | None,
+    options: RankingOptions,
+    *,
+    check: Callable[[], None] = lambda: None,
+) -> Searched:
+    """Search for the noise model of one axis. The module docstring describes the steps.
+
+    Parameters
+    ----------
+    wv : WaveletVariance
+        The wavelet variance of the axis.
+    spectrum : PowerSpectrum or None
+        The spectrum of the same recording, if there is one.
+    options : RankingOptions
+        Options of the rankings.
+    check : function, optional
+        Function that is called between steps. It may raise an exception to end the search.
+    """
+    general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
+    if Distance.of(general).surely >= REJECTED:
+        ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
+        if _accepted(ranking):
+            found = _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,)))
+            if spectrum is None or not _filtered(ranking.recommended.fit):
+                return found
+            shown = _required(general, wv, spectrum, (), options=options, check=check)
+            if not shown.terms:
+                return found
+            shaped = shown.searched(BESIDE, options, check)
+            return shaped if _accepted(shaped.ranking) else found
+    check()
+    lines = () if spectrum is None else _lines(spectrum, wv)
+    if lines:
+        with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
+        if Distance.of(with_lines).surely >= REJECTED:
+            return within_family(SLOW, wv, options, required=lines, check=check, tried=(SLOW,))
+    shown = _required(general, wv, spectrum, lines, options=options, check=check)
+    if not shown.terms:
+        return within_family(SLOW, wv, options, check=check)
+    # A shape that was fitted to the wavelet variance does not include white and quantization noise.
+    return shown.searched(SLOW if spectrum is None else BESIDE, options, check)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shown:
+    """Terms that the spectrum shows.
+
+    Attributes
+    ----------
+    wavelet_variance : WaveletVariance
+        The data. The covariance includes the uncertainty of the shape at high frequencies.
+    terms : tuple of Process
+        The terms.
+    band : mapping of str to float
+        Relative standard errors of the bandwidth and the resonance; see `Searched`.
+    """
+
+    wavelet_variance: WaveletVariance
+    terms: tuple[Process, ...]
+    band: Mapping[str, float] = field(default_factory=dict)
+
+    def searched(self, beside: str, options: RankingOptions, check: Callable[[], None]) -> Searched:
+        """Rank all models within a general one, with these terms added to each."""
+        found = within_family(
+            beside, self.wavelet_variance, options, required=self.terms, check=check, tried=(SLOW,)
+        )  # fmt: skip
+        return replace(found, band=self.band)
+
+
+def _as_sampled(found: Searched) -> Searched:
+    """Add the uncertainty of flicker noise near half the sampling rate to the covariance of the data of every fit."""
+    wv = with_sampling_error(found.wavelet_variance, found.ranking.recommended.fit)
+    if wv is found.wavelet_variance:
+        return found
+    curve = having_error(wv, found.error)
+
+    def moved(candidate: Candidate) -> Candidate:
+        return replace(candidate, fit=replace(candidate.fit, wavelet_variance=curve))
+
+    ranking = replace(found.ranking, candidates=tuple(map(moved, found.ranking.candidates)))
+    return replace(found, ranking=ranking, wavelet_variance=wv)
+
+
+def _accepted(ranking: Ranking) -> bool:
+    pvalue = ranking.recommended.pvalue
+    return pvalue is None or pvalue >= REJECTED
+
+
+def _filtered(fit: Fit) -> bool:
+    """Return whether a term has such a short correlation time that it may describe the low-pass filter of the
+    sensor."""
+    return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
+
+
+def within_family(
+    family: ModelLike,
+    wv: WaveletVariance,
+    options: RankingOptions,
+    *,
+    required: Sequence[Process] = (),
+    check: Callable[[], None] = lambda: None,
+    tried: tuple[str, ...] = (),
+) -> Searched:
+    """Rank all models within a general one (`family`), with the model error of its largest model.
+
+    The `required` terms are in every model. Lines among them whose power is estimated as zero are dropped.
+    """
+    whole = _largest(family, wv, required)
+    error = _error_of(whole, wv, options.weighting)
+    check()
+    ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
+    supported = _supported(required, ranking.recommended.fit)
+    if len(supported) < len(required):
+        return within_family(family, wv, options, required=supported, check=check, tried=tried)
+    return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure)))
+
+
+def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> Searched:
+    """Return the result for a single given model, with its model error."""
+    error = _error_of(without_values(model), wv, options.weighting)
+    ranking = rank_models([model], having_error(wv, error), options)
+    return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=()))
+
+
+def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVariance:
+    """Return the wavelet variance with the model error of a single model, like `given_model` but without a ranking."""
+    error = _error_of(without_values(model), wv, weighting)
+    near = nearly_fitted(model, having_error(wv, error), weighting)
+    return having_error(with_sampling_error(wv, near), error)
+
+
+def _error_of(model: Model, wv: WaveletVariance, weighting: str) -> float:
+    """Return the relative model error of a model, or 0 if the goodness-of-fit test accepts the model."""
+    general = nearly_fitted(model, wv, weighting)
+    return model_error(general) if Distance.of(general).surely < REJECTED else 0.0
+
+
+def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
+    """Return the required terms except lines whose power is estimated as zero."""
+    zero = {p.value("frequency") for p in fit.model.processes if isinstance(p, SIN) and p.scale == 0}
+    return [p for p in required if not (isinstance(p, SIN) and p.value("frequency") in zero)]
+
+
+def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
+    """Return the largest model within `family` plus the required terms that has at most as many parameters as
+    levels."""
+    optional = without_drift(without_values(as_model(family)), [wv])
+    whole = Model((*optional.processes, *required))
+    if freedom(whole) <= len(wv):
+        return whole
+    sums = (Model((*part.processes, *required)) for part in nested(optional))
+    return next((model for model in sums if freedom(model) <= len(wv)), Model(tuple(required)) if required else whole)
+
+
+def _required(
+    general: Fit,
+    wv: WaveletVariance,
+    spectrum: PowerSpectrum | None,
+    lines: tuple[Process, ...],
+    *,
+    options: RankingOptions,
+    check: Callable[[], None],
+) -> _Shown:
+    """Return the terms that the spectrum shows. Without a spectrum, fit an AR(2) process to the wavelet variance."""
+    if spectrum is None:
+        shape = _fitted_shape(wv, options)
+        return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
+    shape, found, known = None, None, general
+    for _ in range(_ROUNDS):
+        check()
+        found = _shape(spectrum, known, wv.rate, shape)
+        if found is None:
+            break
+        shape = process_of(found)
+        whole = _largest(BESIDE, wv, (shape, *lines))
+        known = nearly_fitted(whole, wv, options.weighting)
+    if shape is None or found is None:
+        return _Shown(wavelet_variance=wv, terms=(WN(), *lines) if lines else ())
+    return _Shown(
+        wavelet_variance=with_shape_error(wv, known, found, shape), terms=(shape, *lines),
+        band=band_errors(found, wv.rate),
+    )  # fmt: skip
+
+
+def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
+    """Fit an AR(2) process and slow noise to the wavelet variance, and return the AR(2) with fixed coefficients.
+
+    The result is None if the fit fails or the AR(2) process is not a shape at high frequencies.
+    """
+    try:
+        whole = Model.parse("AR(2) + 2*GM + QN + RW")
+        fit = nearly_fitted(whole, wv, options.weighting)
+    except GmwmError:
+        return None
+    process = next(p for p in fit.model.processes if p.name == "AR(2)")
+    memory = process.correlation_time(wv.rate)
+    if process.scale == 0 or memory is None or memory * wv.rate > MEMORY:
+        return None
+    names = [p.name for p in process.nonlinear_parameters()]
+    held = {name: Fixed(process.value(name)) for name in names}
+    return process.with_values(**held, **{process.scale_parameter().name: None})
+
+
+def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
+    """Return frequency (Hz), power (squared unit of the signal) and width (Hz) of lines and narrow peaks.
+
+    Narrow peaks are those that an ARMA process cannot describe.
+    """
+    found = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
+    for bump in spectrum.bumps:
+        if bump.width < NARROW * spectrum.rate:
+            # The power is the integral of a Lorentz peak above the surrounding density.
+            found.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
+    return found
+
+
+def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
+    """Return sinusoids of known frequency for the lines that are large enough at some level, the strongest first."""
+    found = []
+    for frequency, power, _ in _peaks(spectrum):
+        process = SIN(frequency=Fixed(frequency), power=Fixed(power))
+        share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / np.where(wv.variance > 0, wv.variance, np.inf)
+        if share.max() >= FELT:
+            found.append((float(share.max()), process))
+    found.sort(key=lambda pair: -pair[0])
+    free = [SIN(frequency=Fixed(process.value("frequency"))) for _, process in found[:MOST_FREE]]
+    return (*free, *(process for _, process in found[MOST_FREE:]))
+
+
+def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
+    """Fit a shape to the noise at high frequencies that the slow terms of a fit do not explain.
+
+    The result is None if too few frequencies can be used.
+    """
+    smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
+    frequencies, density = smooth.frequencies, smooth.density * rate / 2
+    slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
+    used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0)
+    for frequency, _, width in _peaks(spectrum):
+        used &= np.abs(frequencies - frequency) > max(AROUND * spectrum.resolution, 4 * width)
+    mixed = np.flatnonzero(used & (slow <= MIXED * density))
+    used &= frequencies >= frequencies[mixed[0]] if mixed.size else False
+    if np.count_nonzero(used) < FEWEST:
+        return None
+    return short_memory(frequencies[used], density[used], smooth.degrees_of_freedom[used], rate=rate, known=slow[used])
+
+
+def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float) -> Vector:
+    """Return the spectral density (n,) of all slow processes together, multiplied by the sampling rate."""
+    total = np.zeros(frequencies.size)
+    for process in processes:
+        if process.scale == 0 or process.line(rate) is not None:
+            continue
+        time = process.correlation_time(rate)
+        if time is not None and time * rate <= FAST:
+            continue
+        with np.errstate(divide="ignore"):
+            total += process.psd(frequencies, rate) * rate if process.has("psd") else 0.0
+    return total

@@ -1,0 +1,221 @@
+"""Structures of models: the names of their processes, and which models contain other models."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.errors import ModelError
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.drift import DR
+from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.ordered import find_class
+
+FELT = 0.1
+"""If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
+show it (tests/selection/test_gaps.py)."""
+MOST_CANDIDATES = 5000
+"""Largest number of candidates; `select` raises an error for a general model with more
+(tests/selection/test_ranking.py)."""
+
+
+def without_values(model: Model) -> Model:
+    """Return a model without its values except fixed ones, because candidates do not share starting values."""
+    bare = tuple(map(_bare, model.processes))
+    return model if bare == model.processes else Model(bare)
+
+
+@lru_cache(maxsize=1024)
+def _bare(process: Process) -> Process:
+    """Return a process without its values except fixed ones."""
+    return process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
+
+
+@lru_cache(maxsize=1024)
+def _name(process: Process) -> str:
+    """Return the text of a process with its fixed values only."""
+    return str(_bare(process))
+
+
+def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
+    """Return the model without drifts if the recordings with their gaps show that there is no visible drift.
+
+    Inside short segments, a slow random process looks like a drift. Over the whole recording including its gaps, a
+    drift would change the signal far more.
+    """
+    if any(wv.rise is None or _is_felt(wv.rise, wv) for wv in recordings):
+        return general
+    others = tuple(p for p in general.processes if not isinstance(p, DR))
+    return Model(others) if others else general
+
+
+def _is_felt(rise: float, wv: WaveletVariance) -> bool:
+    """Return whether a drift with this slope per sample is a visible part of the wavelet variance at the longest
+    scale."""
+    felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
+    return bool(felt[0] >= FELT * wv.variance[-1])
+
+
+def nested(general: Model) -> list[Model]:
+    """Return all models that contain some of the terms of a general model, the largest first.
+
+    Processes whose values are all fixed are in every model. A process with an order, such as AR(2), also occurs with
+    every lower order.
+
+    >>> from gmwm import Model
+    >>> [model.structure for model in nested(Model.parse("2*GM + WN"))]
+    ['2*GM + WN', '2*GM', 'GM + WN', 'GM', 'WN']
+    >>> [model.structure for model in nested(Model.parse("AR(2) + RW"))]
+    ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
+
+    Raises
+    ------
+    ModelError
+        If no parameter is free, or if there are too many models.
+    """
+    bare = without_values(general)
+    held = [p for p in bare.processes if p.is_complete]
+    free = Counter(p for p in bare.processes if not p.is_complete)
+    if not free:
+        raise ModelError(
+            f"there is no model to select: every parameter of {general} is fixed",
+            advice="Leave `fixed(…)` out for at least one process.",
+        )
+    choices = [_choices(process, count) for process, count in free.items()]
+    size = math.prod(map(len, choices))
+    if size > MOST_CANDIDATES:
+        raise ModelError(
+            f"{general.structure} contains {size - 1} models, more than the largest number of {MOST_CANDIDATES}",
+            advice="Use a smaller general model, or pass the candidates to `gmwm.rank`.",
+        )
+    chosen = ([process for part in parts for process in part] for parts in product(*choices))
+    sums = [Model((*terms, *held)) for terms in chosen if terms]
+    return sorted(sums, key=lambda model: -freedom(model))
+
+
+def _choices(process: Process, count: int) -> list[list[Process]]:
+    """Return the choices for a process that occurs `count` times in the general model, from all occurrences to none."""
+    every = [[process] * k for k in range(count, -1, -1)]
+    if count > 1 or any(process.is_fixed(p.name) for p in process.parameters):
+        return every
+    return [[process], *([kind()] for kind in type(process).smaller()), []]
+
+
+def freedom(model: Model) -> int:
+    """Return the number of free parameters of a model."""
+    return len(model.names) - len(model.fixed_names)
+
+
+def structure_of(model: Model) -> Counter[str]:
+    """Return the structure of a model: its processes with their fixed values only, and how often each occurs.
+
+    A selection asks for each structure about ten times, so it is cached.
+    """
+    if "_structure" not in model.__dict__:
+        model.__dict__["_structure"] = names_of(model.processes)
+    found: Counter[str] = model.__dict__["_structure"]
+    return found
+
+
+def names_of(processes: Iterable[Process]) -> Counter[str]:
+    """Count processes by name and fixed values."""
+    return Counter(map(_name, processes))
+
+
+def shown_by(fit: Fit) -> Counter[str]:
+    """Return the structure of a fitted model.
+
+    Terms that are zero are left out. A term that acts as another process counts as this process.
+    """
+    shown, acted = Counter[str](), set[str]()
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        if term in fit.diagnostics.acts_as:
+            acted.add(fit.diagnostics.acts_as[term])
+        elif term not in fit.diagnostics.not_supported:
+            shown[_name(process)] += 1
+    # Several terms that act as the same process, such as white noise, count as one term.
+    return shown | Counter(acted)
+
+
+def consists_of(whole: Counter[str], part: Counter[str]) -> bool:
+    """Return whether a structure has each term of another structure at least as often, faster than `part <= whole`.
+
+    >>> consists_of(Counter({"GM": 2, "WN": 1}), Counter({"GM": 1}))
+    True
+    """
+    for name, count in part.items():  # noqa: SIM110 - a generator would take twice as long
+        if count > whole.get(name, 0):
+            return False
+    return True
+
+
+def containing(structures: Sequence[Counter[str]]) -> NDArray[np.bool_]:
+    """Return for each pair of structures (whole, part) what `of_lower_order(part, whole)` returns, an array (n, n).
+
+    >>> containing([Counter({"GM": 1, "WN": 1}), Counter({"WN": 1})])
+    array([[ True,  True],
+           [False,  True]])
+    """
+    names = list(dict.fromkeys(name for structure in structures for name in structure))
+    counts = np.array([[structure[name] for name in names] for structure in structures]).reshape(-1, len(names))
+    found = np.asarray(np.all(counts[:, None, :] >= counts, axis=2))
+    # Only a process with an order can contain another process.
+    ordered = np.array([bool(_cases(name, limits=False)) for name in names], dtype=np.bool_)
+    for k in np.flatnonzero(np.any(counts[:, ordered] > 0, axis=1)).tolist():
+        for i in np.flatnonzero(~found[k]).tolist():
+            found[k, i] = of_lower_order(structures[i], structures[k])
+    return found
+
+
+def within(part: Counter[str], whole: Counter[str]) -> bool:
+    """Return whether one structure is a special case of another, including limits of its processes.
+
+    >>> within(Counter({"WN": 1, "RW": 1}), Counter({"GM": 1, "WN": 1}))  # a slow GM is a random walk
+    True
+    """
+    return _matched(_surplus(part, whole), _surplus(whole, part))
+
+
+def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
+    """Return whether each term of one structure is a term of the other structure with the same or a lower order."""
+    missing = _surplus(part, whole)
+    return not missing or _matched(missing, _surplus(whole, part), limits=False)
+
+
+def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
+    """Return the terms of one structure that the other does not have.
+
+    A ranking calls this function 10 000 times, and `one - other` would be slower.
+    """
+    return [name for name, count in one.items() for _ in range(count - other.get(name, 0))]
+
+
+def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:
+    """Return whether each missing term is a special case of a spare term, with a different spare term for each."""
+    if not missing:
+        return True
+    first, *rest = missing
+    return any(
+        first in _cases(name, limits) and _matched(rest, [*spare[:k], *spare[k + 1 :]], limits=limits)
+        for k, name in enumerate(spare)
+    )
+
+
+@lru_cache
+def _cases(name: str, limits: bool) -> frozenset[str]:
+    """Return the names of the special cases of a process. With `limits`, these include its limits at the ends of the
+    domain."""
+    kind = find_class(name)
+    if kind is None:
+        return frozenset()
+    ends = (end for branch in kind.search(1024, 1.0) for end in (branch.low_acts_as, branch.high_acts_as))
+    names = frozenset(smaller.name for smaller in kind.smaller())
+    return names | frozenset(end for end in ends if end is not None) if limits else names

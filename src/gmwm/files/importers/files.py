@@ -1,0 +1,222 @@
+"""Read the noise numbers in the files of other programs, and convert each by the rule of the program that uses it.
+
+A file is recognised by its keys. Only the lines with these keys are read, so that a whole configuration can be passed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from gmwm.base.errors import ReadError
+from gmwm.base.units import Quantity
+from gmwm.files.importers.values import FLOOR, Values
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_DEGREE = math.pi / 180
+Found = dict[str, Values]
+Reader = Callable[[str, float | None], Found]
+_QUANTITIES: tuple[Quantity, ...] = ("gyro", "accel")
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of files with noise numbers.
+
+    Attributes
+    ----------
+    name : str
+        Name of the program.
+    keys : tuple of str
+        Keys by which a file is recognised: every file has at least one of them.
+    read : callable
+        Function that returns the values of each axis, from the text of the file and the sampling rate (Hz). The rate is
+        None if neither the file nor the user states it.
+    names : mapping of sensor to mapping of symbol to str
+        The key in the file for each number of `Values`.
+    rate_key : str
+        Key of the sampling rate (Hz); "" if the file has none.
+    needs_rate : bool
+        Whether the numbers depend on the sampling rate.
+    one : bool
+        Whether a file has each key once.
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    read: Reader
+    names: Mapping[Quantity, Mapping[str, str]]
+    rate_key: str = ""
+    needs_rate: bool = False
+    one: bool = True
+
+    def matches(self, text: str) -> bool:
+        """Return whether text contains a key of the format."""
+        return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in self.keys)
+
+    def written(self, text: str, axis: str) -> dict[str, tuple[str, float | None]]:
+        """Return the key and the value in the file for each number of an axis. The value is None if a file has each key
+        several times."""
+        quantity: Quantity = "gyro" if axis.startswith("gyro") else "accel"
+        found: dict[str, tuple[str, float | None]] = {}
+        for symbol, key in self.names.get(quantity, {}).items():
+            values = _find(text, key) if self.one else None
+            value = None if not values else values["xyz".index(axis[-1])] if len(values) == 3 else values[0]
+            found[symbol] = (key, value)
+        return found
+
+    def rate(self, text: str) -> float | None:
+        """Return the sampling rate in a file, if there is one."""
+        found = _find(text, self.rate_key) if self.rate_key else None
+        return found[0] if found else None
+
+
+def _find(text: str, key: str) -> list[float] | None:
+    """Return the numbers after a key: one, or a list in brackets; None if the key is not there."""
+    match = re.search(rf"(?<![\w.]){re.escape(key)}['\"]?\s*[:=,\s]\s*(\[[^\]]*\]|{_NUMBER})", text)
+    return [float(number) for number in re.findall(_NUMBER, match[1])] if match else None
+
+
+def _required(text: str, key: str) -> float:
+    found = _find(text, key)
+    if not found:
+        raise ReadError(f"the file has no number for {key}", advice="Add it, or write the numbers as text.")
+    return found[0]
+
+
+def _same(values: Mapping[Quantity, Values]) -> Found:
+    """Return the values of each axis, from the values of its sensor."""
+    return {f"{sensor}_{letter}": values[sensor] for sensor in _QUANTITIES if sensor in values for letter in "xyz"}
+
+
+def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, float | None], float]) -> Reader:
+    """Return a function that reads N and K of each sensor. `change` converts a number in the file, given the sampling
+    rate, to a density."""
+
+    def read(text: str, rate: float | None) -> Found:
+        found: dict[Quantity, Values] = {}
+        for sensor, (white, walk) in keys.items():
+            if _find(text, white) is None and _find(text, walk) is None:
+                continue
+            found[sensor] = Values(N=change(_required(text, white), rate), K=change(_required(text, walk), rate))
+        return _same(found)
+
+    return read
+
+
+def _density(value: float, rate: float | None) -> float:
+    return value
+
+
+def _per_step(value: float, rate: float | None) -> float:
+    """Convert the standard deviation σ of one step to a density: a step of Δt = 1/f adds (Δt σ)², and noise of density
+    N adds N² Δt, so N = σ/√f."""
+    assert rate is not None
+    return value / math.sqrt(rate)
+
+
+def _variance_per_step(value: float, rate: float | None) -> float:
+    return _per_step(math.sqrt(value), rate)
+
+
+def _for_step(step: float) -> Callable[[float, float | None], float]:
+    """Return the conversion for a filter with a fixed step Δt (s), which adds (Δt p)² in each step, so N = p √Δt."""
+    return lambda value, rate: value * math.sqrt(step)
+
+
+def _imu_utils(text: str, rate: float | None) -> Found:
+    """Read a file of imu_utils: gyr_n is √f times the Allan deviation at 1 s, and gyr_w is its minimum."""
+    found: Found = {}
+    for sensor, short in (("gyro", "gyr"), ("accel", "acc")):
+        for letter in "xyz":
+            block = re.search(rf"{letter}-axis\s*:\s*{short}_n\s*:\s*({_NUMBER})\s*{short}_w\s*:\s*({_NUMBER})", text)
+            if block:
+                white, floor = float(block[1]), float(block[2])
+                found[f"{sensor}_{letter}"] = Values(N=_per_step(white, rate), B=floor / FLOOR)
+    if not found:
+        raise ReadError("the file has no numbers of the axes x, y and z", advice="Use the file that imu_utils wrote.")
+    return found
+
+
+def _kf_gins(text: str, rate: float | None) -> Found:
+    """Read a file of KF-GINS, in deg/√h, m/s/√h, deg/h, mGal and h. The bias is a Gauss-Markov process."""
+    time = 3600.0 * _required(text, "corrtime")
+    sizes = {"arw": _DEGREE / 60, "vrw": 1 / 60, "gbstd": _DEGREE / 3600, "abstd": 1e-5}
+    found: Found = {}
+    values = {key: _three(text, key) for key in sizes}
+    for sensor, white, bias in (("gyro", "arw", "gbstd"), ("accel", "vrw", "abstd")):
+        for k, letter in enumerate("xyz"):
+            found[f"{sensor}_{letter}"] = Values(
+                N=values[white][k] * sizes[white], sigma=values[bias][k] * sizes[bias], time=time
+            )
+    return found
+
+
+def _three(text: str, key: str) -> list[float]:
+    found = _find(text, key)
+    if not found or len(found) not in (1, 3):
+        raise ReadError(f"the file has no list of three numbers for {key}")
+    return found * 3 if len(found) == 1 else found
+
+
+def _matlab(text: str, rate: float | None) -> Found:
+    """Read MATLAB code that sets the parameters of imuSensor. With the default NoiseType, N and B are smaller than the
+    numbers in the code by the factor √2, and K is larger by this factor."""
+    code = re.sub(r"%[^\n]*", "", text).replace("...", "")
+    found: Found = {}
+    for sensor in _QUANTITIES:
+        body = re.search(rf"{sensor}params\((.*?)\)\s*;", code, re.DOTALL)
+        if body is None:
+            continue
+        kind = re.search(r"'NoiseType'\s*,\s*'([\w-]+)'", body[1])
+        factor = 1.0 if kind and kind[1] == "single-sided" else math.sqrt(2)
+        rows = {key: _named_row(body[1], key) for key in ("NoiseDensity", "RandomWalk", "BiasInstability")}
+        for k, letter in enumerate("xyz"):
+            found[f"{sensor}_{letter}"] = Values(
+                N=rows["NoiseDensity"][k] / factor, K=rows["RandomWalk"][k] * factor,
+                B=rows["BiasInstability"][k] / factor,
+            )  # fmt: skip
+    if not found:
+        raise ReadError("the file has no call of gyroparams or accelparams that ends with );")
+    return found
+
+
+def _named_row(body: str, key: str) -> list[float]:
+    match = re.search(rf"'{key}'\s*,\s*(\[[^\]]*\]|{_NUMBER})", body)
+    row = [float(number) for number in re.findall(_NUMBER, match[1])] if match else [0.0]
+    return row * 3 if len(row) == 1 else row
+
+
+def _format(
+    name: str, keys: tuple[str, str, str, str], change: Callable[[float, float | None], float],
+    *, rate_key: str = "", needs_rate: bool = False,
+) -> Format:  # fmt: skip
+    """Return a format with keys for N and K of gyroscopes, and for N and K of accelerometers."""
+    gyro_n, gyro_k, accel_n, accel_k = keys
+    pairs: dict[Quantity, tuple[str, str]] = {"gyro": (gyro_n, gyro_k), "accel": (accel_n, accel_k)}
+    names: dict[Quantity, dict[str, str]] = {q: {"N": white, "K": walk} for q, (white, walk) in pairs.items()}
+    return Format(name, (gyro_n, accel_n), _two(pairs, change), names=names, rate_key=rate_key, needs_rate=needs_rate)
+
+
+_KALIBR = ("gyroscope_noise_density", "gyroscope_random_walk", "accelerometer_noise_density",
+           "accelerometer_random_walk")  # fmt: skip
+FORMATS = (
+    Format("imu_utils", ("avg-axis",), _imu_utils, needs_rate=True,
+           names={"gyro": {"N": "gyr_n", "B": "gyr_w"}, "accel": {"N": "acc_n", "B": "acc_w"}}, one=False),
+    _format("Kalibr, allan_variance_ros, OpenVINS or Kimera", _KALIBR, _density, rate_key="update_rate"),
+    _format("ORB-SLAM3", ("IMU.NoiseGyro", "IMU.GyroWalk", "IMU.NoiseAcc", "IMU.AccWalk"), _density,
+            rate_key="IMU.Frequency"),
+    _format("VINS", ("gyr_n", "gyr_w", "acc_n", "acc_w"), _per_step, needs_rate=True),
+    _format("LIO-SAM", ("imuGyrNoise", "imuGyrBiasN", "imuAccNoise", "imuAccBiasN"), _density),
+    _format("FAST-LIO", ("gyr_cov", "b_gyr_cov", "acc_cov", "b_acc_cov"), _variance_per_step, needs_rate=True),
+    Format("KF-GINS", ("arw",), _kf_gins,
+           names={"gyro": {"N": "arw", "sigma": "gbstd"}, "accel": {"N": "vrw", "sigma": "abstd"}}),
+    _format("PX4", ("EKF2_GYR_NOISE", "EKF2_GYR_B_NOISE", "EKF2_ACC_NOISE", "EKF2_ACC_B_NOISE"), _for_step(0.010)),
+    _format("ArduPilot", ("EK3_GYRO_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ACC_P_NSE", "EK3_ABIAS_P_NSE"),
+            _for_step(0.012)),
+    Format("MATLAB imuSensor", ("NoiseDensity",), _matlab, one=False,
+           names={q: {"N": "NoiseDensity", "K": "RandomWalk", "B": "BiasInstability"} for q in _QUANTITIES}),
+)  # fmt: skip
+"""The formats, in the order in which they are tried."""

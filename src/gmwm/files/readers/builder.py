@@ -1,0 +1,299 @@
+"""Build the samples of a recording from the rows of a file: in SI units, split at gaps, with a summary of all rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.axis_names import axis_quantity
+from gmwm.base.errors import DataError
+from gmwm.base.remarks import Remark
+from gmwm.base.time_base import TimeBase
+from gmwm.base.units import SI_UNIT, beyond_sensors
+from gmwm.files.readers.base import Rows
+from gmwm.files.readers.interpretation import TEMPERATURE, Interpretation, RowSource
+from gmwm.files.readers.lost_samples import about_lost, as_floats, gaps_of, sift
+from gmwm.files.readers.running_clock import KnownClock, RunningClock, Settled
+from gmwm.files.readers.temperature import with_temperature
+from gmwm.recording.chunks import Samples
+from gmwm.recording.signals import Imu, Signal
+
+
+@dataclass(frozen=True, eq=False)
+class RowSummary:
+    """Summary of consecutive rows: their time stamps and the number of lost samples.
+
+    Attributes
+    ----------
+    first, stop : int
+        Number of the first sample, and of the sample after the last one.
+    start : float
+        Time of the first sample (s).
+    parted : bool
+        Whether there is a gap before the first sample.
+    lost : int
+        Number of lost samples.
+    impossible : int
+        Number of the lost samples with values that no sensor can measure.
+    gaps : tuple of (sample, seconds)
+        For each gap, the number of the first sample after it, and its length (s).
+    live : TimeBase or None
+        The time base of a live stream.
+    about : tuple of Remark
+        Remarks on the time stamps of a live stream.
+    """
+
+    first: int
+    stop: int
+    start: float
+    parted: bool
+    lost: int = 0
+    impossible: int = 0
+    gaps: tuple[tuple[int, float], ...] = ()
+    live: TimeBase | None = None
+    about: tuple[Remark, ...] = ()
+
+    def followed_by(self, later: RowSummary) -> RowSummary:
+        """Merge this summary with the summary of the rows that directly follow."""
+        # The samples of each part are numbered from the number of its first row in the file.
+        shift = self.stop - later.first
+        moved = tuple((sample + shift, seconds) for sample, seconds in later.gaps)
+        return replace(
+            self, stop=later.stop + shift, gaps=self.gaps + moved, lost=self.lost + later.lost,
+            impossible=self.impossible + later.impossible,
+        )  # fmt: skip
+
+    def time_base(self, found: Interpretation) -> TimeBase:
+        """Return the time base of the recording, from the time stamps of all rows."""
+        return replace(self.live or found.timing.base, start=self.start, gaps=self.gaps, lost=self.lost)
+
+    def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
+        """Return the remarks that need all rows: on lost samples, and on the time stamps of a live stream."""
+        return (*self.about, *about_lost(self.time_base(found), self.impossible))
+
+
+class SampleBuilder:
+    """Builds the samples of a recording from its rows, starting at any row.
+
+    Parameters
+    ----------
+    found : Interpretation
+        Columns, units and rate of the recording.
+    first : int
+        Number of the first row that will be added.
+    lost_before : bool
+        Whether the row before `first` is lost.
+    owned : bool
+        Whether the arrays of the rows may be modified in place, which saves a copy.
+    """
+
+    def __init__(
+        self, found: Interpretation, first: int = 0, lost_before: bool = False, *, owned: bool = False
+    ) -> None:
+        self._found, self._first, self._owned = found, first, owned
+        self._known = KnownClock(found.timing, first)
+        self._live = None if found.pace is None else RunningClock(found.pace)
+        # The rows whose segment is not known yet, a mask of the lost ones, and a mask of those after a row without a
+        # time stamp.
+        self._waiting: dict[str, Vector] = {role: np.empty(0) for role in found.roles}
+        self._lost, self._cut = np.zeros(0, dtype=bool), np.zeros(1, dtype=bool)
+        self._came, self._segment, self._begun = first, 0, self._known.segment_at(first)
+        self._parted = False
+        # The row of the last sample, the number of the next sample, and whether a gap is between them.
+        self._last, self._next, self._broken = first - 1, first, lost_before
+        self._run: tuple[int, float] | None = None
+        self._start: float | None = None
+        # For each break between segments, the rows before and after it, and the number of the sample after it.
+        self._breaks, self._count = list[tuple[int, int, int]](), 0
+        self._impossible = 0
+        self._cuts = {first} if lost_before else set[int]()  # rows after a row without a time stamp
+
+    def add(self, rows: Rows) -> Iterator[Samples]:
+        """Add the next rows, and yield the samples whose segments are now known.
+
+        Raises
+        ------
+        ReadError, DataError
+            In the same cases as `read`.
+        """
+        found, columns = self._found, self._found.choice.columns
+        sifted = sift(rows, columns, found.choice.axes)
+        self._count += sifted.unplaced
+        # Rows that were appended to the file after its time stamps were read are ignored.
+        left = None if self._live else self._known.left()
+        rows = {k: column[:left] for k, column in sifted.rows.items()}
+        size = next(iter(rows.values())).size
+        cut = np.zeros(size + 1, dtype=bool) if sifted.cut is None else sifted.cut[: size + 1]
+        cut[0] |= self._cut[-1]
+        self._cut = np.concatenate([self._cut[:-1], cut])
+        lost = np.zeros(size, dtype=bool) if sifted.lost is None else sifted.lost[:size]
+        impossible = None
+        for role in found.roles:
+            values = self._in_si(as_floats(rows[columns[role]]), found.factors.get(role, ()))
+            self._waiting[role] = _joined(self._waiting[role], values)
+            beyond = beyond_sensors(values) if role in found.choice.axes else None
+            if beyond is not None:
+                impossible = beyond if impossible is None else impossible | beyond
+        if impossible is not None:
+            self._impossible += int(np.count_nonzero(impossible & ~lost))
+            lost = lost | impossible
+        self._lost = _joined(self._lost, lost)
+        self._came += size
+        yield from self._settled(self._live.take(rows[columns["time"]]) if self._live else self._known.take(size))
+
+    def samples(self, rows: RowSource) -> Iterator[Samples]:
+        """Yield the samples of all rows of a source."""
+        columns, reading = self._found.choice.columns, self._found.first_temperature
+        chunks = rows.chunks(list(columns.values()))
+        for some in chunks if reading is None else with_temperature(chunks, columns, reading):
+            yield from self.add(some)
+        yield from self.end()
+
+    def end(self) -> Iterator[Samples]:
+        """Yield the samples that were held back until the end of a live stream."""
+        if self._live:
+            yield from self._settled(self._live.end())
+
+    def summary(self) -> RowSummary:
+        """Return the summary of all rows so far."""
+        live = None if self._live is None else self._live.base()
+        stamped = self._known.gaps(self._first, self._came) if live is None else live.gaps
+        # No sample is missing where the clock was set back.
+        known = {row for row, _ in stamped} | self._cuts
+        gaps = [((a, b), sample) for a, b, sample in self._breaks if b - a > 1 or b in known]
+        return RowSummary(
+            self._first,
+            self._next,
+            start=self._begun[1] if self._start is None else self._start,
+            parted=self._parted,
+            gaps=gaps_of([pair for pair, _ in gaps], [k for _, k in gaps], stamped=stamped, rate=self._found.rate),
+            lost=self._count,
+            impossible=self._impossible,
+            live=live,
+            about=() if self._live is None else tuple(self._live.remarks()),
+        )
+
+    def _in_si(self, values: Vector, factors: Sequence[float]) -> Vector:
+        for factor in factors:
+            if self._owned:
+                values *= factor
+            else:
+                values = values * factor
+        return values
+
+    def _settled(self, settled: Settled) -> Iterator[Samples]:
+        """Yield the waiting samples up to the last one whose segment is known."""
+        first = self._came - self._lost.size
+        count = settled.stop - first
+        ready = {role: v[:count] for role, v in self._waiting.items()}
+        self._waiting = {role: v[count:] for role, v in self._waiting.items()}
+        lost, self._lost = self._lost[:count], self._lost[count:]
+        cut, self._cut = np.flatnonzero(self._cut[:count]) + first, self._cut[count:]
+        self._cuts.update(cut.tolist())
+        clock = np.array([self._begun[0], *settled.firsts]), np.array([self._begun[1], *settled.starts])
+        self._begun = int(clock[0][-1]), float(clock[1][-1])
+        if not count:
+            return
+        rows = None
+        turns = np.union1d(clock[0][1:][clock[0][1:] > 0], cut).astype(np.int64) - first
+        if lost.any():
+            rows = np.flatnonzero(~lost)
+            self._count += count - rows.size
+            ready = {role: v[rows] for role, v in ready.items()}
+            turns = np.union1d(np.searchsorted(rows, turns), np.flatnonzero(np.diff(rows, prepend=-1) > 1))
+            count, rows = rows.size, rows + first
+        if count:
+            yield self._samples(ready, turns[turns < count], clock, _Rows(first, count, rows))
+        self._broken = bool(lost[-1])
+
+    def _samples(
+        self, ready: dict[str, Vector], turns: NDArray[np.int64], clock: tuple[NDArray[np.int64], Vector], rows: _Rows
+    ) -> Samples:
+        """Make `Samples` from values in SI units. `turns` are the positions at which a segment begins."""
+        begins = self._broken or bool(turns.size and turns[0] == 0)
+        gap = begins and self._next > 0  # lost rows before the first sample are no gap
+        self._parted |= gap and self._next == self._first
+        if begins or self._run is None:
+            turns = np.union1d([0], turns).astype(np.int64)
+        at, numbers = rows.at(turns), self._next + turns
+        segment = np.searchsorted(clock[0], at, side="right") - 1
+        times = clock[1][segment] + (at - clock[0][segment]) / self._found.rate
+        runs = list(zip(numbers.tolist(), times.tolist(), strict=True))
+        if self._run is not None and not begins:
+            runs.insert(0, self._run)
+        self._start = runs[0][1] if self._start is None else self._start
+        before = np.where(turns > 0, rows.at(np.maximum(turns - 1, 0)), self._last)
+        gaps = slice(0 if gap else int(begins or self._run is None), None)
+        self._breaks += zip(before[gaps].tolist(), at[gaps].tolist(), numbers[gaps].tolist(), strict=True)
+        first, number = self._next, self._segment + gap
+        self._next, self._last = first + rows.count, int(rows.at(np.array(rows.count - 1)))
+        self._run, self._segment = runs[-1], number + len(runs) - 1
+        temperature = ready.pop(TEMPERATURE, None)
+        return Samples(ready, self._found.rate, first=first, segment=number, runs=tuple(runs), temperature=temperature)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Row numbers: `count` consecutive rows from `first`, or a list of rows."""
+
+    first: int
+    count: int
+    listed: NDArray[np.int64] | None
+
+    def at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the row numbers at some positions."""
+        return places + self.first if self.listed is None else self.listed[places]
+
+
+def _joined(before: NDArray[Any], after: NDArray[Any]) -> NDArray[Any]:
+    return np.concatenate([before, after]) if before.size else after
+
+
+def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
+    """Join samples into one recording, from its beginning.
+
+    Parameters
+    ----------
+    parts : sequence of Samples
+        All samples in order.
+    found : Interpretation
+        Columns, units and rate of the recording.
+    base, remarks
+        Time base and remarks of the recording.
+
+    Raises
+    ------
+    DataError
+        If there is no sample.
+    """
+    if not parts:
+        raise DataError(
+            "the recording has no sample: each row has a value that no sensor measures",
+            advice="Check the unit with {--units} and the format with {--format}.",
+        )
+    runs = list(dict(run for part in parts for run in part.runs).items())
+    edges = [*(sample for sample, _ in runs), sum(len(part) for part in parts)]
+
+    def whole(pieces: Sequence[Vector]) -> Vector:
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+    signals = {
+        axis: Signal(
+            values=whole([part.values[axis] for part in parts]),
+            rate=found.rate,
+            unit=SI_UNIT[axis_quantity(axis)],
+            axis=axis,
+            start=runs[0][1],
+            segments=list(pairwise(edges)),
+            starts=[time for _, time in runs],
+        )
+        for axis in found.choice.axes
+    }
+    temperature = [part.temperature for part in parts if part.temperature is not None]
+    return Imu(signals, remarks=tuple(remarks), time_base=base, temperature=whole(temperature) if temperature else None)

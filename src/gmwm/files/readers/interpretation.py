@@ -1,0 +1,385 @@
+"""Interpret the columns of a recording: find the axes that work, their units, and the clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.errors import DataError, ReadError
+from gmwm.base.remarks import Remark
+from gmwm.base.text import counted
+from gmwm.files.readers.axis_units import resolve, time_unit
+from gmwm.files.readers.base import Layout, Rows
+from gmwm.files.readers.clock import clock_of
+from gmwm.files.readers.columns import Choice, described
+from gmwm.files.readers.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
+from gmwm.files.readers.reading_warnings import STAMPS, of_file
+from gmwm.files.readers.running_clock import Pace
+from gmwm.files.readers.scale_factors import multiply
+from gmwm.files.readers.text_stamps import holds_stamps, require_readable
+from gmwm.files.readers.time_stamps import Timing, as_stamps, beside_stated, unstamped
+from gmwm.recording.options import ReadOptions
+from gmwm.recording.signals import MINIMUM_SAMPLES
+
+T = TypeVar("T")
+
+HEAD = 1 << 18
+"""Number of rows from which the unit of the accelerometers and the unit of time stamps are inferred: 44 min at 100 Hz.
+The number is a choice."""
+TEMPERATURE = "temperature"
+
+
+@dataclass(frozen=True, eq=False)
+class Interpretation:
+    """Columns, units and clock of a recording.
+
+    Attributes
+    ----------
+    choice : Choice
+        The columns to read: the axes, the temperature, and the time if it is needed to place rows.
+    words : mapping
+        Name of each column in messages.
+    factors : mapping of axis to factors
+        Factors by which the numbers in the file are multiplied, one after the other.
+    timing : Timing
+        Rate and segments of all rows; for a live stream, of the first rows.
+    pace : Pace or None
+        Sampling interval, unit and origin of the time stamps of a live stream; None for a file.
+    remarks : tuple of Remark
+        Remarks on how gmwm read the file.
+    sparse : bool
+        Whether some rows of the file are left out, so that the clock counts fewer rows than the file has.
+    first_temperature : float or None
+        The first reading of the temperature (°C); None if it is not read.
+    """
+
+    choice: Choice
+    words: Mapping[str, str]
+    factors: Mapping[str, tuple[float, ...]]
+    timing: Timing
+    pace: Pace | None
+    remarks: tuple[Remark, ...]
+    sparse: bool = False
+    first_temperature: float | None = None
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+        return self.timing.base.rate
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """Names of the axes, and of the temperature if it is read."""
+        return (*self.choice.axes, *([TEMPERATURE] if TEMPERATURE in self.choice.columns else []))
+
+    def without_temperature(self) -> Interpretation:
+        """Return the interpretation without the temperature, because a part of a recording cannot interpolate it at its
+        ends."""
+        columns = {role: k for role, k in self.choice.columns.items() if role != TEMPERATURE}
+        return replace(self, choice=Choice(columns, self.choice.remarks), first_temperature=None)
+
+
+class RowSource(Protocol):
+    """Source of the rows of a recording."""
+
+    def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Iterate over the rows of the wanted columns from the first one on."""
+
+
+def understand(
+    layout: Layout, choice: Choice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
+) -> Interpretation:
+    """Find the working axes, the units and the clock of a recording.
+
+    Parameters
+    ----------
+    layout, choice
+        Description of the file, and the columns to read.
+    rows : mapping of column index to (n,) array
+        All rows of a recording in memory, or at least `HEAD` of them from the first one on.
+    path : Path
+        The file, for messages.
+    options : ReadOptions
+        Rate, units, factors and increments.
+    source : RowSource or None
+        All rows. None for a live stream: its clock begins with the first rows, and no axis is left out, because a few
+        rows do not show whether it works.
+
+    Raises
+    ------
+    ReadError, UnitError, DataError, OptionError
+        In the same cases as `gmwm.read`.
+    """
+    words = {role: column_words(layout, choice, role, path) for role in choice.columns}
+    constants = {} if source is None else _dead(rows, choice, source)
+    axes = tuple(axis for axis in choice.axes if axis not in constants)
+    size = next(iter(rows.values())).size
+    require_samples(size, words[choice.axes[0]])
+    if not axes:
+        axis, (value, size) = next(iter(constants.items()))
+        raise constant(words[axis], axis, value, size)
+    sifted = sift(rows, choice.columns, axes)
+    count = next(iter(sifted.rows.values())).size
+    left = count if sifted.lost is None else count - int(np.count_nonzero(sifted.lost))
+    if 2 * left < count:
+        raise _apart_in_rows(sifted, choice, axes, layout=layout, path=path)
+    require_samples(left, words[axes[0]])
+    clock = partial(_timing, layout, choice, options, count)
+    stamped, pace = "time" in choice.columns, None
+    column = None
+    if stamped and source is not None:
+        column = TimeColumn(source, choice, axes)
+        column.alone = sifted.lost is None and sifted.cut is None and not sifted.other
+        time, about_time = column.of(clock)
+    elif stamped:
+        stamps = sifted.rows[choice.columns["time"]]
+        time, about_time = clock([stamps])
+        unit = time_unit(layout, choice, options.units)[0] or as_stamps(stamps, "", options.rate)[0].unit
+        pace = Pace.of(stamps, unit, time)
+    else:
+        time, about_time = clock(None)
+    rate, integrals = time.base.rate, options.integrals
+    ones = {axis: np.ones(1) for axis in choice.axes}
+    about_scale = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=rate)
+    numbers = {axis: values * ones[axis] for axis, values in _first_samples(rows, choice, axes).items()}
+    scales = resolve(layout, choice, declared=options.units, values=numbers, rate=rate, increments=integrals)
+    reading = None
+    if TEMPERATURE in choice.columns:
+        reading = _first_reading(rows, choice.columns[TEMPERATURE], source)
+    remarks = [*layout.remarks, *choice.remarks, *_about_dead(constants)]
+    if column is not None and column.other:
+        remarks.append(Remark.of("rows-of-others", count=column.other, rows=column.rows))
+    remarks += [*about_scale, *scales.remarks, *about_time]
+    # The remarks on all time stamps of a live stream follow at the end of an iteration.
+    remarks += [remark for remark in time.remarks if pace is None or remark.code not in STAMPS]
+    return Interpretation(
+        choice=_read_columns(choice.only(axes), rows, column, temperature=reading is not None),
+        words=words,
+        factors={axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in axes},
+        timing=time,
+        pace=pace,
+        remarks=of_file(remarks, path),
+        sparse=column is not None and column.sparse,
+        first_temperature=reading,
+    )
+
+
+def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> Choice:
+    """Return the columns to read for the samples. Time stamps are left out if the segments do not depend on them and no
+    temperature is interpolated."""
+    columns = dict(choice.columns)
+    if not temperature:
+        columns.pop(TEMPERATURE, None)
+    sparse = temperature and is_missing(rows[columns[TEMPERATURE]][:HEAD]) is not None
+    if column is not None and column.alone and not sparse:
+        del columns["time"]
+    return Choice(columns, choice.remarks)
+
+
+def _first_samples(rows: Rows, choice: Choice, axes: Sequence[str]) -> dict[str, Vector]:
+    """Return the values of each axis in the first rows, in the unit of the file. Rows without a value in one of `axes`
+    are left out."""
+    head = sift({k: column[:HEAD] for k, column in rows.items()}, choice.columns, axes)
+    kept = slice(None) if head.lost is None else ~head.lost
+    return {axis: as_floats(head.rows[choice.columns[axis]])[kept] for axis in choice.axes}
+
+
+def _dead(rows: Rows, choice: Choice, source: RowSource) -> dict[str, tuple[float, int]]:
+    """Return the axes that are constant over all rows of a recording, with their value and the number of rows."""
+    columns, size = choice.columns, next(iter(rows.values())).size
+    found = {axis: (value, size) for axis, value in dead_axes(rows, columns, choice.axes).items()}
+    if not found or size < HEAD:
+        return found
+    count = 0
+    for chunk in source.chunks([columns[axis] for axis in found]):
+        count += next(iter(chunk.values())).size
+        still = dead_axes(chunk, columns, found)
+        found = {
+            axis: (still[axis] if np.isnan(value) else value, count)
+            for axis, (value, _) in found.items()
+            if axis in still and (still[axis] == value or np.isnan(still[axis]) or np.isnan(value))
+        }
+        if not found:
+            break
+    return found
+
+
+def _about_dead(constants: Mapping[str, tuple[float, int]]) -> Iterator[Remark]:
+    """Yield a remark for each constant axis, which is left out."""
+    for axis, (value, rows) in constants.items():
+        yield Remark.of("axis-dead", axis, kind="missing" if np.isnan(value) else "constant", value=value, rows=rows)
+
+
+def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float | None:
+    """Return the first temperature of a recording; None if there is none."""
+    blocks = [rows] if source is None or rows[column].size < HEAD else source.chunks([column])
+    for block in blocks:
+        missing = is_missing(block[column])
+        known = block[column] if missing is None else block[column][~missing]
+        if known.size:
+            return float(known[0])
+    return None
+
+
+def _timing(
+    layout: Layout, choice: Choice, options: ReadOptions, samples: int, stamps: Iterable[NDArray[Any]] | None
+) -> tuple[Timing, tuple[Remark, ...]]:
+    """Return the time base, and remarks on the unit or form of the time stamps.
+
+    `stamps` yields the chunks of the time column. If it is None, the recording has no time stamps, and is one segment
+    of `samples` rows.
+    """
+    if stamps is None:
+        return unstamped(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
+    unit, about_unit = time_unit(layout, choice, options.units)
+    found, about_form = clock_of(stamps, unit, options.rate)
+    if options.rate is None and layout.rate is not None and layout.rate_of_samples:
+        found = beside_stated(found, layout.rate)
+    return found, tuple(remark for remark in (about_unit, about_form) if remark is not None)
+
+
+class TimeColumn:
+    """The time stamps of all rows that the clock counts, in chunks, from a pass over the file.
+
+    Parameters
+    ----------
+    source, choice, axes
+        The rows of the recording, its columns, and the axes that work.
+
+    Attributes
+    ----------
+    alone : bool
+        Whether only the time column is read. The other columns are needed to leave out rows without a value in any
+        axis. If the first rows have all values, gmwm assumes that the recording has no such rows.
+    rows, other, unplaced : int
+        Number of rows, number of rows left out because they have no value in any axis, and number of rows left out
+        because they have no time stamp.
+    """
+
+    def __init__(self, source: RowSource, choice: Choice, axes: Sequence[str]) -> None:
+        self._source, self._columns, self._axes = source, choice.columns, axes
+        self.alone, self.rows, self.other, self.unplaced = True, 0, 0, 0
+
+    @property
+    def sparse(self) -> bool:
+        """Whether rows were left out."""
+        return bool(self.other or self.unplaced)
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        time = self._columns["time"]
+        for rows in self._source.chunks([time] if self.alone else list(self._columns.values())):
+            if self.alone:
+                if is_missing(rows[time]) is not None:
+                    raise _UnplacedRowsError
+                yield rows[time]
+                continue
+            sifted = sift(rows, self._columns, self._axes)
+            self.rows += rows[time].size
+            self.other, self.unplaced = self.other + sifted.other, self.unplaced + sifted.unplaced
+            yield sifted.rows[time]
+
+    def of(self, clock: Callable[[Iterable[NDArray[Any]]], T]) -> T:
+        """Return the result of `clock` for the time stamps. If a row has no time stamp, the analysis is repeated with
+        all columns."""
+        try:
+            return clock(self)
+        except _UnplacedRowsError:
+            self.alone = False
+            return clock(self)
+
+
+class _UnplacedRowsError(Exception):
+    """Raised if a row has no time stamp."""
+
+
+def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
+    """Require that a recording has time stamps or a rate, and that time stamps are numbers, dates with times, or times
+    of day.
+
+    Raises
+    ------
+    ReadError
+        If it has neither, or the time stamps cannot be read.
+    """
+    for role, column in choice.columns.items():
+        if role != "time" and holds_stamps(layout, column):
+            raise ReadError(
+                f"{column_words(layout, choice, role, path)} holds dates and times ({layout.first_row[column]!r}), "
+                "expected numbers",
+                code="column-not-numbers",
+                advice="Name another column for it with {--columns}.",
+            )
+    if "time" not in choice.columns:
+        if rate is None and layout.stray_time:
+            raise ReadError(
+                f"{path}: {layout.stray_time}",
+                code="no-time",
+                advice="Repair the file, or pass {--rate} to read it without time stamps.",
+            )
+        if rate is None and layout.rate is None:
+            raise ReadError(
+                f"{path} has no time column. Its columns: {described(layout)}",
+                code="no-time",
+                advice="Pass the samples per second with {--rate}, or name the time column with {--columns}.",
+            )
+        return
+    k = choice.columns["time"]
+    if not layout.channels[k].axis and k < len(layout.first_row):
+        require_readable(layout.first_row[k], path)
+
+
+def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: Layout, path: Path) -> DataError:
+    """Make the error for a file in which most rows lack some axes, for example because the sensors have different
+    rates."""
+    size = next(iter(sifted.rows.values())).size
+    counts = {}
+    for axis in axes:
+        missing = is_missing(sifted.rows[choice.columns[axis]])
+        counts[axis] = size if missing is None else size - int(np.count_nonzero(missing))
+    shown = ", ".join(f"{axis} in {count}" for axis, count in counts.items())
+    most = max(counts, key=lambda axis: counts[axis])[:-2]
+    names = {axis: layout.channels[choice.columns[axis]].name or choice.columns[axis] for axis in axes}
+    return DataError(
+        f"{path}: most rows have no value in some axis: of {size} rows, {shown} have one",
+        advice="If the sensors have different rates, read one after the other, for example with {--columns=@example}.",
+        example=",".join(f"{axis}:{names[axis]}" for axis in axes if axis.startswith(most)),
+    )
+
+
+def require_samples(samples: int, what: str) -> None:
+    """Require at least `MINIMUM_SAMPLES` samples of the column `what`.
+
+    Raises
+    ------
+    DataError
+        If there are fewer samples.
+    """
+    if samples < MINIMUM_SAMPLES:
+        raise DataError(
+            f"{what} has {counted(samples, 'sample')}, but at least {MINIMUM_SAMPLES} are needed",
+            advice="Record longer, or check whether the recording was interrupted.",
+        )
+
+
+def constant(what: str, role: str, value: float, rows: int) -> DataError:
+    """Make the error for a recording in which no axis works."""
+    how = "no finite number" if np.isnan(value) else f"the same value {value:g}"
+    return DataError(
+        f"{what} has {how} in all {counted(rows, 'row')}, and no other axis works",
+        advice="Check whether the sensor was connected.",
+        axis=role,
+    )
+
+
+def column_words(layout: Layout, choice: Choice, role: str, path: Path) -> str:
+    """Return the name of a column for messages, from the file, the role, and the name in the file."""
+    k = choice.columns[role]
+    name = layout.channels[k].name or f"number {k}"
+    return f"{path}: {role}" + ("" if name == role else f" (column {name!r})")

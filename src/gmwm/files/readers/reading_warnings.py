@@ -1,0 +1,41 @@
+"""Select the remarks that `read` and `stream` also issue as Python warnings."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+
+from gmwm.base.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
+from gmwm.base.remarks import Remark
+
+STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter", "samples-lost", "values-impossible")
+"""Codes of remarks that need all rows, and are known only at the end of a live stream."""
+
+_CATEGORIES: Mapping[str, type[GmwmWarning]] = {
+    "unit-inferred": InferredUnitWarning,
+    "unit-doubtful": GmwmWarning,
+    "rate-contradicted": TimeBaseWarning,
+    "losses-regular": TimeBaseWarning,
+    "rate-ambiguous": TimeBaseWarning,
+    "axis-dead": GmwmWarning,
+    **dict.fromkeys(STAMPS, TimeBaseWarning),
+    "samples-lost": GmwmWarning,
+    "values-impossible": GmwmWarning,
+}
+"""Category of the Python warning, for each remark that is also a warning."""
+
+
+def of_file(remarks: Iterable[Remark], path: object) -> tuple[Remark, ...]:
+    """Set the file as the subject of remarks that are also warnings and do not concern an axis."""
+    return tuple(
+        remark.about(str(path)) if remark.code in _CATEGORIES and not remark.subject else remark for remark in remarks
+    )
+
+
+def warn(remarks: Iterable[Remark], stacklevel: int) -> None:
+    """Issue the remarks that are also warnings. `stacklevel` means the same as in a call of `warnings.warn` by the
+    caller."""
+    for remark in remarks:
+        category = _CATEGORIES.get(remark.code)
+        if category is not None:
+            warnings.warn(category(remark), stacklevel=stacklevel + 1)

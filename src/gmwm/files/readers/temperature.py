@@ -1,0 +1,124 @@
+"""Give every row a temperature, by linear interpolation between the rows that have a reading.
+
+The interpolation is over the time stamps if they increase, and over the row numbers otherwise. Readings in rows without
+samples are used too. Rows before the first reading get the first reading. If more than `LONGEST` rows have no reading,
+they get the last reading before them. The result does not depend on how the rows are divided into chunks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.files.readers.base import Rows
+from gmwm.files.readers.lost_samples import is_missing
+
+LONGEST = 1 << 20
+"""Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most this number of rows wait
+for the next reading, which bounds the memory. The value is a choice."""
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A temperature, its row number, and its time from the first time stamp."""
+
+    row: int
+    stamp: float
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Consecutive rows, starting with row `first` of the file."""
+
+    rows: Rows
+    first: int
+    stamps: Vector
+    values: Vector
+    missing: NDArray[np.bool_]
+
+    def reading(self, k: int) -> _Reading:
+        """Return the reading of row k."""
+        return _Reading(self.first + k, float(self.stamps[k]), float(self.values[k]))
+
+    def filled(self, column: int, before: _Reading, after: _Reading | None) -> Rows:
+        """Return the rows with a temperature in each row, interpolated between the readings in the block and next to
+        it."""
+        known, at = np.flatnonzero(~self.missing), np.flatnonzero(self.missing)
+        if not at.size:
+            return self.rows
+        readings = [before, *([] if after is None else [after])]
+        row, stamp, value = (
+            np.concatenate([[getattr(before, name)], own, [getattr(one, name) for one in readings[1:]]])
+            for name, own in (
+                ("row", known + self.first), ("stamp", self.stamps[known]), ("value", self.values[known]),
+            )
+        )  # fmt: skip
+        left = np.searchsorted(row, at + self.first, side="right") - 1
+        right = np.minimum(left + 1, row.size - 1)
+        x, x0, x1 = self.stamps[at], stamp[left], stamp[right]
+        ordered = (x0 <= x) & (x <= x1) & (x0 < x1)  # False for missing time stamps
+        x, x0, x1 = (np.where(ordered, a, b) for a, b in ((x, at + self.first), (x0, row[left]), (x1, row[right])))
+        near = (right > left) & (row[right] - row[left] <= LONGEST)
+        slope = np.divide(value[right] - value[left], x1 - x0, out=np.zeros(at.size), where=near)
+        out = self.values.copy()
+        out[at] = np.where(near, slope * (x - x0) + value[left], value[left])
+        return {**self.rows, column: out}
+
+
+def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
+    """Yield the chunks with a temperature in each row.
+
+    Parameters
+    ----------
+    chunks : iterable of Rows
+        The rows of the recording.
+    columns : mapping of role to column index
+        Indices of the columns "temperature", and "time" if the time stamps are read.
+    first : float
+        The first reading (°C).
+    """
+    column, count, origin = columns["temperature"], 0, None
+    before = latest = _Reading(-LONGEST - 1, np.nan, first)
+    waiting = list[_Block]()
+
+    def flushed(after: _Reading | None) -> Iterator[Rows]:
+        # Only the first of the waiting blocks may hold readings.
+        for k, one in enumerate(waiting):
+            yield one.filled(column, latest if k else before, after)
+        waiting.clear()
+
+    for rows in chunks:
+        missing, size = is_missing(rows[column]), rows[column].size
+        if missing is None:
+            missing = np.zeros(size, dtype=bool)
+        stamps = np.full(size, np.nan)
+        if "time" in columns and size:
+            origin = rows[columns["time"]][0] if origin is None else origin
+            stamps = _since(rows[columns["time"]], origin)
+        values = rows[column].astype(np.float64, copy=False)
+        block, count = _Block(rows, count, stamps=stamps, values=values, missing=missing), count + size
+        known = np.flatnonzero(~missing)
+        if known.size:
+            yield from flushed(block.reading(known[0]))
+            before, latest = latest, block.reading(known[-1])
+        elif not waiting:
+            before = latest
+        waiting.append(block)
+        if latest.row == count - 1 or count - latest.row > LONGEST:
+            yield from flushed(None)
+    yield from flushed(None)
+
+
+def _since(stamps: NDArray[Any], origin: Any) -> Vector:
+    """Return the time since the first time stamp; NaN where a time stamp is missing."""
+    since: Vector = (stamps - origin).astype(np.float64)
+    missing = is_missing(stamps)
+    if missing is not None:
+        since[missing] = np.nan
+    return since

@@ -1,0 +1,1 @@
+"""A model against measured numbers: estimates, errors, intervals, tests, and maximum likelihood."""

@@ -1,0 +1,201 @@
+"""Tables of the wavelet variance of a process as a function of its only nonlinear parameter.
+
+The global search does not use formulas of processes. Its input is one vector for each process that is linear in its
+parameters, and one curve for the process with a free nonlinear parameter, such as the correlation time of a
+Gauss-Markov process. A point of the curve is a wavelet variance, weighted and scaled to length one. The curve is given
+by a table. Between the nodes of the table it is interpolated by cubics, and the table has bounds of the interpolation
+error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.theory.filters import WaveletFilter
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.parameter import Branch
+
+SPACING = 0.025
+"""Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative error of
+the cubics is about 1e-9. It is the only error of the lower bound of the search. tests/estimation/test_atoms.py pins the
+table."""
+SAFETY = 2.0
+"""Factor by which the largest interpolation error at the midpoints of a cell and its neighbours is multiplied to bound
+the error everywhere in the cell."""
+NEIGHBOURS = 12
+"""Number of neighbouring cells on each side that are used. Where rounding dominates (φ near 1), the error at a single
+midpoint is not representative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Nodes of a table, and the wavelet variances of a process at these nodes. They depend on neither data nor weights.
+
+    `nodes` has the search coordinates of the nodes, one branch after another, and `owner` the index of the branch of
+    each node. A cell lies between two neighbouring nodes. `spacing` is the width of each cell, and zero for a cell that
+    joins two branches. `values` and `slopes` are the wavelet variances at the nodes and their derivatives, and
+    `middle_values` the wavelet variances at the midpoints of the cells.
+    """
+
+    branches: tuple[Branch, ...]
+    owner: NDArray[np.int64]
+    nodes: Vector
+    spacing: Vector
+    values: Matrix
+    slopes: Matrix
+    middle_values: Matrix
+
+    def position(self, branch: int, u: float) -> float:
+        """Return the position in the table, counted in cells from the first node, of the coordinate `u` of a branch."""
+        inside = np.flatnonzero(self.owner == branch)
+        return float(np.interp(u, self.nodes[inside], inside))
+
+    def place(self, position: float) -> tuple[int, float]:
+        """Return the index of the branch and the search coordinate at a position in the table, counted in cells."""
+        cell = min(int(position), self.nodes.size - 2)
+        if self.spacing[cell] == 0 and position <= cell:
+            cell -= 1
+        return int(self.owner[cell]), float(self.nodes[cell] + (position - cell) * self.spacing[cell])
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Curve of unit vectors for the global search.
+
+    `values` and `slopes` are the vectors at the nodes and their derivatives with respect to the position in cells.
+    `margins` bounds the interpolation error in each cell; −1 marks a cell that joins two branches.
+    """
+
+    values: Matrix
+    slopes: Matrix
+    margins: Vector
+
+
+Place = tuple[Branch, float]
+"""Point of a curve: a branch, and the search coordinate u on this branch."""
+
+
+def shape_at(
+    process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+) -> Matrix:
+    """Return the wavelet variances (n, J) of a process with scale coefficient 1 for n sets of nonlinear parameters.
+
+    The levels (J,) may belong to several measured curves, one after another.
+    """
+    if np.all(levels[1:] > levels[:-1]):
+        return process.shape(parameters, levels, rate, filter)
+    ascending, place = np.unique(levels, return_inverse=True)
+    return np.asarray(process.shape(parameters, ascending, rate, filter)[:, place])
+
+
+def slope_at(
+    process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+) -> Matrix:
+    """Return the derivatives (n, J) of `shape_at` with respect to the first nonlinear parameter."""
+    ascending, place = np.unique(levels, return_inverse=True)
+    return np.asarray(process.shape_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
+
+
+def shapes(
+    process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+) -> Matrix:
+    """Return the wavelet variances (n, J) of a process with scale coefficient 1 at n places of its curve."""
+    if not places:
+        return np.empty((0, levels.size))
+    parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
+    return shape_at(process, parameters, levels, rate=rate, filter=filter)
+
+
+@lru_cache(maxsize=16)
+def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter) -> Grid:
+    branches = process.search(samples, rate)
+    number = np.asarray(levels, dtype=np.int64)
+    owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
+    for index, branch in enumerate(branches):
+        cells = max(2, int(np.ceil((branch.high - branch.low) / SPACING)))
+        u = np.linspace(branch.low, branch.high, 2 * cells + 1)
+        value = shape_at(process, branch.values(u), number, rate=rate, filter=filter)
+        slope = slope_at(process, branch.values(u[::2]), number, rate=rate, filter=filter) * branch.slope(u[::2])
+        owner.append(np.full(cells + 1, index))
+        nodes.append(u[::2])
+        spacing += [np.diff(u[::2]), np.zeros(1)]
+        values.append(value[::2])
+        slopes.append(slope)
+        middles += [value[1::2], value[:1]]
+    return Grid(
+        branches=branches,
+        owner=np.concatenate(owner),
+        nodes=np.concatenate(nodes),
+        spacing=np.concatenate(spacing[:-1]),
+        values=np.ascontiguousarray(np.concatenate(values)),
+        slopes=np.ascontiguousarray(np.concatenate(slopes)),
+        middle_values=np.ascontiguousarray(np.concatenate(middles[:-1])),
+    )
+
+
+def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
+    """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples.
+
+    The table is cached.
+    """
+    return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
+
+
+def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
+    """Multiply the rows of `values` by L = `root`, and scale them to length one.
+
+    Returns these unit vectors, and their derivatives from the derivatives `slopes` of the rows.
+    """
+    weighted = values @ root.T
+    length = np.linalg.norm(weighted, axis=1, keepdims=True)
+    unit = weighted / length
+    slope = (slopes @ root.T) / length
+    return unit, slope - unit * np.einsum("nj,nj->n", unit, slope)[:, None]
+
+
+def table(grid: Grid, root: Matrix) -> Table:
+    """Return the table of unit vectors for the curve of a grid, with the weighting matrix Ω = LᵀL and L = `root`."""
+    values, slopes = unit_curve(grid.values, grid.slopes, root)
+    joined = grid.spacing == 0
+    step = grid.spacing[:, None]
+    middle = grid.middle_values @ root.T
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    cubic = (values[:-1] + values[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
+    error = np.where(joined, 0.0, np.linalg.norm(middle - cubic, axis=1))
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(error, NEIGHBOURS), 2 * NEIGHBOURS + 1)
+    worst = around.max(axis=1)
+    margins = np.where(joined, -1.0, SAFETY * worst + 4 * np.finfo(float).eps)
+    # Derivatives with respect to the position in cells. All cells of a branch have the same width.
+    per_node = np.concatenate([grid.spacing, grid.spacing[-1:]])
+    per_node = np.where(per_node == 0, np.concatenate([grid.spacing[:1], grid.spacing]), per_node)
+    return Table(np.ascontiguousarray(values), np.ascontiguousarray(slopes * per_node[:, None]), margins)
+
+
+def close_up(
+    process: type[Process],
+    places: list[Place],
+    width: float,
+    levels: NDArray[np.int64],
+    rate: float,
+    filter: WaveletFilter,
+    root: Matrix,
+) -> tuple[Table, Vector]:
+    """Tabulate one cell of a given width around each place, with exact values at its ends.
+
+    Returns the table, and the search coordinates (n, 2) of the ends of the cells.
+    """
+    starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
+    ends = np.array([[start, start + width] for start in starts])
+    parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])
+    by_u = np.concatenate([branch.slope(end) for (branch, _), end in zip(places, ends, strict=True)])
+    values = shape_at(process, parameters, levels, rate=rate, filter=filter)
+    slopes = slope_at(process, parameters, levels, rate=rate, filter=filter) * by_u
+    unit, slope = unit_curve(values, slopes, root)
+    margins = np.zeros(2 * len(places) - 1)
+    margins[1::2] = -1.0
+    return Table(np.ascontiguousarray(unit), np.ascontiguousarray(slope * width), margins), ends

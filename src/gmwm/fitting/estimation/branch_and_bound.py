@@ -1,0 +1,259 @@
+"""Global search for the nonlinear parameters of processes that have one, called the curved processes.
+
+The search starts from a convex relaxation of the problem, which allows any number of these processes. Branch and bound
+over intervals of the search coordinate, on a tabulated curve, proves that no better fit exists. A refinement on the
+exact curve then gives all digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.threads import check_stop
+from gmwm.fitting.estimation.atoms import Place, close_up, grid, shapes, table
+from gmwm.fitting.estimation.newton import sharpened
+from gmwm.fitting.estimation.problem import Problem
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.parameter import Branch
+
+CERTIFIED_GAP = 1e-4
+"""Largest relative difference between the best objective and its lower bound at which branch and bound stops
+(docs/validation/optimum.md)."""
+CERTIFY_NODES = 20_000
+"""Largest number of nodes of the search tree in a search with a certificate."""
+QUICK_NODES = 24
+"""Largest number of nodes in a search without a certificate. It is sufficient for starting points: fits without a
+certificate are equally good (tests/estimation/test_fit_laws.py)."""
+WIDTHS = (1e-2, 1e-3)
+"""Widths, in the search coordinate, of the cells that approximate the exact curve in the refinement. The last cells are
+exact to rounding."""
+TABLE_ERROR = 1e-5
+"""Optima on the tabulated curve whose objective exceeds the best one by at most this relative amount are refined on the
+exact curve."""
+SETTLED = 1e-12
+"""Relative decrease of the objective below which a refinement ends."""
+POLISHES = 8
+"""Largest number of successive cells through which a refinement follows one optimum."""
+NEWTON_STEPS = 5
+"""Largest number of Newton steps at the end of a refinement."""
+FOLLOWED = 0.05
+"""Longest Newton step in the search coordinate after the weights have changed."""
+FLAT = 1e-10
+"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
+amount, the end is used. Pinned by tests/estimation/test_last_places.py, as is the next constant."""
+ACTS_AS = 1e-6
+"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
+amount, the process is reported to act as the process at that end."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """Fitted process with free shape parameters.
+
+    `values` are its nonlinear parameters, `scale` is its scale coefficient, and `acts_as` is the name of the process
+    that the data cannot distinguish from it, or None.
+    """
+
+    values: tuple[float, ...]
+    scale: float
+    acts_as: str | None = None
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Local optimum on the exact curve, with the places of the curved processes and the weights of all unit vectors."""
+
+    objective: float
+    places: list[Place]
+    weights: Vector
+    ends: tuple[int, ...] | None = None
+    """For each place, the end of its branch that the data cannot distinguish from it: 1 for the high end, −1 for the
+    low end, 0 for neither. None if this is unknown."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Result of a global search. All objectives are in the unit of the problem.
+
+    Attributes
+    ----------
+    best : Optimum
+        Global optimum.
+    bound, relaxed : float
+        Lower bounds on the objective, from branch and bound and from the convex relaxation.
+    table : float
+        Objective of the best candidate on the tabulated curve.
+    nodes : int
+        Number of nodes of the search tree.
+    """
+
+    best: Optimum
+    bound: float
+    relaxed: float
+    table: float
+    nodes: int
+
+
+class Search:
+    """Search for the places of the curved processes of one problem."""
+
+    def __init__(self, problem: Problem, curved_class: type[Process]) -> None:
+        self.problem = problem
+        self.curved_class = curved_class
+        self.grid = grid(
+            curved_class, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter
+        )
+        self.fixed = problem.fixed
+        self.positive = problem.weights.positive
+
+    def optimum(self, *, certify: bool) -> Found:
+        """Return the global optimum on the exact curve, with lower bounds. If `certify`, the search proves the
+        optimum."""
+        candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
+        least = candidates[0][0]
+        lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
+        best = min((self.polished(self.located(p)) for p in lowest), key=lambda found: found.objective)
+        return Found(self.settled(best), bound, relaxed, table=least, nodes=nodes)
+
+    def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
+        """Search the tabulated curve.
+
+        Returns the objectives and positions of local optima, the best first, then the lower bound, the bound of the
+        convex relaxation, and the number of nodes.
+        """
+        curve = table(self.grid, self.problem.root)
+        return _core.cone_search(
+            self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
+            len(self.problem.curved), CERTIFIED_GAP, CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
+        )  # fmt: skip
+
+    def _starts(self) -> Vector:
+        """Return the positions of the starting values of the model on the tabulated curve.
+
+        The array is empty unless every curved process has a starting value.
+        """
+        name = self.curved_class.nonlinear_parameters()[0].name
+        positions = []
+        for place in self.problem.curved:
+            value = self.problem.model.processes[place].values[name]
+            for index, branch in enumerate(self.grid.branches):
+                u = None if value is None else branch.coordinate(value)
+                if u is not None:
+                    positions.append(self.grid.position(index, min(max(u, branch.low), branch.high)))
+        return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
+
+    def located(self, positions: Vector) -> list[Place]:
+        """Convert positions on the tabulated curve to places."""
+        found = [self.grid.place(float(position)) for position in positions]
+        return [(self.grid.branches[index], u) for index, u in found]
+
+    def polished(self, places: list[Place]) -> Optimum:
+        """Return the local optimum on the exact curve that is nearest to `places`."""
+        problem = self.problem
+        for width in WIDTHS if places else ():
+            before = np.inf
+            for _ in range(POLISHES):
+                if not places:
+                    break
+                piece, ends = close_up(
+                    self.curved_class,
+                    places,
+                    width=width,
+                    levels=problem.levels,
+                    rate=problem.rate,
+                    filter=problem.filter,
+                    root=problem.root,
+                )
+                share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
+                moved, objective = _core.cone_refine(
+                    problem.target, self.fixed, self.positive, piece.values, piece.slopes, piece.margins,
+                    np.clip(share, 0.0, 1.0) + 2 * np.arange(len(places)),
+                )  # fmt: skip
+                which = moved.astype(int) // 2  # the piece around place i is [2i, 2i + 1]
+                share = moved - 2 * which
+                places = [(places[i][0], float(ends[i, 0] + t * width)) for i, t in zip(which, share, strict=True)]
+                leaving = [t in (0.0, 1.0) and b.low < u < b.high for t, (b, u) in zip(share, places, strict=True)]
+                if not any(leaving) or objective >= (1 - SETTLED) * before:
+                    break
+                before = objective
+        return self._sharpened(self.at(places))
+
+    def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
+        """Return the optimum after Newton's method if its objective is not larger; otherwise `best`."""
+        places = sharpened(
+            self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
+        )
+        if places is None:
+            return best
+        sharp = self.at(places)
+        return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
+
+    def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
+        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights.
+
+        One Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the
+        data cannot distinguish from the places.
+        """
+        start = self.at(places)
+        there = self._sharpened(start, 1, FOLLOWED)
+        return self.polished(places) if there is start and places else there
+
+    def _rows(self, places: list[Place]) -> Matrix:
+        curved = shapes(
+            self.curved_class, places, levels=self.problem.levels, rate=self.problem.rate, filter=self.problem.filter
+        )
+        return np.concatenate([self.fixed, self.problem.weighted(curved)])
+
+    def at(self, places: list[Place]) -> Optimum:
+        """Return the optimum of the weights for given places of the curved processes."""
+        check_stop()
+        weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
+        return Optimum(objective, places, weights)
+
+    def settled(self, best: Optimum) -> Optimum:
+        """Return the optimum after places are moved to an end of their domain if the objective is flat up to this
+        end."""
+        for index, (branch, _) in enumerate(best.places):
+            for end in (branch.high, branch.low):
+                there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
+                if self.problem.as_low(there.objective, best.objective, FLAT):
+                    best = there
+                    break
+        return best
+
+    def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
+        """Return the curved processes of an optimum with their parameters.
+
+        If `ends`, they include the process that the data cannot distinguish from each of them.
+        """
+        problem, places = self.problem, best.places
+        curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
+        scales = problem.scales(curved, best.weights[len(problem.linear) :])
+        terms = [
+            Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
+            for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
+        ]
+        # Terms without weight have no place. They get the shortest correlation time and the scale coefficient 0.
+        branch = self.grid.branches[0]
+        missing = Term((self._value(branch, branch.high),), 0.0)
+        return (*terms, *[missing] * (len(problem.curved) - len(places)))
+
+    def _acts_as(self, best: Optimum, index: int) -> str | None:
+        """Return the name of the process at an end of the branch that fits as well as the curved process `index`, or
+        None."""
+        branch, u = best.places[index]
+        if best.ends is not None:
+            return {1: branch.high_acts_as, -1: branch.low_acts_as}.get(best.ends[index])
+        ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
+        for end, name in sorted(ends, key=lambda end: end[0] != u):  # an end at which the place already is comes first
+            there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
+            if name and (u == end or self.problem.as_low(self.at(there).objective, best.objective, ACTS_AS)):
+                return name
+        return None
+
+    def _value(self, branch: Branch, u: float) -> float:
+        return float(branch.values(np.array([u]))[0, 0])

@@ -1,0 +1,234 @@
+"""Result of a fit to recordings at known conditions."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import OptionError
+from gmwm.base.tables import aligned
+from gmwm.base.text import Summarised, p_relation
+from gmwm.fitting.estimation.varies import parsed
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.options import as_confidence
+from gmwm.theory.processes.model import Model
+
+_UNKNOWN = 14.0
+"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
+is a factor of a million."""
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.showing.plots.view import UnitSystem, ViewName
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimate of a parameter in a fit to recordings at known conditions.
+
+    Attributes
+    ----------
+    value, error : float
+        Estimate and its standard error, which is infinite if the data do not determine the parameter.
+    acts_as : str or None
+        Name of the process that the data cannot distinguish from the term; None if there is no such process.
+    shape : bool
+        Whether this is a shape parameter, such as a correlation time, which cannot be zero.
+    """
+
+    value: float
+    error: float
+    acts_as: str | None = None
+    shape: bool = False
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Return the confidence interval, which is symmetric on a logarithmic scale.
+
+        If the data do not exclude a variance of zero, the interval is from 0 to an upper limit.
+
+        Parameters
+        ----------
+        confidence : float
+            Confidence level.
+
+        Returns
+        -------
+        (low, high) : tuple of float
+            Limits of the interval; (0, inf) if the data do not determine the parameter.
+        """
+        z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
+        if not math.isfinite(self.error) or (self.shape and z * self.error > _UNKNOWN * self.value):
+            return 0.0, math.inf
+        if z * self.error >= self.value and not self.shape:
+            return 0.0, self.value + z * self.error
+        factor = math.exp(z * self.error / self.value)
+        return self.value / factor, self.value * factor
+
+
+class AtCondition(NamedTuple):
+    """Measured wavelet variance at one condition, and the wavelet variance that the model implies there."""
+
+    wavelet_variance: WaveletVariance
+    implied: Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ConditionsFit(Summarised):
+    """One model fitted to recordings at known conditions.
+
+    Attributes
+    ----------
+    condition : str
+        Name of the condition.
+    structure : str
+        Text of the model.
+    varies : mapping of term to str
+        For each term that varies, its variance as a sum of functions of the condition.
+    curves : mapping of condition to WaveletVariance
+        Measured wavelet variance at each condition.
+    models : mapping of condition to Model
+        Fitted model at each condition.
+    estimates : mapping of name to Estimate
+        Parameters that are the same at all conditions, such as "RW.gamma2", and a coefficient for each function, such
+        as "WN.sigma2 (1)" and "WN.sigma2 (rate^2)". They are in SI units, per sample and per unit of the function.
+    objective : float
+        Σ_c (ν̂_c − ν_c)ᵀ Ω_c (ν̂_c − ν_c) over the conditions c, with the measured curve ν̂_c and the fitted curve ν_c.
+    lower_bound : float or None
+        Lower bound on the objective of every model of this form; None if the fit was made with certify=False.
+    weighting : str
+        Kind of the weighting matrices Ω_c: "diagonal" or "optimal".
+    statistic, df, pvalue : float, int, float
+        Statistic, degrees of freedom and p-value of the chi-square goodness-of-fit test of all conditions.
+    pvalue_constant : float or None
+        p-value of the test that no term varies with the condition. None if `varies` is empty; `pvalue` then has this
+        meaning.
+    """
+
+    condition: str
+    structure: str
+    varies: Mapping[str, str]
+    curves: Mapping[float, WaveletVariance]
+    models: Mapping[float, Model]
+    estimates: Mapping[str, Estimate]
+    objective: float
+    lower_bound: float | None
+    weighting: str
+    statistic: float
+    df: int
+    pvalue: float
+    pvalue_constant: float | None
+
+    def at(self, condition: float) -> Model:
+        """Return the model with its values at a condition within the range of the data.
+
+        Parameters
+        ----------
+        condition : float
+            Value of the condition.
+
+        Raises
+        ------
+        OptionError
+            If the condition is outside the range of the data.
+        """
+        low, high = min(self.models), max(self.models)
+        if not low <= condition <= high:
+            raise OptionError(
+                argument="condition", expected=f"from {low:g} to {high:g}, the range of the recordings", got=condition
+            )
+        model, functions = next(iter(self.models.values())), parsed(self.varies)[0]
+        values = {}
+        for term, varied in functions.items():
+            name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"
+            values[name] = sum(
+                self.estimates[f"{name} ({one.text})"].value * float(one.of(np.array([float(condition)]))[0])
+                for one in varied.functions
+            )
+        return model.with_values(values)
+
+    def plot(
+        self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the curves of all conditions with their models.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+            averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            Units of the plot: rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.showing.plots.overlay import Item, plot_comparison
+
+        items: dict[str, Item] = {
+            f"{self.condition} {c:g}": AtCondition(wv, self.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
+            for c, wv in self.curves.items()
+        }
+        return plot_comparison(items, view=view, units=units, path=path)
+
+    def summary(self) -> str:
+        """Format a table of the estimates with 95 % confidence intervals, followed by the certificate and the tests."""
+        conditions = ", ".join(f"{c:g}" for c in self.curves)
+        rows = [("", "estimate", "95 % interval")]
+        for name, one in self.estimates.items():
+            low, high = one.interval()
+            interval = "undetermined" if math.isinf(high) else f"{low:.4g} … {high:.4g}"
+            rows.append((name, f"{one.value:.4g}", f"acts as {one.acts_as}" if one.acts_as else interval))
+        lines = [f"{self.structure} at {self.condition} {conditions}", *aligned(rows)]
+        if self.lower_bound is not None:
+            gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
+            lines.append(
+                f"global optimum: no other parameter values lower the objective by more than {100 * max(gap, 0):.2g} %"
+            )
+        lines.append(
+            f"goodness of fit: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, "
+            f"p {p_relation(self.pvalue)}"
+        )
+        if self.pvalue_constant is not None:
+            lines.append(f"no dependence on {self.condition}: p {p_relation(self.pvalue_constant)}")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain numbers, lists and strings for JSON."""
+        return {
+            "condition": self.condition, "model": self.structure, "varies": dict(self.varies),
+            "estimates": {
+                name: {
+                    "value": one.value,
+                    "standard_error": one.error if math.isfinite(one.error) else None,
+                    "interval": [end if math.isfinite(end) else None for end in one.interval()],
+                    "acts_as": one.acts_as,
+                }
+                for name, one in self.estimates.items()
+            },
+            "objective": self.objective, "lower_bound": self.lower_bound, "weighting": self.weighting,
+            "goodness_of_fit": {"statistic": self.statistic, "df": self.df, "pvalue": self.pvalue},
+            "pvalue_constant": self.pvalue_constant,
+            "conditions": [
+                {"condition": c, "parameters": self.models[c].parameters, "wavelet_variance": wv.to_dict()}
+                for c, wv in self.curves.items()
+            ],
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"ConditionsFit({self.structure}, {len(self.curves)} conditions)"

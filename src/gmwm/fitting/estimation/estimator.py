@@ -1,0 +1,422 @@
+"""Fit a model by the Generalized Method of Wavelet Moments with `gmwm.fit`."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from typing import cast, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Matrix
+from gmwm.base.errors import DataError, FitWarning, ModelError, OptionError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.fitting.estimation.conditions import fit_conditions
+from gmwm.fitting.estimation.conditions_fit import ConditionsFit
+from gmwm.fitting.estimation.problem import pose, to_find
+from gmwm.fitting.estimation.result import Diagnostics, Fit
+from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, Settled, settle
+from gmwm.fitting.estimation.solver import estimated, final, solve, solve_near, solve_sampled
+from gmwm.fitting.estimation.starts import Sampled
+from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
+from gmwm.measuring.regression.against import Against, Asked
+from gmwm.measuring.regression.api import regressed_variance
+from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
+from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.equivalence import likeness
+from gmwm.theory.processes.model import Model, as_model
+
+NEAR = 1e-6
+"""Relative change of the fitted curve below which `refitted` stops. It is smaller than the relative standard error
+√(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples."""
+AGAIN = 2
+"""Largest number of iterations of `refitted`, each of which ends with a search. Only models that do not describe the
+data need more (tests/estimation/test_weights.py)."""
+
+Curve = WaveletVariance | Signal | ArrayLike
+"""A recording, or its wavelet variance."""
+OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]
+"""One recording, or several recordings of one unit."""
+
+
+@overload
+def fit(
+    model: Model | Process | str,
+    data: OneOrSeveral,
+    rate: float | None = None,
+    *,
+    weighting: Weighting | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    certify: bool = True,
+    start: Sampled | None = None,
+    against: Against = None,
+) -> Fit: ...
+
+
+@overload
+def fit(
+    model: Model | Process | str,
+    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None = None,
+    *,
+    weighting: Weighting | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    certify: bool = True,
+    varies: Mapping[str, str] | None = None,
+) -> ConditionsFit: ...
+
+
+def fit(
+    model: Model | Process | str,
+    data: OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None = None,
+    *,
+    weighting: Weighting | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    certify: bool = True,
+    start: Sampled | None = None,
+    against: Against = None,
+    varies: Mapping[str, str] | None = None,
+) -> Fit | ConditionsFit:
+    """Fit a sum of noise processes to a signal or to its wavelet variance.
+
+    The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), where ν̂ is the measured wavelet
+    variance, ν(θ) is the wavelet variance of the model and Ω is the weighting matrix. It needs no starting values and
+    no random numbers. The fit includes a lower bound on the objective, which proves that the minimum is global.
+
+    There is no such proof if a process has several shape parameters, for example an autoregression of order 2. Its
+    parameters are then scanned, and the fit is the best local optimum that is reached from the points of the scan.
+
+    Correlation times range from white noise (β = 40 rate) to a process that is a random walk over the whole recording
+    (β = 1e-10 rate / N, or 1 − φ = 1e-5 / N). If a term is estimated at an end of this range, a remark says that it
+    acts as WN or RW.
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        Model to fit, for example ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values in the model are used as
+        additional starting values; values in ``fixed(…)`` are not changed.
+    data : WaveletVariance, Signal, (N,) array in any unit; a list of these; or mapping of condition to one of these
+        Data to which the model is fitted. A list contains several recordings of one unit. The model is then fitted to
+        the mean of their curves, `fit.replicates` tests whether the recordings have equal parameters, and intervals
+        include the spread between them. A mapping such as ``{0.0: rest, 50.0: slow, 100.0: fast}`` contains recordings
+        at known conditions, for example rates of a turntable or plateaus of a chamber.
+    rate : float, optional
+        Sampling rate (Hz), required if `data` is a plain array.
+    weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
+        Weighting matrix Ω, where V is the exact covariance of ν̂² under the fitted model
+        (docs/validation/weighting.md):
+
+        - "diagonal" is 1 / V_jj and the default. Standard errors are typically 3 % and at most 18 % larger than with
+          "optimal".
+        - "optimal" is V⁻¹. It is the default if a process has several shape parameters, for example AR(2), for which
+          standard errors with "diagonal" are larger by a half or more. Its estimates have the smallest errors if the
+          model is correct.
+        - "identity" is for comparison only. Only the largest levels count, standard errors are many times larger, and
+          confidence intervals do not have their nominal coverage.
+        - An array is your own diagonal, or your own positive definite matrix.
+
+        With "diagonal" and "optimal", the estimate and its weights are iterated until they agree. If the model is
+        wrong, neither of them is safer. For MA and ARMA models with free coefficients, refine the fit by `fit_ml` with
+        this fit as its start, which has smaller standard errors (docs/likelihood.md).
+    robust : bool
+        Whether to fit the robust wavelet variance of a signal, which outliers hardly affect. If `data` is a
+        WaveletVariance, it must be robust itself.
+    efficiency : float
+        Efficiency of the robust wavelet variance, relative to the classical one; only with robust=True.
+    certify : bool
+        Whether to prove by branch and bound that no better fit exists.
+    start : Sampled, optional
+        Random starting values, for example ``Sampled(draws=20_000, rng=1)``, for comparison only. The fit then starts
+        from the best of the draws. With `certify`, the lower bound shows by how much the draws missed the optimum.
+
+    against : str, (N,) array, Signal, or mapping of name to these, optional
+        Conditions whose effect is removed from the signal before the fit, for example
+        ``{"temperature:2,lag": imu.temperature}`` or "time:3"; see docs/howto/temperature.md. Intervals and tests
+        account for what the regression removes from the noise; `fit.regression` has its coefficients.
+    varies : mapping of term to str, optional
+        Dependence of the variance of a term on the condition, for recordings at known conditions. It is a sum of known
+        functions with unknown coefficients that are zero or positive, for example ``{"WN": "1 + rate**2"}``. Functions
+        are 1, powers of a name, abs(name), and hats(0, 25, 50), which is piecewise linear. Other terms are the same at
+        all conditions; see docs/howto/conditions.md.
+
+    Returns
+    -------
+    Fit
+        Estimates, objective with its lower bound, fitted curve and remarks. For recordings at known conditions, the
+        result is a `gmwm.estimation.ConditionsFit`.
+
+    Raises
+    ------
+    ModelError
+        If the model has more parameters than the data have levels, if it has no free parameter, or if the data are
+        constant.
+    DataError
+        If the wavelet variance of the data cannot be computed (see `wavelet_variance`).
+    OptionError
+        If an option has an invalid value or contradicts the data.
+
+    Warns
+    -----
+    FitWarning
+        If a term is estimated as zero, if a term acts as another process, or if `weighting` looks like a covariance.
+
+    References
+    ----------
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), Wavelet-variance-based estimation for composite
+    stochastic processes, JASA 108, 1021-1030; equation 3 of Balamuta, Guerrier, Molinari and Yang.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmwm import RW, WN, fit
+    >>> rng = np.random.default_rng(3)
+    >>> truth = WN(sigma2=4e-6) + RW(gamma2=1e-10)
+    >>> found = fit(WN() + RW(), truth.simulate(100_000, 100.0, rng), rate=100.0)
+    >>> print(f"{found.parameters['WN.sigma2']:.2e}")
+    4.00e-06
+    """
+    wanted = as_model(model)
+    if start is not None and not isinstance(start, Sampled):
+        raise OptionError(
+            argument="start",
+            expected="a gmwm.estimation.Sampled object",
+            got=start,
+            advice="Write starting values into the model, for example `GM(beta=0.1)`.",
+        )
+    if isinstance(data, Mapping):
+        return _fitted_conditions(
+            wanted, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
+            others={"start": start, "against": against},
+        )  # fmt: skip
+    if varies is not None:
+        raise OptionError(
+            "varies needs recordings at known conditions",
+            argument="varies",
+            got=varies,
+            advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`.",
+        )
+    wv = measured(data, rate, robust, efficiency, against=against)
+    first = None if start is None else _draws(start, wv, data)
+    chosen = usual_weighting(wanted) if weighting is None else weighting
+    found = _fitted(wanted, wv, chosen, certify=certify, first=first)
+    for remark in found.diagnostics.remarks:
+        warnings.warn(FitWarning(remark), stacklevel=2)
+    return found
+
+
+def _fitted_conditions(
+    model: Model,
+    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None,
+    varies: Mapping[str, str] | None,
+    *,
+    weighting: Weighting | None,
+    robust: bool,
+    efficiency: float,
+    certify: bool,
+    others: Mapping[str, object],
+) -> ConditionsFit:
+    """Check the options of a fit to recordings at known conditions, and fit them."""
+    for name, value in others.items():
+        if value is not None:
+            raise OptionError(argument=name, expected="left out with recordings at known conditions", got=value)
+    chosen = "diagonal" if weighting is None else weighting
+    if not isinstance(chosen, str) or chosen not in REWEIGHTED:
+        raise OptionError(argument="weighting", expected="'diagonal' or 'optimal' with known conditions", got=weighting)
+    keys: list[object] = list(data)
+    bad = [key for key in keys if isinstance(key, bool) or not isinstance(key, int | float | np.number)]
+    if bad or not all(math.isfinite(key) for key in data):
+        raise OptionError(argument="data", expected="conditions that are finite numbers", got=bad[0] if bad else keys)
+    curves = {float(condition): measured(one, rate, robust, efficiency) for condition, one in data.items()}
+    return fit_conditions(model, curves, varies or {}, weighting=chosen, certify=certify)
+
+
+def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
+    """Fit the model of a fit to data that are almost the same as the data of the fit.
+
+    The weighting is the same, except that "diagonal" replaces "identity" and a matrix of the user.
+    """
+    if fit.weighting not in REWEIGHTED:
+        return _fitted(fit.model, wv, "diagonal", certify=False)
+    settled = settle(
+        fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR, returns=AGAIN,
+        first=solve_near, search=not any(len(to_find(process)) > 1 for process in fit.model.processes),
+    )  # fmt: skip
+    return as_fit(settled, wv, fit.weighting)
+
+
+def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
+    """Return the solver that starts from random draws.
+
+    Drifts are drawn in proportion to the range of the samples, or to the known slope of the data.
+    """
+    if isinstance(data, WaveletVariance) or wv.recordings:
+        spread = abs(wv.slope or 0.0)
+    else:
+        values = np.asarray(data.values if isinstance(data, Signal) else data, dtype=np.float64)
+        spread = float(np.ptp(values)) / values.size
+    return lambda problem: solve_sampled(problem, wv, start, spread)
+
+
+def _fitted(
+    model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool, first: First | None = None
+) -> Fit:
+    if isinstance(weighting, str) and weighting in REWEIGHTED:
+        return as_fit(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
+    matrix = weighting_matrix(weighting, wv)
+    problem = pose(model, wv, matrix)
+    solution = solve(problem, certify=certify) if first is None else final(problem, first(problem), certify=certify)
+    settled = Settled(problem, solution, weighting_remarks(matrix, wv))
+    return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
+
+
+def measured(
+    data: OneOrSeveral,
+    rate: float | None,
+    robust: bool,
+    efficiency: float,
+    against: Against = None,
+) -> WaveletVariance:
+    """Return the wavelet variance to which a model is fitted.
+
+    It is the wavelet variance of a signal, the pooled wavelet variance of several recordings, or `data` itself.
+
+    Raises
+    ------
+    OptionError
+        If an option contradicts the data.
+    """
+    asked = Asked.of(against)
+    several = _several(data)
+    if several is None:
+        return _measured(cast("Curve", data), rate, robust, efficiency, asked=asked)
+    if not several:
+        raise DataError(argument="data", expected="at least one recording", got=data)
+    if any(term.measured for term in asked.terms):
+        raise OptionError(
+            "against has an array, which belongs to one recording, but there are several",
+            argument="against",
+            advice="Remove its effect from each recording by `wavelet_variance(x, against=…)`, and pass the curves.",
+        )
+    curves = [_measured(one, rate, robust, efficiency, asked=asked) for one in several]
+    return pooled({str(k): wv for k, wv in enumerate(curves, start=1)})
+
+
+def _several(data: object) -> list[Curve] | None:
+    """Return the list of recordings; None if `data` is a single recording, which may also be a list of numbers."""
+    if isinstance(data, list | tuple) and all(isinstance(x, WaveletVariance | Signal | np.ndarray) for x in data):
+        return list(data)
+    return None
+
+
+def _measured(data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked) -> WaveletVariance:
+    if asked.terms:
+        wv = regressed_variance(data, rate, asked, robust=robust, efficiency=efficiency)
+    elif isinstance(data, WaveletVariance):
+        if rate is not None and rate != data.rate:
+            raise OptionError(
+                argument="rate",
+                expected=f"{data.rate:g}, the sampling rate of the wavelet variance (Hz)",
+                got=rate,
+                advice="Leave {--rate} out.",
+            )
+        wv = _as_measured(data, robust, efficiency)
+    else:
+        wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+    if not np.any(wv.variance > 0):
+        raise ModelError(
+            "the signal is constant: its wavelet variance is zero at every level",
+            advice="Check that the sensor was recording, and that the right column was read.",
+        )
+    return wv
+
+
+def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> WaveletVariance:
+    """Check that `robust` and `efficiency` do not contradict a wavelet variance, and return it."""
+    if robust and not wv.robust:
+        raise OptionError(
+            argument="robust",
+            expected="False if the data are a classical wavelet variance",
+            got=robust,
+            advice="Pass the signal, or its robust wavelet variance.",
+        )
+    if not wv.robust:
+        require_robust(robust, efficiency)
+    elif efficiency not in (EFFICIENCY, wv.efficiency):
+        raise OptionError(
+            argument="efficiency",
+            expected=f"{wv.efficiency:g}, the efficiency of the wavelet variance",
+            got=efficiency,
+            advice="Leave {--efficiency} out, or pass the signal.",
+        )
+    return wv
+
+
+def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
+    """Return the `Fit` for a solved problem, with its terms sorted."""
+    problem, solution = settled.problem, settled.solution
+    processes = estimated(problem, solution, wv.slope).processes
+    model = Model(processes).sorted(wv.rate)
+    label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
+    found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
+    free = (*problem.linear, *problem.shaped)
+    acts_as = {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}
+    zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
+    remarks = (*_of_terms(model, acts_as, zero, wv=wv, matrix=problem.matrix), *settled.remarks)
+    diagnostics = Diagnostics(
+        acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
+    )
+    decomposition = model.decomposition(wv.levels, wv.rate, wv.filter)
+    return Fit(
+        wavelet_variance=wv,
+        model=model,
+        parameters={name: v for name, v in model.parameters.items() if v is not None},
+        objective=solution.objective,
+        lower_bound=solution.lower_bound,
+        relaxed_bound=solution.relaxed_bound,
+        implied=np.asarray(sum(decomposition.values()), dtype=np.float64),
+        decomposition=decomposition,
+        weighting=weighting,
+        weighting_matrix=problem.matrix,
+        diagnostics=diagnostics,
+    )
+
+
+def _of_terms(
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
+) -> Iterator[Remark]:
+    """Yield remarks about terms that act as another process, terms that are zero, and the parameters of other terms."""
+    processes = dict(zip(model.terms, model.processes, strict=True))
+    for term, name in acts_as.items():
+        like = likeness(
+            processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix
+        )
+        if like is None:
+            yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
+        else:
+            parameter = like.scale_parameter()
+            yield Remark.of(
+                "acts-as",
+                wv.axis,
+                term=term,
+                process=name,
+                known="yes",
+                parameter=f"{like.name}.{parameter.name}",
+                amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
+            )
+    for term in zero:
+        yield Remark.of("term-zero", wv.axis, term=term)
+    for term, process in processes.items():
+        if process.scale > 0 and term not in acts_as:
+            yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

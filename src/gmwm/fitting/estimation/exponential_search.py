@@ -1,0 +1,106 @@
+"""Compiled version of the search of `branch_and_bound` for processes with exponential autocovariances.
+
+The kernel knows the wavelet variances of these processes, so that a search is a single call.
+tests/estimation/test_exponential_search.py compares its results with the results of `branch_and_bound`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector
+from gmwm.fitting.estimation.atoms import NEIGHBOURS, SAFETY, Grid, Place
+from gmwm.fitting.estimation.branch_and_bound import (
+    ACTS_AS,
+    CERTIFIED_GAP,
+    CERTIFY_NODES,
+    FLAT,
+    FOLLOWED,
+    NEWTON_STEPS,
+    POLISHES,
+    QUICK_NODES,
+    SETTLED,
+    TABLE_ERROR,
+    WIDTHS,
+    Found,
+    Optimum,
+    Search,
+)
+from gmwm.fitting.estimation.problem import Problem
+from gmwm.fitting.estimation.weighting import Weights
+from gmwm.theory.filters import HAAR
+
+_LIMITS = np.array(
+    [CERTIFIED_GAP, TABLE_ERROR, SETTLED, FLAT, ACTS_AS, FOLLOWED, POLISHES, NEWTON_STEPS], dtype=np.float64
+)
+
+
+def search_of(problem: Problem) -> Search:
+    """Return the search for the curved processes of a problem, which uses the kernel if it knows these processes.
+
+    The kernel is only used if the class of the processes defines `search` itself, because a subclass that inherits
+    `search` may have another wavelet variance.
+    """
+    kind = problem.curved_class
+    assert kind is not None
+    closed = problem.filter is HAAR and "search" in vars(kind)
+    if closed and all(branch.exponential for branch in kind.search(problem.samples, problem.rate)):
+        return ExponentialSearch(problem, kind)
+    return Search(problem, kind)
+
+
+def _weighted(grid: Grid, weights: Weights) -> _core.WeightedTable:
+    return _core.WeightedTable(
+        weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
+        grid.middle_values, SAFETY, NEIGHBOURS,
+    )  # fmt: skip
+
+
+class ExponentialSearch(Search):
+    """Search whose steps run in a compiled kernel."""
+
+    @cached_property
+    def kernel(self) -> _core.ExponentialSearch:
+        """Kernel for this problem."""
+        problem, rows, innovation = self.problem, [], False
+        for branch in self.grid.branches:
+            form = branch.exponential
+            assert form is not None
+            acts = (branch.low_acts_as is not None, branch.high_acts_as is not None)
+            rows.append((branch.low, branch.high, form.bend, form.least, form.sign, *acts))
+            innovation = form.innovation
+        return _core.ExponentialSearch(
+            problem.target, self.fixed, problem.root, problem.rounding, np.ldexp(1.0, problem.levels - 1),
+            np.array(rows, dtype=np.float64), problem.rate, innovation, _LIMITS, np.array(WIDTHS),
+        )  # fmt: skip
+
+    def optimum(self, *, certify: bool) -> Found:
+        """Return the global optimum on the exact curve, with lower bounds and the `ends` of its places."""
+        weights = self.problem.weights
+        weighted = weights.tables.get(self.grid)
+        if weighted is None:
+            weighted = weights.tables[self.grid] = _weighted(self.grid, weights)
+        found, bound, relaxed, table, nodes = self.kernel.solve(
+            weighted, len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts()
+        )
+        return Found(self.found(*found), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
+
+    def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
+        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""
+        return self.found(*self.kernel.follow(*self.coordinates(places), ends))
+
+    def coordinates(self, places: Sequence[Place]) -> tuple[NDArray[np.int64], Vector]:
+        """Return the indices of the branches of the places, and the search coordinates of the places."""
+        known = [branch.exponential for branch in self.grid.branches]
+        owner = [known.index(branch.exponential) for branch, _ in places]
+        return np.array(owner, dtype=np.int64), np.array([u for _, u in places], dtype=np.float64)
+
+    def found(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
+        """Return the optimum for the values that the kernel returns."""
+        places = [(self.grid.branches[k], at) for k, at in zip(branches, u.tolist(), strict=True)]
+        return Optimum(objective, places, weights, tuple(ends))

@@ -1,0 +1,289 @@
+"""Deviations of the parameters of single recordings from a fit to all of them, by linearisation near the estimate.
+
+The curve of recording r differs from the fitted curve by z_r. Let V_r be the covariance of the curve of the recording
+under the fitted model, and D_r the derivatives of the curve with respect to the logarithms of the parameters. The
+deviation of the logarithms of the parameters of this recording is
+
+    δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r,   Cov δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹.
+
+It is one step of a fit to this recording alone. V_r does not come from a fit to recording r alone, because a recording
+whose variance is low by chance would then have too large a weight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.random_effects import Effects, confidence_of_mean, effects
+from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, unexplained
+from gmwm.fitting.estimation.weighting import precision, square_root
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.theory.processes.parameter import Parameter
+
+if TYPE_CHECKING:
+    from gmwm.fitting.estimation.result import Fit
+
+LEAST_FREEDOM = 3.0
+"""Degrees of freedom above which a level is used, as in the goodness-of-fit test (docs/validation/recordings.md)."""
+SURE = 0.002
+"""p-value below which recordings differ in a way that the parameters do not describe. It is the same as for the error
+of a model in `selection.search`."""
+SMALLEST = 1e-6
+"""Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples."""
+_HALVINGS = 40
+"""Number of steps of the bisection for this difference."""
+LONGEST = 5.0
+"""Largest step of the logarithm of a shape parameter. A recording that needs a larger step does not determine the
+parameter."""
+LEVEL = 0.95
+"""Confidence level at which an interval from the covariance is as wide as the interval for the mean of recordings with
+a spread."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviations:
+    """Deviations of the recordings from a pooled fit, and the test that all recordings have the same parameters.
+
+    Attributes
+    ----------
+    recordings : tuple of str
+        Names of the R recordings.
+    names : tuple of str
+        Names of the p parameters that the data determine.
+    values : (R, p) array
+        Deviations δ_r, relative to the estimate; NaN if a recording does not determine a parameter.
+    covariances : (R, p, p) array
+        Covariance of δ_r without a spread between recordings; the variance is infinite where the deviation is NaN.
+    model_error : float
+        Relative difference between the recordings at each level that the parameters do not describe. The weights and
+        the covariances of the deviations account for it; the test does not.
+    statistic : float
+        Statistic H of the test. It is the statistic of the goodness-of-fit test of a fit with the same parameters for
+        all recordings, minus the sum of the statistics of fits with separate parameters for each recording.
+    df : int
+        Degrees of freedom of H.
+    """
+
+    recordings: tuple[str, ...]
+    names: tuple[str, ...]
+    values: Matrix
+    covariances: Matrix
+    model_error: float
+    statistic: float
+    df: int
+
+    def __post_init__(self) -> None:
+        freeze(self.values)
+        freeze(self.covariances)
+
+    @property
+    def pvalue(self) -> float:
+        """p-value of the test; 1 if there is no degree of freedom."""
+        from scipy.special import gammaincc
+
+        return float(gammaincc(self.df / 2, self.statistic / 2)) if self.df > 0 else 1.0
+
+    @property
+    def variances(self) -> Matrix:
+        """Variances (R, p) of the deviations δ_r."""
+        return np.diagonal(self.covariances, axis1=1, axis2=2)
+
+    @property
+    def effects(self) -> Effects:
+        """Mean and spread of each parameter over the recordings."""
+        return effects(self.values.T, self.variances.T)
+
+    @property
+    def correlation(self) -> Matrix:
+        """Correlation (p, p) of the deviations of the parameters across the recordings."""
+        with np.errstate(invalid="ignore"):
+            apart = np.nan_to_num(self.values - self.effects.mean)
+        length = np.linalg.norm(apart, axis=0)
+        found = (apart / np.where(length > 0, length, 1.0)).T @ (apart / np.where(length > 0, length, 1.0))
+        np.fill_diagonal(found, 1.0)
+        return np.asarray(found)
+
+    @property
+    def of_mean(self) -> Matrix:
+        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate.
+
+        With it, intervals are as wide as intervals that include the uncertainty of the estimated spread, whether a test
+        finds a spread or not. For equally accurate recordings, they are at least as wide as the t interval of their
+        mean, which holds for any spread. For recordings without a spread, this is four times the width without the
+        addition for two recordings, twice for three, and 1.3 times for five (docs/validation/recordings.md).
+        """
+        information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
+        known = information > 0
+        half = half_widths(self.values.T[known], self.variances.T[known])
+        added = np.zeros(known.size)
+        width2 = (half / NormalDist().inv_cdf((1 + LEVEL) / 2)) ** 2
+        added[known] = np.sqrt(np.maximum(width2 - 1 / information[known], 0.0))
+        return np.asarray(self.correlation * np.outer(added, added))
+
+
+def half_widths(x: Matrix, s2: Matrix) -> Vector:
+    """Return the half widths (m,) of the 95 % confidence intervals of the means of m samples; see `Deviations.of_mean`.
+
+    `x` (m, n) has the n values of each sample, and `s2` (m, n) their variances without a spread between them.
+    """
+    alone = effects(x, s2, spread2=np.zeros(len(x)))
+    half = NormalDist().inv_cdf((1 + LEVEL) / 2) * alone.error
+    several = alone.count > 1
+    if np.any(several):
+        low, high = confidence_of_mean(x[several], s2[several], LEVEL)
+        half[several] = np.maximum(half[several], (high - low) / 2)
+    return np.asarray(half)
+
+
+def deviations(fit: Fit) -> Deviations:
+    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        Fit to several recordings, which are in `fit.wavelet_variance.recordings`.
+    """
+    if "_deviations" not in fit.__dict__:
+        fit.__dict__["_deviations"] = _deviations(fit)
+    found: Deviations = fit.__dict__["_deviations"]
+    return found
+
+
+class _Part(NamedTuple):
+    """Data of the K usable levels of one recording r.
+
+    Attributes
+    ----------
+    place : int
+        Index of the recording.
+    curve, left, apart : (K,) arrays
+        Fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
+    scatter : (K, K) array
+        Covariance V_r.
+    slopes : (K, p) array
+        Derivatives D_r.
+    """
+
+    place: int
+    curve: Vector
+    left: Vector
+    apart: Vector
+    scatter: Matrix
+    slopes: Matrix
+
+    def root(self, error: float) -> Matrix:
+        """Return L with LᵀL = (V_r + error² diag ν⁴)⁻¹, where ν² is the fitted curve."""
+        return square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
+
+
+def _deviations(fit: Fit) -> Deviations:
+    names, _ = columns_of(fit.model, fit.diagnostics.acts_as)
+    parts = _parts(fit, names)
+    shape = len(fit.wavelet_variance.recordings), len(names)
+    values, covariances = np.full(shape, np.nan), np.zeros((*shape, shape[1]))
+    covariances[:, np.arange(shape[1]), np.arange(shape[1])] = np.inf
+    error = _error_between(parts)
+    for part in parts:
+        root = part.root(error)
+        gain, lost = parameter_gain(root @ part.slopes)
+        values[part.place] = np.where(lost, np.nan, gain @ root @ part.left)
+        found = gain @ gain.T
+        found[lost] = found[:, lost] = 0.0
+        found[lost, lost] = np.inf
+        covariances[part.place] = found
+    roots = [part.root(0.0) for part in parts]
+    lefts = [root @ part.left for root, part in zip(roots, parts, strict=True)]
+    slopes = [root @ part.slopes for root, part in zip(roots, parts, strict=True)]
+    own = [unexplained(left, slope) for left, slope in zip(lefts, slopes, strict=True)]
+    together, rank = unexplained(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
+    return Deviations(
+        recordings=tuple(fit.wavelet_variance.recordings), names=tuple(names), values=values, covariances=covariances,
+        model_error=error, statistic=together - sum(one[0] for one in own), df=sum(one[1] for one in own) - rank,
+    )  # fmt: skip
+
+
+def _parts(fit: Fit, names: list[str]) -> list[_Part]:
+    """Return the data of the recordings that have usable levels; `names` are the parameters."""
+    known: dict[object, tuple[Vector, Matrix, Matrix]] = {}
+    parts = []
+    for k, wv in enumerate(fit.wavelet_variance.recordings.values()):
+        design = Design.of(wv)
+        used = (design.degrees_of_freedom > LEAST_FREEDOM) & (wv.levels <= len(fit.wavelet_variance))
+        design = design.only(used)
+        if not np.any(used):
+            continue
+        key = (design.lengths, design.filled, design.strides, used.size, None if wv.excess is None else k)
+        if key not in known:
+            curve = fit.model.wavelet_variance(design.levels, design.rate, design.filter)
+            known[key] = curve, covariance(fit.model, design), relative_jacobian(fit.model, design, names)
+        curve, scatter, slopes = known[key]
+        mean = fit.wavelet_variance.variance[: design.levels.size]
+        variance = wv.variance[used]
+        parts.append(_Part(k, curve, left=variance - curve, apart=variance - mean, scatter=scatter, slopes=slopes))
+    return parts
+
+
+def _error_between(parts: list[_Part]) -> float:
+    """Return the relative difference between the recordings at each level that the parameters do not describe.
+
+    It is 0 unless a test finds such a difference, for example in the shape of the noise at high frequencies. Without
+    it, the precise first levels would then determine the deviations of all parameters. It is chosen so that the
+    chi-square statistic of the part of the differences that the parameters do not describe equals its degrees of
+    freedom.
+    """
+    from scipy.special import gammaincc
+
+    if len(parts) < 2:
+        return 0.0
+
+    def rest(error: float) -> tuple[float, float]:
+        total, freedom = 0.0, 0.0
+        for part in parts:
+            root = part.root(error)
+            more, rank = unexplained(root @ part.apart, root @ part.slopes)
+            total, freedom = total + more, freedom + part.curve.size - rank
+        return total, freedom * (1 - 1 / len(parts))
+
+    statistic, freedom = rest(0.0)
+    if freedom <= 0 or gammaincc(freedom / 2, statistic / 2) >= SURE:
+        return 0.0
+    low, high = SMALLEST, 1.0
+    for _ in range(_HALVINGS):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if rest(middle)[0] > freedom else (low, middle)
+    return high
+
+
+def spread_of_mean(fit: Fit) -> Matrix:
+    """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴.
+
+    The spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit
+    test does not depend on it.
+    """
+    found = deviations(fit)
+    slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), found.names)
+    return np.asarray(slopes @ found.of_mean @ slopes.T)
+
+
+def stepped(parameter: Parameter, value: float, share: float) -> float:
+    """Return the value of a parameter after a relative step `share`; the result is in the domain of the parameter.
+
+    >>> from gmwm import WN
+    >>> stepped(WN.parameters[0], 4.0, 0.25), stepped(WN.parameters[0], 4.0, -1.5)
+    (5.0, 0.0)
+    """
+    if parameter.scale_power is not None and parameter.domain != "real":
+        return value * max(1.0 + share, 0.0)
+    if parameter.domain == "real":
+        return value * (1.0 + share)
+    if parameter.domain == "between":
+        low, high = parameter.limits
+        half, place = (high - low) / 2, (2 * value - low - high) / (high - low)
+        return low + half * (1 + math.tanh(math.atanh(place) + share * value / half / (1 - place * place)))
+    return value * math.exp(max(min(share, LONGEST), -LONGEST))

@@ -1,0 +1,356 @@
+"""Iteration of weights and estimate until they agree.
+
+Each iteration computes weights from the exact covariance of ν̂² under the fitted model, and fits the model with these
+weights. Weights from the data alone depend on the errors of the data. A level that is too small by chance then has too
+large a weight, and all estimates become too small. Weights from the fitted model do not have this bias. An estimate
+that is optimal for its own weights solves Σ_jk (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, and the left side has mean zero at
+the true parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.errors import MissingTheoryError, ModelError
+from gmwm.base.remarks import Remark
+from gmwm.base.threads import check_stop
+from gmwm.fitting.estimation.exponential_search import search_of
+from gmwm.fitting.estimation.exponential_weights import reweighted, search_for_weights
+from gmwm.fitting.estimation.problem import Problem, pose
+from gmwm.fitting.estimation.solver import Solution, estimated, final, moved, resume, solve
+from gmwm.fitting.estimation.weighting import precision, weighting_matrix
+from gmwm.measuring.covariance import Design, covariance, variances
+from gmwm.measuring.covariance.mixture import mixture
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model
+
+REWEIGHTED = ("diagonal", "optimal")
+"""Weightings that depend on the estimate."""
+FIXED = 1e-11
+"""Relative change of the fitted curve below which the iteration ends. It is 100 times smaller than the tolerance of
+1e-9 with which tests/estimation/test_fit_laws.py compares fits of scaled data."""
+ROUNDS = 60
+"""Largest number of iterations. Each iteration reduces the change to about a tenth, or to a half if a drift is weak, so
+that 60 iterations reach `FIXED`."""
+PRIOR = 1000.0
+"""Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
+
+Without the average, a level at which the model is far below the data would have a large weight. The average causes a
+relative bias of a level of at most 4 / (η + 1000), which is small compared with its standard error √(2/η), where η are
+the degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
+coverage of their intervals.
+"""
+HOPE = 12
+"""Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. A
+convergence by a factor of 0.94 per iteration is still fast enough."""
+NEARLY = 3
+"""Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
+models."""
+MIXED = 5
+"""Largest number of previous iterations that are combined into the next one."""
+CUTOFF = 1e-6
+"""Relative singular value below which a direction of the combination counts as zero."""
+FAR = 0.7
+"""Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
+RETURNS = 4
+"""Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum."""
+CLOSE = 1e-6
+"""Relative change of the curve below which weights and estimate agree, if `fixed` is not larger."""
+
+
+First = Callable[[Problem], Solution]
+"""Function that solves the problem for the first time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Solved problem with its final weights, and remarks about these weights."""
+
+    problem: Problem
+    solution: Solution
+    remarks: tuple[Remark, ...] = ()
+
+
+def settle(
+    model: Model,
+    wv: WaveletVariance,
+    weighting: str,
+    *,
+    certify: bool,
+    start: Model | None = None,
+    fixed: float = FIXED,
+    first: First | None = None,
+    search: bool = True,
+    returns: int = RETURNS,
+) -> Settled:
+    """Iterate estimate and weights until they agree.
+
+    The iteration starts with weights from the data. The global search then uses the final weights, so that the estimate
+    is the proven optimum of the objective with the recorded Ω.
+
+    Estimate and weights may fail to agree, for example if two estimates alternate because each implies weights that
+    lead to the other. The final weights are then computed without the model, from the mixture of all processes with the
+    largest likelihood.
+
+    Parameters
+    ----------
+    weighting : "diagonal" or "optimal"
+        Weights 1 / V_jj, or V⁻¹.
+    certify : bool
+        Whether to compute the lower bound on the objective.
+    start : Model, optional
+        Model near the estimate, from which the first weights are computed.
+    fixed : float
+        Relative change of the curve below which the iteration ends.
+    first : callable, optional
+        Function that replaces the first global search.
+    search : bool
+        Whether to search again with the final weights. This is not needed if `start` is an estimate from almost the
+        same data.
+    returns : int
+        Largest number of iterations to convergence, each of which ends with a search.
+
+    Raises
+    ------
+    MissingTheoryError
+        If the weighting is "optimal" and the covariance of a process is unknown.
+    ModelError
+        If the weighting is "optimal" and the model has no noise at some level.
+    """
+
+    def finish(problem: Problem, solution: Solution) -> Solution:
+        return final(problem, solution, certify=certify) if search else resume(problem, solution)
+
+    design = Design.of(wv)
+    if start is None:
+        problem = pose(model, wv, weighting_matrix("diagonal", wv))
+    else:
+        problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
+    solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
+    for _ in range(returns):
+        found = _iterated(problem, solution, wv, weighting, design=design, fixed=fixed)
+        problem, solution = found.problem, found.solution
+        if found.reason is not None:
+            remark = Remark.of("weights-from-data", wv.axis, reason=found.reason)
+            return Settled(problem, finish(problem, solution), (remark,))
+        before, solution = _implied(problem, solution, wv), finish(problem, solution)
+        change = _change(before, _implied(problem, solution, wv))
+        if change <= max(CLOSE, found.change):
+            break
+    if found.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
+        return Settled(problem, solution)
+    # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
+    # this.
+    problem = problem.under(_weights_of_the_data(weighting, wv, design))
+    return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
+
+
+@dataclass(frozen=True, eq=False)
+class _Iterated:
+    """Problem with iterated weights, and its solution.
+
+    `change` and `expected` are the relative changes of the curve in the last iteration and, as expected, in the next
+    one. `reason` says why the model gives no weights; None if it does.
+    """
+
+    problem: Problem
+    solution: Solution
+    change: float = math.inf
+    expected: float = math.inf
+    reason: str | None = None
+
+
+def _iterated(
+    problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
+) -> _Iterated:
+    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge.
+
+    A compiled kernel is used if it knows the covariance of every process.
+    """
+    search = search_for_weights(problem, design) if weighting == "diagonal" else None
+    if search is not None:
+        options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
+        found = reweighted(search, solution, design.for_weights, options)
+        if found is not None:
+            best, weights, change, expected = found
+            problem = problem.under(np.diag(weights))
+            return _Iterated(problem, moved(search_of(problem), solution, best), change, expected)
+    ahead, implied = _Ahead(), _implied(problem, solution, wv)
+    history: list[float] = []
+    for _ in range(ROUNDS):
+        check_stop()
+        try:
+            matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
+        except (MissingTheoryError, ModelError) as error:
+            if weighting == "optimal":
+                raise
+            return _Iterated(problem, solution, reason=error.reason)
+        problem = problem.under(matrix)
+        solution = resume(problem, solution)
+        before, implied = implied, _implied(problem, solution, wv)
+        change = _change(before, implied)
+        history.append(change)
+        # The next change is expected to be smaller by the last ratio of changes.
+        expected = change * min(1.0, change / history[-2]) if len(history) > 1 and history[-2] > 0 else change
+        if expected <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
+            break
+    return _Iterated(problem, solution, change, expected)
+
+
+def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
+    """Fit a model with weights that have nearly converged, to compare models.
+
+    The second result is the covariance V (J, J) from which the weights are computed. The last fits are cached, because
+    a search for a model and the ranking after it begin with the same fit.
+    """
+    return _nearly_settled(model.processes, wv, weighting)
+
+
+@lru_cache(maxsize=12)
+def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
+    model = Model(processes)
+    design = Design.of(wv)
+    problem = pose(model, wv, weighting_matrix("diagonal", wv))
+    solution = solve(problem, certify=False, quick=True)
+    for _ in range(NEARLY):
+        at = estimated(problem, solution, wv.slope).sorted(wv.rate)
+        wavelet = drawn_covariance(at, design, wv.variance)
+        if not np.all(np.diag(wavelet) > 0):
+            raise _no_noise(model)
+        problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
+        solution = resume(problem, solution)
+    solution = solve(problem, certify=False, near=solution)
+    # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
+    problem.weights.tables.clear()
+    return Settled(problem, solution), freeze(wavelet)
+
+
+def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
+    """Return the weights Ω that the mixture of all processes with the largest likelihood implies."""
+    _, model = mixture(wv.variance, wv.degrees_of_freedom, design)
+    return implied_weights(weighting, model, design, wv.variance)
+
+
+class _Ahead:
+    """Acceleration of the fixed-point iteration by Anderson mixing of the logarithms of the parameters.
+
+    An iteration maps the parameters x of a model to the estimates g with the weights of this model. The next model is
+    the combination of the last estimates whose residual g − x would be smallest if the map were linear (Anderson 1965,
+    J. ACM 12, 547-560).
+    """
+
+    def __init__(self) -> None:
+        self.given: dict[str, float] = {}
+        self.pairs: list[tuple[Vector, Vector]] = []
+
+    def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
+        model = estimated(problem, solution, wv.slope).sorted(wv.rate)
+        found = _logarithms(model)
+        if list(found) != list(self.given):
+            self.pairs = []
+        else:
+            self.pairs.append((np.array(list(self.given.values())), np.array(list(found.values()))))
+        self.given = found
+        if len(self.pairs) < 2:
+            return model
+        inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED:], strict=True))
+        residuals = outputs - inputs
+        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=CUTOFF)
+        reach = np.clip(-share @ np.diff(outputs, axis=0), -FAR, FAR)
+        moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(found, reach, strict=True)}
+        try:
+            there = model.with_values(moved)
+        except ModelError:  # extrapolated coefficients of an AR process may not be stationary
+            return model
+        self.given = _logarithms(there)
+        return there
+
+
+def _logarithms(model: Model) -> dict[str, float]:
+    """Return the logarithms of the absolute values of the free parameters by label; zero parameters are left out."""
+    values = {name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed_names}
+    return {name: math.log(value) for name, value in values.items() if 0 < value < math.inf}
+
+
+def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
+    """Compute the weights Ω that a model implies, from the covariance V of the wavelet variance under the model.
+
+    Parameters
+    ----------
+    weighting : "diagonal" or "optimal"
+        Weights 1 / V_jj, or V⁻¹.
+    model : Model
+        Model whose parameters all have values.
+    design : Design
+        Design of the wavelet variance.
+    observed : (J,) array, optional
+        Data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000), where η are the
+        degrees of freedom. This changes little if the model is correct, and makes V larger where the model is below the
+        data.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is unknown.
+    """
+    if weighting == "optimal":
+        return precision(drawn_covariance(model, design, observed))
+    scale = _drawn_scale(model, design, observed)
+    return np.diag(reciprocal(variances(model, design.for_weights) * scale**2, model))
+
+
+def reciprocal(variance: Vector, model: Model) -> Vector:
+    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise at some level.
+    """
+    with np.errstate(over="ignore", divide="ignore"):
+        weights = 1 / variance
+    if not np.all(np.isfinite(weights)):
+        raise _no_noise(model)
+    return np.asarray(weights)
+
+
+def _no_noise(model: Model) -> ModelError:
+    return ModelError(
+        f"{model.structure} as estimated has no noise at some level",
+        advice="Add a term to the model, for example WN.",
+    )
+
+
+def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:
+    """Return the covariance V (J, J) under a model, scaled to ν̄² if `observed` is given; see `implied_weights`."""
+    scale = _drawn_scale(model, design, observed)
+    return covariance(model, design.for_weights) * np.outer(scale, scale)
+
+
+def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vector:
+    """Return the ratio ν̄² / ν² (J,) by which V is scaled; see `implied_weights`."""
+    if observed is not None:
+        curve = model.wavelet_variance(design.levels, design.rate, design.filter)
+        freedom = design.degrees_of_freedom
+        if np.all(curve > 0):
+            return np.asarray((freedom * observed / curve + PRIOR) / (freedom + PRIOR))
+    return np.ones(design.levels.size)
+
+
+def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:
+    return estimated(problem, solution, wv.slope).wavelet_variance(wv.levels, wv.rate, wv.filter)
+
+
+def _change(before: Vector, after: Vector) -> float:
+    """Return the largest relative change of a curve at any level; levels with zero variance are left out."""
+    scale = np.maximum(before, after)
+    return float(np.max(np.abs(after - before) / np.where(scale > 0, scale, 1.0)))

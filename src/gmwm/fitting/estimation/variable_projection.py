@@ -1,0 +1,401 @@
+"""Local optima of problems that have processes with several shape parameters, by variable projection.
+
+Non-negative least squares eliminates the scales. The objective is then a function of the coordinates of all shapes, and
+its gradient follows from the derivatives of the shapes (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432).
+Levenberg-Marquardt steps lead to a minimum, and Newton steps then give all digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.threads import check_stop
+from gmwm.fitting.estimation.atoms import shapes
+from gmwm.fitting.estimation.branch_and_bound import Search
+from gmwm.fitting.estimation.problem import Problem, to_find
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.parameter import Branch
+
+STEPS = 100
+"""Largest number of Levenberg-Marquardt steps."""
+ALIKE = 1e-9
+"""Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then converge
+faster."""
+NEWTON_STEPS = 15
+"""Largest number of Newton steps."""
+HESSIANS = 6
+"""Largest number of times that Newton steps compute the second derivatives."""
+SLOW = 0.1
+"""Ratio of the length of a Newton step to the previous one above which the second derivatives are computed again."""
+SHARP = 1e-11
+"""Change of every coordinate below which Newton steps end."""
+NEAR = 0.3
+"""Longest Newton step that is accepted."""
+LONGEST = 2.0
+"""Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven."""
+NOISE = 1e-12
+"""Relative difference below which two objectives are equal up to rounding."""
+FAR = 12.0
+"""Distance by which a coordinate may leave the scanned range. It is a factor of 160 000, or extends a bounded domain up
+to 1 − 1e-12."""
+HELD_REACH = 5.0
+"""Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers 0.9999
+of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes)."""
+_DAMPED = 1e10
+_COMPLEX = 1e-30
+
+
+class Coordinates:
+    """Coordinates of one free process.
+
+    They are the joint coordinates of its class, or one coordinate for each free parameter if some parameters are fixed.
+    """
+
+    def __init__(self, process: Process) -> None:
+        self.kind = type(process)
+        self.process = process
+        self.moving = to_find(process)
+        parameters = process.nonlinear_parameters()
+        self.together = len(self.moving) == len(parameters)
+        self.parameters = [parameters[k] for k in self.moving]
+        given = [process.values[p.name] for p in parameters]
+        self.held = np.array([0.0 if v is None else v for v in given], dtype=np.float64)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.moving)
+
+    def values(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Return all nonlinear parameters (n, q), including fixed ones, at coordinates (n, d)."""
+        if self.together:
+            return self.kind.at_coordinates(z)
+        values = np.tile(self.held.astype(z.dtype), (len(z), 1))
+        for column, (k, parameter) in enumerate(zip(self.moving, self.parameters, strict=True)):
+            values[:, k] = parameter.at_coordinate(z[:, column])
+        return values
+
+    def with_slopes(self, z: Vector) -> tuple[Matrix, Matrix]:
+        """Return the nonlinear parameters (1, q) at one point z (d,), and their derivatives (q, d) with respect to z.
+
+        The derivatives are computed by complex steps.
+        """
+        moved = self.values(z + 1j * _COMPLEX * np.eye(z.size))
+        return np.ascontiguousarray(moved[:1].real), np.asarray(moved.imag.T / _COMPLEX)
+
+    def of(self, values: Matrix) -> Matrix:
+        """Return the coordinates (n, d) of nonlinear parameters (n, q); fixed parameters have no coordinate."""
+        if self.together:
+            return self.kind.coordinates(values)
+        columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
+        return np.stack(columns, axis=1)
+
+    def scanned(self, samples: int, rate: float) -> Matrix:
+        """Return the ends (d, 2) of the coordinates in a scan for starting values."""
+        if self.together:
+            return self.kind.scan(samples, rate)
+        # The range of a bounded parameter extends close to its bounds, because fixed values may exclude other values.
+        box = np.array([p.scanned(samples, rate) for p in self.parameters])
+        share = np.array([p.domain == "between" for p in self.parameters])
+        return np.where(share[:, None], HELD_REACH * np.sign(box), box)
+
+    def ends(self, samples: int, rate: float) -> Matrix:
+        """Return the bounds (d, 2) of the coordinates, far beyond the scan."""
+        return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
+
+    def possible(self, values: Matrix) -> NDArray[np.bool_]:
+        """Return a mask of the rows of nonlinear parameters (n, q) that are valid. Joint coordinates are always
+        valid."""
+        if self.together:
+            return np.ones(len(values), dtype=np.bool_)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.all(self.kind.room(values) > 0, axis=1))
+
+    def given(self) -> Vector | None:
+        """Return the coordinates of the values in the model; None if a value is missing."""
+        if any(value is None for value in (self.process.values[p.name] for p in self.process.nonlinear_parameters())):
+            return None
+        return np.asarray(self.of(self.process.nonlinear.reshape(1, -1))[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Point in the space of all shapes.
+
+    `branches` has the branch of each curved process. `x` has the search coordinates u of the curved processes, followed
+    by the coordinates of the free processes.
+    """
+
+    branches: tuple[Branch, ...]
+    x: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Smallest objective for given shapes, with the non-negative weights of the linear, curved and free processes.
+
+    `units` are the unit vectors of the processes, `lengths` the lengths of the weighted wavelet variances of the curved
+    and free processes, and `residual` is the target minus the weighted sum of the unit vectors.
+    """
+
+    objective: float
+    point: Point
+    weights: Vector
+    units: Matrix
+    lengths: Vector
+    residual: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """Second derivatives of the objective, in the unit of the data, with respect to the coordinates that `able`
+    marks."""
+
+    able: NDArray[np.bool_]
+    hessian: Matrix
+
+
+class Surface:
+    """Objective of one problem as a function of the coordinates of all shapes."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.fixed = problem.fixed
+        self.frees = [Coordinates(problem.model.processes[place]) for place in problem.free]
+        self.spans = list(pairwise(accumulate((free.size for free in self.frees), initial=0)))
+        ends = [free.ends(problem.samples, problem.rate) for free in self.frees]
+        self.ends = np.concatenate([np.empty((0, 2)), *ends])
+
+    def split(self, point: Point) -> tuple[Vector, list[Vector]]:
+        """Return the search coordinates of the curved processes, and the coordinates of each free process, of a
+        point."""
+        count = len(point.branches)
+        return point.x[:count], [point.x[count + a : count + b] for a, b in self.spans]
+
+    def at(self, point: Point) -> Projection | None:
+        """Return the optimal weights at a point; None if a process is not valid there."""
+        check_stop()
+        u, z = self.split(point)
+        values = [free.values(part.reshape(1, -1)) for free, part in zip(self.frees, z, strict=True)]
+        if not all(free.possible(row)[0] for free, row in zip(self.frees, values, strict=True)):
+            return None
+        rows = self._free_shapes(values)
+        if point.branches:
+            rows = np.concatenate([self._curved(point.branches, u), rows])
+        rows = rows @ self.problem.root.T
+        if not np.all(np.isfinite(rows)):
+            return None
+        lengths = np.linalg.norm(rows, axis=1)
+        # A process whose wavelet variance is zero, such as a sinusoid at a zero of the filters, gets no weight.
+        units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
+        every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
+        weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
+        return Projection(
+            objective=objective,
+            point=point,
+            weights=weights,
+            units=every,
+            lengths=lengths,
+            residual=self.problem.target - weights @ every,
+        )
+
+    def free_shapes(self, z: list[Vector]) -> Matrix:
+        """Return the wavelet variances (n, J) of the free processes with scale coefficient 1 at the coordinates `z`."""
+        return self._free_shapes([f.values(part.reshape(1, -1)) for f, part in zip(self.frees, z, strict=True)])
+
+    def _free_shapes(self, values: list[Matrix]) -> Matrix:
+        problem = self.problem
+        rows = [
+            free.kind.shape(row, problem.levels, problem.rate, problem.filter)
+            for free, row in zip(self.frees, values, strict=True)
+        ]
+        return np.concatenate([np.empty((0, problem.levels.size)), *rows])
+
+    def curved_alone(self, z: list[Vector]) -> Search:
+        """Return the search for the curved processes if the free processes have the fixed coordinates `z`.
+
+        Free processes whose wavelet variance is zero are left out.
+        """
+        problem, found = self.problem, self.free_shapes(z)
+        assert problem.curved_class is not None
+        seen = np.any(found > 0, axis=1)
+        held = tuple(place for place, there in zip(problem.free, seen, strict=True) if there)
+        rows = np.concatenate([problem.shapes, found[seen]])
+        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
+
+    def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
+        curved_class, problem = self.problem.curved_class, self.problem
+        assert curved_class is not None
+        places = list(zip(branches, u.tolist(), strict=True))
+        return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
+
+    def slopes(self, found: Projection) -> Matrix:
+        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate.
+
+        The lengths by which the unit vectors are scaled are treated as constants.
+        """
+        problem, first = self.problem, len(self.fixed)
+        u, z = self.split(found.point)
+        branches = found.point.branches
+        # Empty if no process has a shape.
+        rows = [np.empty((0, np.size(problem.levels)))]
+        if branches:
+            curved_class = problem.curved_class
+            assert curved_class is not None
+            pairs = list(zip(branches, u, strict=True))
+            parameters = np.concatenate([b.values(np.array([v])) for b, v in pairs])
+            by_u = np.concatenate([b.slope(np.array([v])) for b, v in pairs])
+            rows.append(
+                curved_class.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+            )
+        owner = list(range(len(branches)))
+        for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
+            values, by_z = free.with_slopes(part)
+            jacobian = free.kind.shape_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
+            rows.append((jacobian @ by_z).T)
+            owner += [len(branches) + place] * free.size
+        lengths = found.lengths[owner]
+        share = found.weights[first:][owner] / np.where(lengths > 0, lengths, 1.0)
+        return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
+
+    def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
+        """Return a mask of the coordinates that can change.
+
+        The process must have a weight, and a step against the gradient must not leave the branch.
+        """
+        first, count = len(self.fixed), len(found.point.branches)
+        free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
+        able = np.concatenate([found.weights[first : first + count] > 0, *free])
+        for k, (branch, u) in enumerate(zip(found.point.branches, found.point.x[:count], strict=True)):
+            able[k] &= not ((u <= branch.low and gradient[k] > 0) or (u >= branch.high and gradient[k] < 0))
+        return np.asarray(able, dtype=np.bool_)
+
+    def moved(self, point: Point, step: Vector) -> Point:
+        """Return the point after a step, limited to its branches and bounds."""
+        x = point.x + step
+        for k, branch in enumerate(point.branches):
+            x[k] = min(max(x[k], branch.low), branch.high)
+        count = len(point.branches)
+        x[count:] = np.clip(x[count:], self.ends[:, 0], self.ends[:, 1])
+        return Point(point.branches, x)
+
+    # --- descent ----------------------------------------------------------------------------------------
+
+    def downhill(self, start: Point | Projection, steps: int = STEPS) -> Projection | None:
+        """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
+        best = start if isinstance(start, Projection) else self.at(start)
+        if best is None:
+            return None
+        damping = 1e-3
+        for _ in range(steps):
+            better = None
+            slopes = self.slopes(best)
+            gradient = -slopes @ best.residual
+            able = self.moving(best, gradient)
+            if not able.any():
+                break
+            jacobian = self._projected(best, slopes[able])
+            square = jacobian @ jacobian.T
+            size = np.diag(square).copy()
+            while damping < _DAMPED:
+                step = np.zeros(best.point.x.size)
+                damped = square + damping * np.diag(size + np.finfo(float).tiny)
+                step[able] = np.clip(_solved(damped, -gradient[able]), -LONGEST, LONGEST)
+                there = self.at(self.moved(best.point, step))
+                if there is not None and there.objective < best.objective:
+                    better = there
+                    break
+                damping *= 8.0
+            if better is None:
+                break
+            gain, best = 1.0 - better.objective / best.objective, better
+            damping = max(damping / 10.0, 1e-9)
+            if gain < ALIKE:
+                break
+        return best
+
+    def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
+        """Return the slopes minus their projection on the unit vectors, because the scales compensate for this part."""
+        rows = found.units[found.weights > 0]
+        basis, _ = np.linalg.qr(rows.T)
+        return np.asarray(slopes - (slopes @ basis) @ basis.T)
+
+    def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
+        """Return the optimum after Newton steps, and the last second derivatives.
+
+        Steps that increase the objective are rejected. The same second derivatives are used until the steps converge
+        slowly. `known` are the second derivatives of the problem with slightly different weights.
+        """
+        square, before, computed = self.problem.unit**2, np.inf, 0
+        for _ in range(NEWTON_STEPS):
+            gradient = -self.slopes(best) @ best.residual
+            able = self.moving(best, gradient)
+            ends = np.array(
+                [b.low < u < b.high for b, u in zip(best.point.branches, best.point.x, strict=False)], dtype=np.bool_
+            )
+            able[: ends.size] &= ends
+            if known is None or not np.array_equal(known.able, able):
+                if computed == HESSIANS or (hessian := self._hessian(best, able)) is None:
+                    break
+                known, computed, fresh = Curvature(able, square * hessian), computed + 1, True
+            else:
+                fresh = False
+            step = np.zeros(best.point.x.size)
+            step[able] = _solved(known.hessian / square, -gradient[able])
+            size = float(np.abs(step).max(initial=0.0))
+            there = self.at(self.moved(best.point, step)) if size < NEAR else None
+            if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
+                if fresh:
+                    break
+                known = None
+                continue
+            best = there
+            if size < SHARP:
+                break
+            if size > SLOW * before:
+                known = None
+            before = size
+        return best, known
+
+    def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
+        """Return the Hessian for the coordinates that `able` marks, by differences of gradients.
+
+        It is None if it is not positive definite.
+        """
+        count, step = int(np.count_nonzero(able)), 1e-4
+        if count == 0:
+            return None
+        hessian = np.empty((count, count))
+        for row, k in enumerate(np.flatnonzero(able)):
+            shift = np.zeros(best.point.x.size)
+            shift[k] = step
+            sides = [self.at(Point(best.point.branches, best.point.x + sign * shift)) for sign in (1.0, -1.0)]
+            if sides[0] is None or sides[1] is None:
+                return None
+            up, down = (-(self.slopes(side) @ side.residual)[able] for side in sides if side is not None)
+            hessian[row] = (up - down) / (2 * step)
+        hessian = (hessian + hessian.T) / 2
+        size = np.sqrt(np.maximum(np.diag(hessian), 0.0))
+        size = np.where(size > 1e-150, size, 1.0)
+        if not np.linalg.eigvalsh(hessian / np.outer(size, size))[0] > 1e-10:
+            return None
+        return hessian
+
+
+def _solved(matrix: Matrix, right: Vector) -> Vector:
+    """Solve a symmetric system after scaling it to unit diagonal; a singular system gives the solution of least
+    norm."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 1e-150, size, 1.0)
+    scaled = matrix / np.outer(size, size)
+    try:
+        return np.asarray(np.linalg.solve(scaled, right / size) / size)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=None)[0] / size)

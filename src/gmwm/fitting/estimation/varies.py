@@ -1,0 +1,140 @@
+"""Dependence of the variance of a term on a known condition, as a sum of known functions such as "1 + rate**2"."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import ModelError, OptionError
+
+_EXPECTED = "a sum of 1, rate, rate**2, abs(rate) or hats(0, 25, 50), with one name for the condition"
+_POWER = re.compile(r"([A-Za-z_]\w*)(?:(?:\*\*|\^)([1-9]))?")
+_ABSOLUTE = re.compile(r"abs\(([A-Za-z_]\w*)\)")
+_HATS = re.compile(r"hats\(([^()]*)\)")
+
+
+@dataclass(frozen=True)
+class Function:
+    """Known function of the condition, with its text."""
+
+    text: str
+    of: Callable[[Vector], Vector]
+
+
+@dataclass(frozen=True)
+class Varies:
+    """Functions φ_m of the condition c in the variance Σ_m s_m φ_m(c) of a term.
+
+    Attributes
+    ----------
+    condition : str
+        Name of the condition; "" if the functions do not name it.
+    functions : tuple of Function
+        Functions φ_m.
+    """
+
+    condition: str
+    functions: tuple[Function, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Varies:
+        """Parse the text of a sum such as "1 + rate**2".
+
+        Raises
+        ------
+        OptionError
+            If the text is not a sum of known functions.
+
+        Examples
+        --------
+        >>> [one.text for one in Varies.parse("1 + rate^2").functions]
+        ['1', 'rate^2']
+        """
+        functions: list[Function] = []
+        names: set[str] = set()
+        for part in re.split(r"\+(?![^(]*\))", str(text)):
+            word = part.strip()
+            if word == "1":
+                functions.append(Function("1", np.ones_like))
+            elif found := _HATS.fullmatch(word):
+                functions += _hats(found[1], text)
+            elif found := _ABSOLUTE.fullmatch(word):
+                names.add(found[1])
+                functions.append(Function(word, np.abs))
+            elif (found := _POWER.fullmatch(word)) and found[1] != "hats":
+                names.add(found[1])
+                power = int(found[2] or 1)
+                functions.append(Function(f"{found[1]}^{power}" if power > 1 else found[1], _power(power)))
+            else:
+                raise OptionError(argument="varies", expected=_EXPECTED, got=text)
+        texts = [one.text for one in functions]
+        if len(names) > 1 or len(set(texts)) < len(texts):
+            raise OptionError(argument="varies", expected=_EXPECTED, got=text)
+        return cls(next(iter(names), ""), tuple(functions))
+
+    def at(self, conditions: Vector, term: str) -> Matrix:
+        """Return the values φ_m(c_s) (m, s) of the functions at the conditions c_s (s,). `term` is named in errors.
+
+        Raises
+        ------
+        ModelError
+            If a function is negative at a condition, or the conditions cannot separate the functions.
+        """
+        rows = np.array([one.of(conditions) for one in self.functions])
+        for one, row in zip(self.functions, rows, strict=True):
+            if np.any(row < 0):
+                raise ModelError(
+                    f"{term} varies with {one.text}, which is negative at {conditions[np.argmin(row)]:g}",
+                    advice="Use an even power, abs(…) or hats(…), so that variances cannot be negative.",
+                )
+        scale = np.max(rows, axis=1, keepdims=True)
+        if np.linalg.matrix_rank(rows / np.where(scale > 0, scale, 1.0), tol=1e-6) < len(rows):
+            raise ModelError(
+                f"{len(rows)} functions of {term} cannot be separated at the conditions "
+                f"{', '.join(f'{c:g}' for c in conditions)}",
+                advice="Use more conditions, or fewer functions.",
+            )
+        return rows
+
+
+def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
+    """Parse the sum of functions that describes the variance of each term, and find the name of the condition.
+
+    Raises
+    ------
+    OptionError
+        If a sum cannot be parsed, or two sums name different conditions.
+    """
+    if not isinstance(varies, Mapping):
+        raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
+    found = {term: Varies.parse(text) for term, text in varies.items()}
+    names = {one.condition for one in found.values() if one.condition}
+    if len(names) > 1:
+        raise OptionError(argument="varies", expected="one name for the condition", got=", ".join(sorted(names)))
+    return found, next(iter(names), "condition")
+
+
+def _power(power: int) -> Callable[[Vector], Vector]:
+    return lambda c: np.asarray(c**power)
+
+
+def _hats(inside: str, text: str) -> list[Function]:
+    """Return one piecewise linear function for each number in hats(…).
+
+    It is 1 at this number and 0 at the others, and constant outside their range.
+    """
+    try:
+        places = np.array([float(word) for word in inside.split(",")])
+    except ValueError:
+        places = np.empty(0)
+    if places.size < 2 or not np.all(np.isfinite(places)) or np.any(np.diff(places) <= 0):
+        raise OptionError(argument="varies", expected="hats(…) with two or more ascending numbers", got=text)
+    return [Function(f"hat at {place:g}", _hat(places, k)) for k, place in enumerate(places)]
+
+
+def _hat(places: Vector, k: int) -> Callable[[Vector], Vector]:
+    return lambda c: np.asarray(np.interp(c, places, np.eye(places.size)[k]))

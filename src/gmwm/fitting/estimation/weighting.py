@@ -1,0 +1,202 @@
+"""Weighting matrix Ω of the objective (ν̂ − ν)ᵀ Ω (ν̂ − ν)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.base.remarks import Remark
+from gmwm.measuring.covariance.mixture import smoothed
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.model import Model
+
+Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
+"""Weighting of the levels: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
+
+
+WELL_KNOWN = 8.0
+"""Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is then
+at most 1/2. Pinned by tests/estimation/test_weights.py."""
+COVARIANCE_FACTOR = 5.0
+"""Largest factor between a weight and V_jj for which the weight looks like a variance
+(tests/estimation/test_weights.py)."""
+PRECISION_FACTOR = 1000.0
+"""Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot be
+distinguished."""
+
+
+def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
+    """Return the default weighting, "optimal" if a process has several free shape parameters, and else "diagonal".
+
+    docs/validation/weighting.md has the study behind this choice.
+    """
+    several = any(
+        sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
+    )
+    return "optimal" if several else "diagonal"
+
+
+def sampling_variance(wv: WaveletVariance) -> Vector:
+    """Approximate the variance of the estimates ν̂_j² from the data, Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴.
+
+    ν̄² is ν̂² after smoothing at levels with few coefficients. η_j = max(M_j / 2^j, 1) are the degrees of freedom. For
+    a robust ν̂² they are multiplied by the efficiency, which gives an upper bound on its variance.
+    """
+    return 2 * smoothed(wv) ** 2 / wv.degrees_of_freedom
+
+
+def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
+    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model.
+
+    Parameters
+    ----------
+    weighting : "diagonal", "identity", or (J,) or (J, J) array
+        Weights. "diagonal" means 1 / `sampling_variance`, and a vector is the diagonal of the matrix.
+
+    Raises
+    ------
+    DataError
+        If the weighting is "diagonal" and the variance of a level is zero, or its square overflows.
+    OptionError
+        If the matrix has the wrong shape, is not finite, or is not symmetric and positive definite.
+    """
+    size = len(wv)
+    if isinstance(weighting, str):
+        if weighting == "identity":
+            return np.eye(size)
+        if weighting != "diagonal":
+            raise OptionError(
+                argument="weighting", expected="'diagonal', 'optimal', 'identity' or a matrix", got=weighting
+            )
+        if not np.all(wv.variance > 0):
+            zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
+            raise DataError(
+                f"the wavelet variance is zero at level {zero}, because the signal is constant or coarsely quantized: "
+                "diagonal weights do not exist",
+                advice="Use the classical wavelet variance with {--robust=no}, or {--weighting=identity}."
+                if wv.robust
+                else "Use {--weighting=identity}, or pass a matrix.",
+            )
+        with np.errstate(over="ignore", divide="ignore", under="ignore"):
+            weights = 1 / sampling_variance(wv)
+        if not (np.all(np.isfinite(weights)) and np.all(weights > 0)):
+            raise DataError(
+                f"the wavelet variance ranges from {wv.variance.min():g} to {wv.variance.max():g}, and its squares "
+                "exceed the range of double precision",
+                advice="Scale the signal to another unit.",
+            )
+        return np.diag(weights)
+    try:
+        matrix = np.asarray(weighting, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise OptionError(
+            argument="weighting", expected="'diagonal', 'optimal', 'identity' or a matrix of numbers", got=weighting
+        ) from error
+    if matrix.shape not in ((size,), (size, size)):
+        raise OptionError(
+            f"weighting must be a vector of {size} or a {size} x {size} matrix; got shape {matrix.shape}",
+            argument="weighting",
+            got=matrix.shape,
+        )
+    if bad := int(np.count_nonzero(~np.isfinite(matrix))):
+        raise OptionError(
+            f"weighting must be finite; {bad} of {matrix.size} weights are NaN or infinite", argument="weighting"
+        )
+    if matrix.ndim == 1:
+        matrix = np.diag(matrix)
+    largest = np.abs(matrix).max()
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12 * float(largest)):
+        raise OptionError("weighting must be a symmetric matrix; it differs from its transpose", argument="weighting")
+    return (matrix + matrix.T) / 2
+
+
+def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
+    """Return a remark if the weights of a user look like a covariance that was not inverted.
+
+    The diagonal of the weights must agree with the variances V_jj of the estimates at every level with enough degrees
+    of freedom, and must differ much from 1 / V_jj at one of these levels.
+    """
+    known = (wv.degrees_of_freedom >= WELL_KNOWN) & (wv.variance > 0) & (np.diag(matrix) > 0)
+    if np.count_nonzero(known) < 3 or not np.all(wv.variance > 0):
+        return ()
+    weights, variance = np.log(np.diag(matrix)[known]), np.log(sampling_variance(wv)[known])
+    like_covariance = np.all(np.abs(weights - variance) < math.log(COVARIANCE_FACTOR))
+    if like_covariance and np.any(np.abs(weights + variance) > math.log(PRECISION_FACTOR)):
+        return (Remark.of("weights-are-covariance", wv.axis),)
+    return ()
+
+
+def precision(covariance: Matrix) -> Matrix:
+    """Return the inverse of a covariance V (J, J) of wavelet variances.
+
+    V is scaled to unit diagonal first, because the variances of the levels differ by many powers of ten. Eigenvalues
+    below the rounding error are replaced by the rounding error.
+
+    Raises
+    ------
+    ModelError
+        If the variance of a level is zero.
+    """
+    scale = np.sqrt(np.diag(covariance))
+    if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
+        raise ModelError(
+            "the model as estimated has no noise at some level, so its covariance has no inverse",
+            advice="Add a term to the model, for example WN, or use {--weighting=diagonal}.",
+        )
+    share, axes = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
+    share = np.maximum(share, share[-1] * share.size * np.finfo(float).eps)
+    inverse = (axes / share) @ axes.T / scale[:, None] / scale[None, :]
+    return np.asarray((inverse + inverse.T) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Weighting matrix Ω (J, J), and what depends on it only."""
+
+    matrix: Matrix
+    tables: dict[object, _core.WeightedTable] = field(default_factory=dict)
+    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.Grid`."""
+
+    @cached_property
+    def root(self) -> Matrix:
+        """Matrix L (J, J) with LᵀL = Ω; see `square_root`."""
+        return square_root(self.matrix)
+
+    @cached_property
+    def positive(self) -> Vector:
+        """Vector L⁻ᵀ √diag Ω (J,), whose inner product with every weighted wavelet variance is positive."""
+        return np.ascontiguousarray(np.linalg.solve(self.root.T, np.sqrt(np.diag(self.matrix))))
+
+
+def square_root(matrix: Matrix) -> Matrix:
+    """Return the upper triangular matrix L with LᵀL = Ω, the Cholesky factor of Ω.
+
+    It is computed after Ω is scaled to unit diagonal.
+
+    Raises
+    ------
+    OptionError
+        If Ω is not positive definite.
+    """
+    diagonal = np.diag(matrix)
+    if np.all(diagonal > 0):
+        scale = np.sqrt(diagonal)
+        try:
+            factor = np.linalg.cholesky(matrix / scale[:, None] / scale[None, :])
+        except np.linalg.LinAlgError:
+            pass
+        else:
+            return np.ascontiguousarray(factor.T * scale)
+    raise OptionError(
+        "weighting must be a positive definite matrix; this one is not",
+        argument="weighting",
+        advice="Invert it if it is a covariance.",
+    )

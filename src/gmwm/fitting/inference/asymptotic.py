@@ -1,0 +1,170 @@
+"""Covariance of the estimates by the sandwich formula Cov θ̂ = B V Bᵀ, with B = (DᵀΩD)⁻¹DᵀΩ and D = ∂ν²/∂θ.
+
+V is the exact covariance (J, J) of ν̂² at the estimate, and Ω the weighting matrix. The computation uses derivatives
+with respect to logarithms, θ ∂ν²/∂θ, because parameters differ by many powers of ten and their relative errors do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.errors import ModelError
+from gmwm.base.text import Named
+from gmwm.fitting.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
+from gmwm.fitting.estimation.recordings import spread_of_mean
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.theory.processes.model import Model
+
+if TYPE_CHECKING:
+    from gmwm.fitting.estimation.result import Fit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Sandwich:
+    """Covariance of the estimates, without parameters that are fixed, zero or at an end of their domain.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the p parameters.
+    values : (p,) array
+        Estimates of the parameters.
+    relative : (p, p) array
+        Covariance of the relative errors of the estimates. The variance is infinite if the data do not determine a
+        parameter.
+    wavelet : (J, J) array, in unit⁴
+        Covariance V of the wavelet variance under the fitted model. For several recordings, it includes the spread of
+        the parameters between them.
+    without_spread : Sandwich or None
+        For several recordings, the covariance without the spread between them, which shows whether a term can be zero.
+        None for a single recording.
+    """
+
+    names: tuple[str, ...]
+    values: Vector
+    relative: Matrix
+    wavelet: Matrix
+    without_spread: Sandwich | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.values, self.relative, self.wavelet):
+            freeze(array)
+
+    def __repr__(self) -> str:
+        return f"Sandwich({', '.join(self.names)}, {len(self.wavelet)} levels)"
+
+    @property
+    def sampling(self) -> Sandwich:
+        """Covariance without the spread between recordings."""
+        return self if self.without_spread is None else self.without_spread
+
+    @property
+    def covariance(self) -> Matrix:
+        """Covariance Cov θ̂ (p, p) of the estimates."""
+        return freeze(self.relative * np.outer(self.values, self.values))
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard error of each parameter, in the unit of the parameter."""
+        errors = np.sqrt(np.diag(self.relative)) * np.abs(self.values)
+        return dict(zip(self.names, errors.tolist(), strict=True))
+
+
+def sandwich(fit: Fit) -> Sandwich:
+    """Compute the covariance of the estimates of a fit; see `Fit.sandwich`."""
+    design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
+    wavelet = noise_covariance(fit.model, design)
+    found = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
+    if len(fit.wavelet_variance.recordings) < 2:
+        return found
+    total = wavelet + spread_of_mean(fit)
+    both = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=total, acts_as=acts_as)
+    return replace(both, without_spread=found)
+
+
+def noise_covariance(model: Model, design: Design) -> Matrix:
+    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise at some level.
+    """
+    wavelet = covariance(model, design)
+    if not np.all(np.diag(wavelet) > 0):
+        raise no_noise(model)
+    return wavelet
+
+
+def no_noise(model: Model) -> ModelError:
+    """Return the error for a model whose wavelet variance has no random error at some level."""
+    return ModelError(
+        f"{model.structure} as estimated has no noise at some level, so its estimates would be exact",
+        advice="Use a model with noise at every level, for example with WN.",
+    )
+
+
+def sandwich_of(
+    model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
+) -> Sandwich:
+    """Compute the covariance of estimates from the weighting matrix Ω = `matrix` and the covariance V = `wavelet`.
+
+    The shape of a term that acts as another process is left out, and the parameters of the term are not reported. A
+    term that is estimated as zero may have a positive true value, and the other terms would then be smaller. Its scale
+    is therefore treated as free, which makes the standard errors of the other terms larger and conservative.
+    """
+    columns, reported = columns_of(model, acts_as or {})
+    values = sizes_of(model, columns)
+    slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])
+    relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
+    kept = [k for k, name in enumerate(columns) if name in reported]
+    return Sandwich(
+        names=tuple(columns[k] for k in kept),
+        values=values[kept],
+        relative=relative[np.ix_(kept, kept)],
+        wavelet=wavelet,
+    )
+
+
+def _unseen(model: Model, design: Design) -> list[Vector]:
+    """Return the wavelet variances (J,), for scale coefficient 1, of terms that are zero and have no free shape."""
+    return [
+        process.shape(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
+        for process in model.processes
+        if process.scale == 0
+        and not process.is_fixed(process.scale_parameter().name)
+        and all(process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
+    ]
+
+
+def standard_errors(fit: Fit) -> dict[str, float]:
+    """Return the standard errors by name; see `Fit.standard_errors`."""
+    errors = fit.sandwich.errors
+    return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
+
+
+def why_no_error(model: Model, errors: Mapping[str, float], acts_as: Mapping[str, str]) -> dict[str, str]:
+    """Return the reason why each parameter that is not in `errors` has no standard error."""
+    why = {}
+    for term, process in zip(model.terms, model.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            if name in errors:
+                continue
+            if process.is_fixed(parameter.name):
+                reason = "it is held at its value"
+            elif term in acts_as:
+                reason = f"{term} acts as {acts_as[term]}, so the data do not determine its parameters one by one"
+            elif process.scale == 0 and parameter.scale_power is None:
+                reason = f"{term} is estimated as zero, so the parameter has no meaning"
+            elif any(not process.is_fixed(other.name) for other in process.nonlinear_parameters()):
+                reason = "it is zero, the end of its domain, and the data give it no limit while the shape is free"
+            else:
+                reason = "it is zero, the end of its domain; its upper limit is in confidence_intervals()"
+            why[name] = f"{name} has no standard error: {reason}"
+    return why

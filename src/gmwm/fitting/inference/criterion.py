@@ -1,0 +1,204 @@
+"""Wavelet information criterion, which measures how well a fitted model predicts the wavelet variance of a new
+recording.
+
+The objective of a fit is smaller for its own data than for other data. The mean of this difference is called the
+optimism. The criterion is the objective plus the optimism.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.fitting.estimation.linearised import COLLINEAR
+from gmwm.fitting.estimation.problem import Problem, pose, unit_shape
+from gmwm.fitting.estimation.solver import estimated, solve
+from gmwm.fitting.estimation.weighting import Weights
+from gmwm.fitting.inference.asymptotic import noise_covariance
+from gmwm.fitting.inference.bootstrap import DRAWS, bootstrap
+from gmwm.fitting.inference.intervals import Method
+from gmwm.measuring.covariance import Design
+from gmwm.recording.options import one_of
+from gmwm.theory.filters import WaveletFilter
+from gmwm.theory.processes.base import Process
+
+if TYPE_CHECKING:
+    from gmwm.fitting.estimation.result import Fit
+
+BEND = 1e-4
+"""Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
+ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py compares the
+criterion with the bootstrap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Criterion:
+    """Expected loss of a fitted model on another recording of the same kind, WIC = loss + optimism.
+
+    Attributes
+    ----------
+    loss : float
+        Loss (ν̂ − ν(θ̂))ᵀ Ω (ν̂ − ν(θ̂)) for the recording to which the model was fitted.
+    optimism : float
+        Mean increase 2 tr[Cov(ν̂, ν(θ̂)) Ω] of the loss for another recording.
+    method : "asymptotic" or "bootstrap"
+        Method by which the optimism was computed.
+    """
+
+    loss: float
+    optimism: float
+    method: Method
+
+    @property
+    def value(self) -> float:
+        """Sum of the loss and the optimism; smaller is better."""
+        return self.loss + self.optimism
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the criterion as plain numbers and strings for JSON."""
+        return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
+
+
+def wic(
+    fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
+) -> Criterion:
+    """Compute the wavelet information criterion of a fit; see `Fit.wic`."""
+    one_of(method, "method", get_args(Method))
+    if method == "bootstrap":
+        drawn = bootstrap(fit, draws, rng)
+        share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
+        return Criterion(loss=float(fit.objective), optimism=share, method=method)
+    wavelet = noise_covariance(fit.model, Design.of(fit.wavelet_variance))
+    return Criterion(loss=float(fit.objective), optimism=optimism(fit, wavelet), method=method)
+
+
+def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float:
+    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory; `wavelet` is the covariance V (J, J) of ν̂².
+
+    `weights` are the weights of the fit, if other fits share them.
+
+    D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ.
+    """
+    wv = fit.wavelet_variance
+    root = (Weights(fit.weighting_matrix) if weights is None else weights).root
+    design = Design.of(wv)
+    pull = fit.weighting_matrix @ (wv.variance - fit.implied)
+    slopes, bends = _derivatives(fit, design.levels, rate=design.rate, filter=design.filter, pull=pull)
+    if slopes.shape[1] == 0:
+        return 0.0
+    weighted = root @ slopes
+    length = np.linalg.norm(weighted, axis=0)
+    seen = length > 0
+    weighted = weighted[:, seen] / length[seen]
+    gauss = weighted.T @ weighted
+    inverse = _inverse(gauss - bends[np.ix_(seen, seen)] / np.outer(length[seen], length[seen]))
+    if inverse is None:
+        inverse = np.linalg.pinv(gauss, rcond=COLLINEAR, hermitian=True)
+    moved = weighted.T @ root
+    return float(2 * np.trace(inverse @ moved @ wavelet @ moved.T))
+
+
+def _inverse(hessian: Matrix) -> Matrix | None:
+    """Return the inverse of the Hessian H; None if H is not positive definite, for example at the end of a domain."""
+    strength, axes = np.linalg.eigh(hessian)
+    if strength[0] <= COLLINEAR * strength[-1]:
+        return None
+    return np.asarray((axes / strength) @ axes.T)
+
+
+def _derivatives(
+    fit: Fit, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector
+) -> tuple[Matrix, Matrix]:
+    """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p); θ are the free scale coefficients and nonlinear parameters."""
+    columns: list[Vector] = []
+    blocks: list[Matrix] = []
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        if process.scale == 0:
+            continue
+        free = [
+            not process.is_fixed(p.name) and term not in fit.diagnostics.acts_as for p in process.nonlinear_parameters()
+        ]
+        slope, bend = _of_process(process, levels, rate=rate, filter=filter, pull=pull, free=np.flatnonzero(free))
+        if process.is_fixed(process.scale_parameter().name):
+            slope, bend = slope[:, 1:], bend[1:, 1:]
+        columns += list(slope.T)
+        blocks.append(bend)
+    size = sum(len(block) for block in blocks)
+    bends, at = np.zeros((size, size)), 0
+    for block in blocks:
+        bends[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return np.array(columns).reshape(size, levels.size).T, bends
+
+
+def _of_process(
+    process: Process,
+    levels: NDArray[np.int64],
+    rate: float,
+    filter: WaveletFilter,
+    pull: Vector,
+    free: NDArray[np.intp],
+) -> tuple[Matrix, Matrix]:
+    """Return the derivatives of `_derivatives` for one process.
+
+    The first parameter is the scale coefficient; the others are the nonlinear parameters with the indices `free`.
+    """
+    if not process.nonlinear_parameters():
+        return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
+    at = process.nonlinear
+    moved = [at]
+    steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
+    for i, k in enumerate(free):
+        steps[i] = BEND * room[k]
+        moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
+    shape = process.shape(at.reshape(1, -1), levels, rate, filter)[0]
+    slope = np.empty((levels.size, 1 + free.size))
+    bend = np.zeros((1 + free.size, 1 + free.size))
+    slope[:, 0] = shape
+    if free.size:
+        jacobian = process.shape_jacobian(np.array(moved), levels, rate, filter)[:, :, free]
+        slope[:, 1:] = process.scale * jacobian[0]
+        bend[0, 1:] = bend[1:, 0] = pull @ jacobian[0]
+        for i in range(free.size):
+            bend[1 + i, 1:] = process.scale * (pull @ (jacobian[1 + 2 * i] - jacobian[2 + 2 * i])) / (2 * steps[i])
+        bend[1:, 1:] = (bend[1:, 1:] + bend[1:, 1:].T) / 2
+    return slope, bend
+
+
+def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
+    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated recordings.
+
+    `variances` (B, J) has their wavelet variances ν̂*, and `implied` (B, J) those of the models fitted to them.
+    """
+    centred = variances - variances.mean(axis=0)
+    fitted = implied - implied.mean(axis=0)
+    return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
+
+
+def implied_by_refits(
+    problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
+) -> Matrix:
+    """Return the wavelet variances ν(θ̂*) (B, J) of the models fitted to the wavelet variances `variances` (B, J).
+
+    `problem` has the model and the weights. `known` (J,) is the wavelet variance of the processes that are entirely
+    fixed.
+    """
+    rows = np.empty_like(variances)
+    for k, variance in enumerate(variances):
+        drawn = problem.observing(variance - known)
+        model = estimated(drawn, solve(drawn, certify=False), None)
+        rows[k] = model.wavelet_variance(problem.levels, problem.rate, problem.filter)
+        if progress is not None:
+            progress(k + 1)
+    return rows
+
+
+def problem_of(fit: Fit) -> tuple[Problem, Vector]:
+    """Return the problem that a fit solved, and the wavelet variance (J,) of the processes that are entirely fixed."""
+    problem = pose(fit.model, fit.wavelet_variance, fit.weighting_matrix)
+    return problem, fit.wavelet_variance.variance - problem.observed

@@ -1,0 +1,167 @@
+"""Goodness-of-fit test of a fitted model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import freeze
+from gmwm.base.errors import ModelError
+from gmwm.base.text import Summarised, counted
+from gmwm.fitting.estimation.estimator import refitted
+from gmwm.fitting.estimation.linearised import slopes_of, unexplained
+from gmwm.fitting.estimation.reweighting import REWEIGHTED
+from gmwm.fitting.estimation.weighting import precision, square_root
+from gmwm.fitting.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
+from gmwm.fitting.inference.intervals import Method
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.options import one_of
+
+if TYPE_CHECKING:
+    from gmwm.fitting.estimation.result import Fit
+
+LEAST_FREEDOM = 3.0
+"""Degrees of freedom M_j / 2^j above which a level is used. The test at the 5 % level then has this size
+(docs/validation/goodness.md). If all levels of a recording are available, the two coarsest are left out."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GoodnessOfFit(Summarised):
+    """Test of the hypothesis that the data come from the fitted model.
+
+    Attributes
+    ----------
+    statistic : float
+        Statistic T of `Fit.goodness_of_fit`; for the bootstrap, the objective of the fit.
+    df : int or None
+        Degrees of freedom, which are the number of levels used minus the number of free parameters. None for the
+        bootstrap.
+    pvalue : float
+        Probability of a statistic that is at least this large if the model is correct.
+    levels : (J,) int array
+        Levels that the test uses.
+    left_out : tuple of int
+        Coarse levels that the test leaves out, because they have too few degrees of freedom.
+    method : "asymptotic" or "bootstrap"
+        Method by which the p-value was computed.
+    """
+
+    statistic: float
+    df: int | None
+    pvalue: float
+    levels: NDArray[np.int64]
+    left_out: tuple[int, ...]
+    method: Method
+
+    def __post_init__(self) -> None:
+        freeze(self.levels)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the test as plain numbers, lists and strings for JSON."""
+        return {
+            "statistic": self.statistic,
+            "df": self.df,
+            "pvalue": self.pvalue,
+            "levels": self.levels.tolist(),
+            "left_out": list(self.left_out),
+            "method": self.method,
+        }
+
+    def summary(self) -> str:
+        """Describe the test in one line."""
+        law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
+        if self.method == "bootstrap":
+            law = f"objective {self.statistic:.4g} compared with simulated recordings"
+        first, last = self.levels[0], self.levels[-1]
+        every = len(self.levels) == last - first + 1
+        used = f"{'' if every else f'{len(self.levels)} of '}levels {first} to {last}"
+        verdict = "the model is rejected" if self.pvalue <= 0.05 else "the model is not rejected"
+        sign = "" if self.pvalue_in_words.startswith("<") else "= "
+        return f"{law}, {used}: p {sign}{self.pvalue_in_words}, {verdict} at the 5 % level"
+
+    @property
+    def pvalue_in_words(self) -> str:
+        """Text of the p-value, with three decimals or as "< 0.001"."""
+        return f"{self.pvalue:.3f}" if self.pvalue >= 0.001 else "< 0.001"
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+def goodness_of_fit(
+    fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
+) -> GoodnessOfFit:
+    """Test whether the data could come from the fitted model; see `Fit.goodness_of_fit`."""
+    one_of(method, "method", get_args(Method))
+    wv = fit.wavelet_variance
+    if method == "bootstrap":
+        as_draws(draws, LEAST_FOR_TEST, "a test at the 5 % level")
+        drawn = bootstrap(fit, draws, rng).objectives
+        larger = int(np.count_nonzero(drawn >= fit.objective))
+        return GoodnessOfFit(
+            statistic=fit.objective,
+            df=None,
+            pvalue=(1 + larger) / (1 + drawn.size),
+            levels=wv.levels.copy(),
+            left_out=(),
+            method=method,
+        )
+    # The result is cached, because the test needs another fit, and a summary, a file and a table all show the test.
+    if "_goodness" not in fit.__dict__:
+        fit.__dict__["_goodness"] = _by_theory(fit)
+    found: GoodnessOfFit = fit.__dict__["_goodness"]
+    return found
+
+
+def _by_theory(fit: Fit) -> GoodnessOfFit:
+    """Compute the chi-square test of `Fit.goodness_of_fit`."""
+    from scipy.special import gammaincc
+
+    wv = fit.wavelet_variance
+    used = int(np.count_nonzero(usable_levels(wv)))
+    free = len(fit.model.names) - len(fit.model.fixed_names)
+    if used < free:
+        raise _too_few(fit, free, used)
+    short = fit if used == len(wv) and fit.weighting in REWEIGHTED else refitted(fit, wv.first(used))
+    statistic, count = _statistic(short)
+    df = used - count
+    return GoodnessOfFit(
+        statistic=statistic,
+        df=df,
+        pvalue=float(gammaincc(df / 2, statistic / 2)),
+        levels=wv.levels[:used].copy(),
+        left_out=tuple(int(j) for j in wv.levels[used:]),
+        method="asymptotic",
+    )
+
+
+def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
+    return ModelError(
+        f"{fit.model.structure} has {counted(parameters, 'parameter')}, and only {counted(levels, 'level')} "
+        f"{'has' if levels == 1 else 'have'} enough degrees of freedom for a test",
+        advice="Record longer, use a smaller model, or use the bootstrap.",
+    )
+
+
+def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
+    """Return a mask (J,) of the levels of a wavelet variance that have enough degrees of freedom for the test."""
+    return usable_in(Design.of(wv))
+
+
+def usable_in(design: Design) -> NDArray[np.bool_]:
+    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for the test."""
+    return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
+
+
+def _statistic(fit: Fit) -> tuple[float, int]:
+    """Return the statistic T, and the number of free parameters that the data determine."""
+    wv = fit.wavelet_variance
+    slopes = slopes_of(fit)
+    if slopes.shape[1] >= len(wv):
+        raise _too_few(fit, slopes.shape[1], len(wv))
+    root = square_root(precision(covariance(fit.model, Design.of(wv))))
+    return unexplained(root @ (wv.variance - fit.implied), root @ slopes)

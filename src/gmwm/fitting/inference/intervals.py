@@ -1,0 +1,294 @@
+"""Confidence intervals of the parameters of a fit, and upper limits of terms that may be zero."""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix
+from gmwm.base.errors import OptionError
+from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
+from gmwm.fitting.estimation.weighting import precision
+from gmwm.fitting.inference.asymptotic import no_noise, sandwich_of
+from gmwm.fitting.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
+from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.covariance import Design, covariances
+from gmwm.recording.options import as_confidence, one_of
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.parameter import Parameter
+from gmwm.theory.processes.validation import as_seed
+
+if TYPE_CHECKING:
+    from gmwm.fitting.estimation.result import Fit
+
+Method = Literal["asymptotic", "bootstrap"]
+Interval = tuple[float, float]
+
+ROUNDING = 1e-8
+"""Tolerance of the correlations in a covariance that a user passes. It allows for a matrix that was written with 8
+digits."""
+_UNKNOWN = 14.0
+"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
+is a factor of a million."""
+_ROUNDS = 60
+"""Largest number of iterations for an upper limit. In every fit of tests/inference/test_inference_laws.py, `_SETTLED`
+ends the iteration earlier."""
+_SETTLED = 1e-4
+"""Relative accuracy of an upper limit; limits are shown with four digits."""
+
+
+def confidence_intervals(
+    fit: Fit,
+    level: float = 0.95,
+    method: Method = "asymptotic",
+    *,
+    covariance: Matrix | None = None,
+    draws: int = DRAWS,
+    rng: int | np.random.Generator = 0,
+) -> dict[str, Interval]:
+    """Compute a confidence interval for every estimated parameter; see `Fit.confidence_intervals`."""
+    level = as_confidence(level, "level")
+    one_of(method, "method", get_args(Method))
+    seed = as_seed(rng) if method == "bootstrap" else 0
+    if covariance is None:
+        # The intervals are cached, because upper limits are slow, and a summary, a datasheet and a file all use them.
+        kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
+        key = (level, method, draws, seed)
+        if key not in kept:
+            kept[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
+        return dict(kept[key])
+    return _intervals(fit, level, method=method, covariance=covariance, draws=draws, seed=seed)
+
+
+def _intervals(
+    fit: Fit, level: float, method: Method, covariance: Matrix | None, draws: int, seed: int
+) -> dict[str, Interval]:
+    two_sided: dict[str, Interval]
+    if method == "bootstrap":
+        if covariance is not None:
+            raise OptionError(
+                argument="covariance",
+                expected="left out if the method is the bootstrap",
+                advice="Leave {--covariance} out, or use {--method=asymptotic}.",
+            )
+        as_draws(draws, least_draws(level), f"an interval of {100 * level:g} %")
+        drawn = bootstrap(fit, draws, seed)
+        if not np.all(np.ptp(drawn.variances, axis=0) > 0):
+            raise no_noise(fit.model)
+        two_sided = drawn.quantiles((1 - level) / 2, (1 + level) / 2)
+    else:
+        two_sided = _asymptotic(fit, level, covariance)
+    intervals = {}
+    z = NormalDist().inv_cdf((1 + level) / 2)
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            if process.is_fixed(parameter.name):
+                continue
+            if parameter.scale_power and not free_shape(process) and is_weak(fit, name, parameter, z):
+                limit = upper_limit(fit, term, parameter, level)
+                intervals[name] = (-limit if parameter.domain == "real" else 0.0, limit)
+            else:
+                intervals[name] = two_sided.get(name, (0.0, math.inf))
+    return intervals
+
+
+def with_quick_intervals(fit: Fit, level: float) -> Fit:
+    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison.
+
+    The upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so
+    that its intervals stay exact.
+    """
+    key = (level, "asymptotic", DRAWS, 0)
+    if key in fit.__dict__.get("_intervals", {}):
+        return fit
+    found, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
+    errors = dict(zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True))
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            if process.is_fixed(parameter.name):
+                continue
+            found.setdefault(name, (0.0, math.inf))
+            if (
+                parameter.scale_power
+                and name in errors
+                and not free_shape(process)
+                and is_weak(fit, name, parameter, z)
+            ):
+                high = process.value_from(process.scale * (1 + z * (parameter.scale_power or 1.0) * errors[name]))
+                found[name] = (-high if parameter.domain == "real" else 0.0, high)
+    quick = copy(fit)
+    quick.__dict__["_intervals"] = {key: found}
+    return quick
+
+
+def free_shape(process: Process) -> bool:
+    """Return whether a shape parameter of a process is free."""
+    return any(not process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
+
+
+def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
+    """Return whether a scale parameter is zero, or its scale coefficient is at most z standard errors above zero."""
+    if fit.parameters[name] == 0:
+        return True
+    found, power = fit.sandwich.sampling, parameter.scale_power or 1.0
+    place = found.names.index(name)
+    return z * power * math.sqrt(found.relative[place, place]) >= 1
+
+
+def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, Interval]:
+    found = fit.sandwich
+    if covariance is not None:
+        found = sandwich_of(
+            fit.model,
+            Design.of(fit.wavelet_variance),
+            matrix=fit.weighting_matrix,
+            wavelet=_as_covariance(fit, covariance),
+            acts_as=fit.diagnostics.acts_as,
+        )
+    z = NormalDist().inv_cdf((1 + level) / 2)
+    parameters = parameters_by_name(fit.model)
+    return {
+        name: about(parameters[name], value, float(z * abs(value) * math.sqrt(square)))
+        for name, value, square in zip(found.names, found.values.tolist(), np.diag(found.relative), strict=True)
+    }
+
+
+def parameters_by_name(model: Model) -> dict[str, Parameter]:
+    """Return the parameters of a model, by name."""
+    return {
+        f"{term}.{parameter.name}": parameter
+        for term, process in zip(model.terms, model.processes, strict=True)
+        for parameter in process.parameters
+    }
+
+
+def about(parameter: Parameter, value: float, reach: float) -> Interval:
+    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`.
+
+    The interval is symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the
+    parameter; for a parameter that can be any real number it is value ± reach.
+    """
+    if parameter.domain == "real":
+        return value - reach, value + reach
+    if parameter.domain == "between":
+        low, high = parameter.limits
+        half, share = (high - low) / 2, (2 * value - low - high) / (high - low)
+        centre, reach = math.atanh(share), reach / half / (1 - share * share)
+        return low + half * (1 + math.tanh(centre - reach)), low + half * (1 + math.tanh(centre + reach))
+    if reach / value > _UNKNOWN:
+        return 0.0, math.inf
+    factor = math.exp(reach / value)
+    return value / factor, value * factor
+
+
+def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
+    """Check that a covariance (J, J) of the wavelet variance of a fit is finite, symmetric and positive
+    semidefinite."""
+    size = len(fit.wavelet_variance)
+    try:
+        array = np.asarray(covariance, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise _no_covariance(f"be a {size} x {size} matrix of numbers", covariance) from error
+    if array.shape != (size, size):
+        raise _no_covariance(f"be a {size} x {size} matrix; got shape {array.shape}", array.shape)
+    if bad := int(np.count_nonzero(~np.isfinite(array))):
+        raise _no_covariance(f"be finite; got {bad} NaN or infinite values", bad)
+    diagonal = np.diag(array)
+    if np.any(diagonal < 0):
+        raise _no_covariance(f"have variances on its diagonal; got {diagonal.min():g}", float(diagonal.min()))
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    correlation = array / scale[:, None] / scale[None, :]
+    if np.any(np.abs(correlation - correlation.T) > ROUNDING):
+        raise _no_covariance("be symmetric; it differs from its transpose", covariance)
+    least, *_, largest = np.linalg.eigvalsh(correlation) if size > 1 else (correlation[0, 0],) * 2
+    if least < -ROUNDING * largest:
+        raise _no_covariance(
+            f"be positive semidefinite; its correlations have the eigenvalue {least:.2g}", float(least)
+        )
+    return np.asarray((array + array.T) / 2)
+
+
+def _no_covariance(what: str, got: object) -> OptionError:
+    return OptionError(
+        f"covariance must {what}",
+        argument="covariance",
+        got=got,
+        advice="Compute it with `empirical_covariance(x, rate)`.",
+    )
+
+
+def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
+    """Return the upper limit of a scale parameter.
+
+    If the parameter had this value, an estimate as small as the actual one would have the probability (1 − level)/2.
+    The scale coefficient c of the limit solves c = ĉ + z SE(c), where ĉ is the estimate. SE(c) is the standard error
+    for a model with this c, because the standard error increases with c. In addition, no process can exceed the data: c
+    times its wavelet variance is at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J).
+    """
+    wv = fit.wavelet_variance
+    process = fit.model.processes[fit.model.terms.index(term)]
+    name = f"{term}.{parameter.name}"
+    z = NormalDist().inv_cdf((1 + level) / 2)
+    shape = process.with_values(**{parameter.name: process.value_from(1.0)}).wavelet_variance(
+        wv.levels, wv.rate, wv.filter
+    )
+    seen = (shape > 0) & (wv.variance > 0)
+    _, ceiling = chi_square_limits(wv.variance, wv.degrees_of_freedom, 1 - (1 - level) / len(wv))
+    largest = float(np.min(ceiling[seen] / shape[seen]))
+    estimate = process.scale
+    # Start from a scale that contributes at most 0.1 % of the fitted curve.
+    scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
+    power, spread = parameter.scale_power or 1.0, _spread(fit, name)
+    tried: list[tuple[float, float]] = []
+    for _ in range(_ROUNDS):
+        relative = _relative_error(fit, fit.model.with_values({name: process.value_from(scale)}), name)
+        after = estimate + z * power * math.hypot(relative * scale, spread * estimate)
+        if not after < largest:
+            break
+        if abs(after - scale) <= _SETTLED * after:
+            return process.value_from(after)
+        tried.append((math.log(scale), math.log(after)))
+        scale = min(math.exp(_fixed_point(tried[-2:])), largest)
+    return process.value_from(largest)
+
+
+def _spread(fit: Fit, name: str) -> float:
+    """Return the relative standard error that the spread between recordings adds to a parameter in quadrature."""
+    found = fit.sandwich
+    if found.without_spread is None or name not in found.names:
+        return 0.0
+    place = found.names.index(name)
+    return math.sqrt(max(found.relative[place, place] - found.without_spread.relative[place, place], 0.0))
+
+
+def _fixed_point(tried: list[tuple[float, float]]) -> float:
+    """Return the fixed point of the line through the last two points (x, f(x)).
+
+    The last f(x) is returned if there is only one point, or if the line is too steep.
+    """
+    x, value = tried[-1]
+    if len(tried) < 2 or tried[0][0] == x:
+        return value
+    slope = (value - tried[0][1]) / (x - tried[0][0])
+    return x + (value - x) / (1 - slope) if slope < 0.95 else value
+
+
+def _relative_error(fit: Fit, model: Model, name: str) -> float:
+    """Return the relative standard error of the parameter `name` if `model` were the true model."""
+    design = Design.of(fit.wavelet_variance)
+    wavelet, for_weights = covariances(model, design, design.for_weights)
+    if fit.weighting == "optimal":
+        matrix = precision(for_weights)
+    else:
+        diagonal = fit.weighting in REWEIGHTED
+        matrix = np.diag(reciprocal(np.diag(for_weights), model)) if diagonal else fit.weighting_matrix
+    found = sandwich_of(model, design, matrix=matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
+    place = found.names.index(name)
+    return math.sqrt(found.relative[place, place])

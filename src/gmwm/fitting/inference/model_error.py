@@ -1,0 +1,249 @@
+"""Relative error of a model, which is the part of its difference from the data that chance does not explain.
+
+If a recording is long enough, a goodness-of-fit test rejects every model. The error τ of a model is estimated as in
+random-effects models: the model is wrong at each level by a random factor 1 ± τ, independently of the other levels, in
+addition to the errors of the data. τ is chosen so that the chi-square statistic equals its expectation (Paule and
+Mandel 1982).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.errors import GmwmError
+from gmwm.fitting.estimation.estimator import as_fit
+from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, unexplained
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import nearly_settled
+from gmwm.fitting.estimation.weighting import precision, square_root
+from gmwm.fitting.inference.goodness import usable_levels
+from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.covariance.api import variances
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.model import Model
+
+LARGEST = 1.0
+"""Largest error that is considered, because a model that is wrong by a factor of two is useless
+(tests/inference/test_model_error.py)."""
+IMPLAUSIBLE = 0.01
+"""Significance level of the test of the coarse levels of one fit. It is 1 % because a unit has several axes."""
+SMALLEST = 1e-5
+"""Smallest error that is considered. It is far below the relative standard error of any level."""
+_ROUNDS = 2
+"""Largest number of fits with weights that follow from the error."""
+_SETTLED = 0.05
+"""Relative change of the error below which no further fit is needed."""
+_HALVINGS = 24
+"""Number of steps of the bisection for the error."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RelativeMisfit:
+    """Relative difference between the wavelet variances of a model and of the data.
+
+    Attributes
+    ----------
+    distance : (J,) array
+        Relative difference d at each level, ν²/ν̂² − 1, with the wavelet variance ν² of the model and ν̂² of the data.
+    error : (J,) array
+        Relative standard error s of the data at each level.
+    judged : (J,) bool array
+        Mask of the levels with more than 30 degrees of freedom, which are judged.
+    largest, rms : float
+        Largest and root-mean-square difference over the judged levels, after the part that chance explains is
+        subtracted: √max(d² − s², 0).
+    tau : float
+        Scale (s) of the largest difference.
+    """
+
+    distance: Vector
+    error: Vector
+    judged: np.ndarray[Any, np.dtype[np.bool_]]
+    largest: float
+    rms: float
+    tau: float
+
+    def __post_init__(self) -> None:
+        for array in (self.distance, self.error, self.judged):
+            freeze(array)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the misfit as plain numbers and lists for JSON."""
+        return {
+            "distance": self.distance.tolist(), "error": self.error.tolist(), "judged": self.judged.tolist(),
+            "largest": self.largest, "rms": self.rms, "tau": self.tau,
+        }  # fmt: skip
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> RelativeMisfit:
+        """Restore a misfit from `values`, the output of `to_dict`."""
+        arrays = {name: np.array(values[name], dtype=np.float64) for name in ("distance", "error")}
+        judged = np.array(values["judged"], dtype=np.bool_)
+        return cls(**{**values, **arrays, "judged": judged})
+
+
+MANY = 30.0
+"""Degrees of freedom above which a level is judged. The relative standard error of the level is then below 26 %."""
+
+
+def relative_misfit(fit: Fit) -> RelativeMisfit:
+    """Compute the relative difference between a fitted model and its data."""
+    wv = fit.wavelet_variance
+    error = np.sqrt(2 / wv.degrees_of_freedom)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.where(wv.variance > 0, fit.implied / np.where(wv.variance > 0, wv.variance, 1.0) - 1, 0.0)
+    judged = (wv.degrees_of_freedom > MANY) & (wv.variance > 0)
+    beyond = np.where(judged, np.sqrt(np.maximum(distance**2 - error**2, 0.0)), 0.0)
+    worst = int(np.argmax(beyond))
+    count = max(int(np.count_nonzero(judged)), 1)
+    square = float(np.sum(np.where(judged, distance**2 - error**2, 0.0))) / count
+    return RelativeMisfit(
+        distance=np.asarray(distance), error=np.asarray(error), judged=np.asarray(judged),
+        largest=float(beyond[worst]), rms=float(np.sqrt(max(square, 0.0))), tau=float(wv.tau[worst]),
+    )  # fmt: skip
+
+
+def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Return a mask (J,) of the coarse levels that differ from the model by more than chance explains.
+
+    Levels with at most 30 degrees of freedom are tested. Each test uses a chi-square distribution with the mean and the
+    variance that the model implies.
+
+    Parameters
+    ----------
+    fit : Fit
+        Fit whose levels are tested.
+    size : float
+        Probability that at least one level of a recording of the model is marked.
+    """
+    from scipy.special import gammainc, gammaincc
+
+    wv = fit.wavelet_variance
+    design = Design.of(wv)
+    coarse = (design.degrees_of_freedom <= MANY) & (fit.implied > 0) & (wv.variance > 0)
+    if not np.any(coarse):
+        return np.zeros(len(wv), dtype=np.bool_)
+    freedom = 2 * fit.implied**2 / np.where(coarse, variances(fit.model, design), np.inf)
+    place = np.where(coarse, freedom * wv.variance / np.where(coarse, fit.implied, 1.0) / 2, 1.0)
+    half = np.where(coarse, np.maximum(freedom, 1e-3) / 2, 1.0)
+    tail = 2 * np.minimum(gammainc(half, place), gammaincc(half, place))
+    return np.asarray(coarse & (tail < size / np.count_nonzero(coarse)))
+
+
+def model_error(fit: Fit) -> float:
+    """Estimate the relative error τ of a fitted model.
+
+    It is 0 if chance explains the difference from the data. The model is then fitted with the weights that follow from
+    τ, and τ is estimated from this fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        Fit whose weights follow from its own model ("optimal" or "diagonal").
+
+    Returns
+    -------
+    float
+        Relative error τ, at most 1.
+
+    References
+    ----------
+    Paule and Mandel (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385.
+    """
+    error = Distance.of(fit).error()
+    for _ in range(_ROUNDS if error else 0):
+        try:
+            again = nearly_fitted(fit.model, having_error(fit.wavelet_variance, error), fit.weighting)
+        except GmwmError:
+            break
+        before, error = error, Distance.of(replace(again, wavelet_variance=fit.wavelet_variance)).error()
+        if abs(error - before) <= _SETTLED * error:
+            break
+    return error
+
+
+def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
+    """Return the wavelet variance with `error` as the relative error of the model at each level."""
+    return wv if error == wv.model_error else replace(wv, model_error=error)
+
+
+def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
+    """Fit a model with weights that have converged to a few per cent, to compare models.
+
+    The fit has no certificate of the global optimum.
+    """
+    return as_fit(nearly_settled(model, wv, weighting)[0], wv, weighting)
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """Difference between a fit and its data at the J levels that the goodness-of-fit test uses.
+
+    Attributes
+    ----------
+    left : (J,) array
+        Residuals ν̂² − ν², in unit².
+    scatter : (J, J) array
+        Covariance V of ν̂², including the excess of the data.
+    slopes : (J, p) array
+        Derivatives of ν² with respect to the logarithms of the parameters.
+    curve : (J,) array
+        Fitted wavelet variance ν².
+    """
+
+    left: Vector
+    scatter: Matrix
+    slopes: Matrix
+    curve: Vector
+
+    @classmethod
+    def of(cls, fit: Fit) -> Distance:
+        """Compute the difference between a fit and its data."""
+        wv = fit.wavelet_variance
+        used = usable_levels(wv)
+        design = Design.of(wv).only(used)
+        columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
+        return cls(
+            left=wv.variance[used] - fit.implied[used], scatter=covariance(fit.model, design),
+            slopes=relative_jacobian(fit.model, design, columns), curve=fit.implied[used],
+        )  # fmt: skip
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom, which are the number of levels minus the number of parameters."""
+        return int(self.left.size - self.slopes.shape[1])
+
+    @property
+    def surely(self) -> float:
+        """p-value of the test if every level counted as a degree of freedom.
+
+        It is at least the p-value of any model whose terms are a part of the fitted model.
+        """
+        from scipy.special import gammaincc
+
+        return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
+
+    def statistic(self, error: float) -> float:
+        """Compute the chi-square statistic for a model with a relative error.
+
+        The part of the residuals that a change of the parameters explains is left out.
+        """
+        root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
+        return unexplained(root @ self.left, root @ self.slopes)[0]
+
+    def error(self) -> float:
+        """Return the relative error for which the statistic equals its degrees of freedom; 0 if it is smaller
+        anyway."""
+        if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
+            return 0.0
+        low, high = SMALLEST, LARGEST
+        if self.statistic(high) > self.freedom:
+            return LARGEST
+        for _ in range(_HALVINGS):
+            middle = float(np.sqrt(low * high))
+            low, high = (middle, high) if self.statistic(middle) > self.freedom else (low, middle)
+        return float(np.sqrt(low * high))

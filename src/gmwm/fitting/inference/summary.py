@@ -1,0 +1,247 @@
+"""Summary of a fit as text and HTML, with estimates, intervals and units, the goodness-of-fit test, and remarks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
+from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.tables import aligned
+from gmwm.fitting.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
+from gmwm.fitting.inference.goodness import GoodnessOfFit, goodness_of_fit
+from gmwm.fitting.inference.intervals import Interval, Method, confidence_intervals
+from gmwm.recording.options import as_confidence
+from gmwm.theory.processes.validation import as_seed
+
+if TYPE_CHECKING:
+    from gmwm.fitting.estimation.result import Fit
+
+PROVEN = 1e-3
+"""Largest gap at which a summary calls a fit the global optimum. It is 10 times `CERTIFIED_GAP`, the gap at which the
+search stops unless it reaches its limit of nodes first."""
+
+
+@dataclass(frozen=True)
+class IntervalMethod:
+    """Method of intervals and tests, which is either theory or a bootstrap of `draws` recordings, and confidence
+    level."""
+
+    level: float = 0.95
+    method: Method = "asymptotic"
+    draws: int = DRAWS
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        as_confidence(self.level, "level")
+        if self.method == "bootstrap":
+            as_draws(self.draws, self.least_draws, f"a test at 5 % with intervals of {100 * self.level:g} %")
+
+    @property
+    def least_draws(self) -> int:
+        """Smallest number of simulated recordings for intervals of this confidence level and a test at the 5 %
+        level."""
+        return max(LEAST_FOR_TEST, least_draws(self.level))
+
+
+@dataclass(frozen=True)
+class Row:
+    """Texts of one row of a table of parameters."""
+
+    name: str
+    estimate: str
+    interval: str
+    error: str
+    unit: str
+
+
+def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interval], Remark | None]:
+    """Return the confidence intervals and None, or no intervals and a remark with the reason why there are none."""
+    try:
+        return confidence_intervals(fit, how.level, how.method, draws=how.draws, rng=how.seed), None
+    except (MissingTheoryError, ModelError) as error:
+        return {}, no_intervals(error)
+
+
+def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, str]:
+    """Return the goodness-of-fit test and its summary, or None and a text with the reason why there is no test."""
+    try:
+        test = goodness_of_fit(fit, how.method, draws=how.draws, rng=how.seed)
+    except (MissingTheoryError, ModelError) as error:
+        return None, f"not tested: {error.reason}"
+    return test, test.summary()
+
+
+def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
+    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON.
+
+    None replaces a number that is infinite, and a test that cannot be computed.
+    """
+    intervals, _ = intervals_if_known(fit, how)
+    test, _ = test_in_words(fit, how)
+    return {
+        "confidence": how.level,
+        "method": how.method,
+        "confidence_intervals": {
+            name: [low if math.isfinite(low) else None, high if math.isfinite(high) else None]
+            for name, (low, high) in intervals.items()
+        },
+        "standard_errors": {
+            name: error if math.isfinite(error) else None
+            for name, error in (standard_errors(fit, how) if intervals else {}).items()
+        },
+        "goodness_of_fit": None if test is None else test.to_dict(),
+    }
+
+
+def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
+    """Return the standard error of each parameter, by theory or from the bootstrap."""
+    return bootstrap(fit, how.draws, how.seed).errors if how.method == "bootstrap" else fit.standard_errors
+
+
+def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[Row]:
+    """Return one row of texts for each parameter of a fit, in the order of the terms."""
+    units = fit.units()
+    errors = standard_errors(fit, how) if intervals else {}
+    shown = []
+    for name, value in fit.parameters.items():
+        if name in fit.undetermined:
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
+            continue
+        interval, error = "", ""
+        if name in fit.model.fixed_names:
+            interval = "held"
+        elif name in intervals:
+            interval = interval_text(*intervals[name])
+            if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
+                error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
+    return shown
+
+
+def no_intervals(error: GmwmError) -> Remark:
+    """Return the remark that there are no confidence intervals, with the reason."""
+    return Remark.of("no-intervals", reason=error.reason)
+
+
+def without_axis(*remarks: Remark | None) -> list[Remark]:
+    """Return the remarks without their axis, for a summary whose heading names the axis; None is left out."""
+    return [remark.about("") for remark in remarks if remark is not None]
+
+
+def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
+    """Return a short text for each parameter.
+
+    It is the estimate with its relative standard error, an upper limit, or the process as which the term acts.
+    """
+    intervals, _ = intervals_if_known(fit, how)
+    shown = {}
+    for row in rows(fit, intervals, how):
+        low, high = intervals.get(row.name, (0.0, math.inf))
+        acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
+        if row.name in fit.undetermined:
+            shown[row.name] = "—"
+        elif acting is not None:
+            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
+        elif math.isfinite(high) and low in (0.0, -high):
+            shown[row.name] = f"≤ {high:.2e}"
+        else:
+            value = fit.parameters[row.name]
+            shown[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
+    return shown
+
+
+def estimate_text(value: float) -> str:
+    """Format an estimate with four digits."""
+    return f"{value:.3e}" if value else "0"
+
+
+def interval_text(low: float, high: float) -> str:
+    """Format an interval as a range, as an upper limit, or as "not determined"."""
+    if not math.isfinite(high):
+        return "not determined"
+    if low == 0:
+        return f"at most {high:.3e}"
+    if low == -high:
+        return f"at most ±{high:.3e}"
+    return f"{low:.3e} … {high:.3e}"
+
+
+def summary(
+    fit: Fit,
+    level: float = 0.95,
+    method: Method = "asymptotic",
+    *,
+    draws: int = DRAWS,
+    rng: int | np.random.Generator = 0,
+) -> str:
+    """Return the text of `Fit.summary`."""
+    how = IntervalMethod(level, method, draws, as_seed(rng))
+    intervals, missing = intervals_if_known(fit, how)
+    table = rows(fit, intervals, how)
+    lines = [*head(fit, how), "", *table_text(table, level)]
+    words = texts(without_axis(missing, *fit.diagnostics.remarks))
+    return "\n".join([*lines, "", *words] if words else lines)
+
+
+def table_text(table: list[Row], level: float) -> list[str]:
+    """Format the rows of parameters as aligned columns with a header."""
+    heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
+    return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
+
+
+def head(fit: Fit, how: IntervalMethod) -> list[str]:
+    """Return the first lines of a summary, with the model, the data, the objective with its bounds, and the test."""
+    wv = fit.wavelet_variance
+    start = fit.diagnostics.start
+    certificate = "not certified (certify=False)"
+    if start is not None and start.how != "convex":
+        certificate = f"no proof; {start.in_words}"
+    if fit.gap is not None:
+        proven = fit.gap <= PROVEN and (start is None or start.how != "sampled")
+        claim = "global optimum" if proven else "best found"
+        certificate = f"{claim}, no other fit is lower by more than {100 * fit.gap:.2g} %"
+        if start is not None and start.how == "sampled":
+            certificate += f"; {start.in_words}"
+    _, words = test_in_words(fit, how)
+    return [
+        f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
+        f"{wv.extent}, {len(wv)} levels, "
+        f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {fit.weighting}",
+        f"objective {fit.objective:.6g}: {certificate}",
+        *([f"objective with any number of terms: at least {fit.relaxed_bound:.6g}"] if fit.relaxed_bound > 0 else []),
+        f"goodness of fit: {words}",
+    ]
+
+
+def as_html(fit: Fit) -> str:
+    """Return the summary as HTML with a table of the parameters."""
+    how = IntervalMethod()
+    intervals, missing = intervals_if_known(fit, how)
+    words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)
+    return table_html(head(fit, how), rows(fit, intervals, how), words)
+
+
+def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
+    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks.
+
+    The remarks (`words`) are HTML already.
+    """
+    cells = "".join(
+        f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
+        f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"
+        for row in rows
+    )
+    names = ("parameter", "estimate", "95 % interval", "error", "unit")
+    title, *rest = head
+    facts = "\n".join(rest).splitlines()
+    return (
+        f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
+        f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"
+        f"{''.join(f'<p>{text}</p>' for text in words)}</div>"
+    )

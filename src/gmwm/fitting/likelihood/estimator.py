@@ -1,0 +1,407 @@
+"""Log-likelihood and maximum-likelihood fit of a model: `Model.loglikelihood` and `gmwm.fit_ml`."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import FitWarning, ModelError
+from gmwm.base.remarks import Remark
+from gmwm.fitting.estimation import Fit, fit
+from gmwm.fitting.likelihood.conditions import Regressed
+from gmwm.fitting.likelihood.curve_test import misfit
+from gmwm.fitting.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
+from gmwm.fitting.likelihood.record import Record, as_record
+from gmwm.fitting.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
+from gmwm.fitting.likelihood.search import Maximum, Search
+from gmwm.fitting.likelihood.system import LEVEL, assemble, require_state
+from gmwm.measuring.regression.against import Against, Asked
+from gmwm.recording.signals import Signal
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.model import Model, as_model
+from gmwm.theory.processes.parameter import Fixed
+
+
+def loglikelihood(
+    model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
+) -> float:
+    """Compute the exact Gaussian log-likelihood of a recording under a model with known parameter values.
+
+    log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t], with v_t the innovations of a Kalman filter and S_t their
+    variances. Unknown levels (the mean of the recording, the initial value of a random walk) have a flat prior and are
+    integrated out, as in an exact diffuse initialisation. The slope of a drift has the value that the model states.
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        The model, with values of all parameters.
+    data : Signal or (N,) array
+        The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
+    rate : float, optional
+        Sampling rate (Hz); needed only if `data` is an array.
+    mean : float, optional
+        Mean of the recording if it is known, for example 0 for simulated noise; unknown by default.
+
+    Returns
+    -------
+    float
+        Natural logarithm of the density of the observed samples.
+
+    Raises
+    ------
+    ModelError
+        If a parameter has no value, or the model predicts a sample exactly.
+    MissingTheoryError
+        If a term has no state-space form.
+    DataError, OptionError
+        If the data or the rate cannot be used.
+
+    References
+    ----------
+    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapters 5 and 7.
+
+    Examples
+    --------
+    >>> from gmwm import Model
+    >>> white = Model.parse("WN(sigma2=1.0)")
+    >>> x = white.simulate(1000, 100.0, rng=1)
+    >>> reference = -0.5 * (1000 * np.log(2 * np.pi) + x @ x)
+    >>> bool(np.isclose(white.loglikelihood(x, rate=100.0, mean=0.0), reference, rtol=1e-13))
+    True
+    """
+    wanted = as_model(model)
+    missing = [name for name, value in wanted.parameters.items() if value is None]
+    if missing:
+        raise ModelError(
+            f"the likelihood of {wanted} needs a value for {', '.join(missing)}",
+            advice="Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}.",
+        )
+    problem = Problem(_all_held(wanted), as_record(data, rate), as_mean(mean))
+    value, _ = problem.value(problem.model)
+    if not math.isfinite(value):
+        raise nothing_to_chance(wanted)
+    return value
+
+
+def fit_ml(
+    model: Model | Process | str,
+    data: Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    start: Fit | LikelihoodFit | Model | str | None = None,
+    mean: float | None = None,
+    against: Against | Asked = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> LikelihoodFit:
+    """Fit a sum of noise processes to a recording by maximum likelihood.
+
+    The fit maximises the exact Gaussian likelihood, see `Model.loglikelihood`. A second pass of the Kalman filter, with
+    derivatives, gives its gradient and the information matrix. Fisher scoring finds the local maximum near the starting
+    values, which by default come from a fit to the wavelet variance.
+
+    The estimates are efficient if the model is right and the noise is Gaussian. A single outlier can change them by any
+    amount. If the model is wrong, the fit mainly describes the fastest process, because most of the information in the
+    samples is about this process (docs/validation/likelihood.md).
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        The model to fit. Values in ``fixed(…)`` are not estimated. Every term needs a state-space form.
+    data : Signal or (N,) array
+        The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
+    rate : float, optional
+        Sampling rate (Hz); needed only if `data` is an array.
+    start : Fit, LikelihoodFit, Model or str, optional
+        Starting values, as a fit or a model with the same terms. By default, the model is first fitted to the wavelet
+        variance.
+    mean : float, optional
+        Mean of the recording if it is known. By default it is unknown and integrated out.
+    against : str, (N,) array, Signal, or mapping of name to these, optional
+        Conditions whose effect is estimated with the noise, by generalised least squares; see `gmwm.fit`. The
+        coefficients are integrated out (restricted likelihood); their estimates are in `fit.regression`. Likelihoods
+        are comparable only between fits with the same conditions.
+    progress : callable, optional
+        Called after each evaluation with the number of evaluations and the log-likelihood.
+
+    Returns
+    -------
+    LikelihoodFit
+        Estimates with their covariance, the log-likelihood and remarks.
+
+    Raises
+    ------
+    ModelError
+        If no parameter is free, if `start` has other terms than the model, or if the model predicts a sample exactly.
+    MissingTheoryError
+        If a term has no state-space form.
+    DataError, OptionError
+        If the data or an option cannot be used.
+
+    Warns
+    -----
+    FitWarning
+        If the data do not support a term or cannot distinguish it from another process, if the search did not converge,
+        or if the model does not describe the wavelet variance of the recording.
+
+    References
+    ----------
+    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 7.
+
+    Examples
+    --------
+    >>> from gmwm import GM, WN, fit_ml
+    >>> x = (GM(beta=2.0, sigma2=4.0) + WN(sigma2=1.0)).simulate(5_000, 100.0, rng=1)
+    >>> found = fit_ml("GM + WN", x, rate=100.0)
+    >>> low, high = found.confidence_intervals()["WN.sigma2"]
+    >>> low < 1.0 < high
+    True
+    """
+    wanted, record, known = as_model(model), as_record(data, rate), as_mean(mean)
+    for process in wanted.processes:
+        require_state(process)
+    asked = Asked.of(against)
+    regressed = Regressed.of(data, rate, record, asked) if asked.terms else None
+    if regressed is not None:
+        record = regressed.record
+    problem = Problem(_started(wanted, record, start, regressed), record, known)
+    drifts = any(not r.flat for r in problem.regressors)
+    if not problem.coordinates and not drifts:
+        raise ModelError(
+            f"there is nothing to estimate: every parameter of {wanted} is held",
+            advice="Free a parameter by leaving out `fixed(…)`; `Model.loglikelihood` computes the likelihood.",
+        )
+    assemble(problem.model, problem.rate)
+    found = Search(problem, progress=progress).run(problem.start())
+    if found is None:
+        raise nothing_to_chance(problem.model)
+    result = _as_fit(problem, found)
+    if regressed is not None:
+        result = replace(result, regression=regressed.regression(problem, found))
+    if (wrong := misfit(result)) is not None:
+        remarks = (*result.diagnostics.remarks, wrong)
+        result = replace(result, diagnostics=replace(result.diagnostics, remarks=remarks))
+    for remark in result.remarks:
+        warnings.warn(FitWarning(remark), stacklevel=2)
+    return result
+
+
+def _all_held(model: Model) -> Model:
+    return model.with_values({name: Fixed(value) for name, value in model.parameters.items() if value is not None})
+
+
+def _started(
+    wanted: Model,
+    record: Record,
+    start: Fit | LikelihoodFit | Model | str | None,
+    regressed: Regressed | None = None,
+) -> Model:
+    """Return the model with starting values from `start` or, by default, from a fit to the wavelet variance."""
+    if regressed is not None:
+        record = record.without(regressed.first.estimates)
+    if start is None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FitWarning)
+            given = fit(wanted, record.signal(), weighting="diagonal", certify=False).model
+    else:
+        given = start.model if isinstance(start, Fit | LikelihoodFit) else as_model(start, "start")
+        if sorted(given.names) != sorted(wanted.names):
+            raise ModelError(
+                f"start must be the same model as the fitted one, {wanted.structure}; got {given.structure}",
+                argument="start",
+                got=given.structure,
+            )
+        missing = [name for name, value in given.parameters.items() if value is None]
+        if missing:
+            raise ModelError(
+                f"start must have a value for every parameter; {', '.join(missing)} has none",
+                argument="start",
+                got=tuple(missing),
+            )
+        if given.fixed_names != wanted.fixed_names or any(
+            given.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
+        ):
+            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed_names}
+            given = wanted.with_values(free)
+    return given
+
+
+def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
+    """Create a `LikelihoodFit` from a maximum of the likelihood, with the terms in standard order."""
+    best = problem.at_point(found.z)
+    value, level = problem.value(best)
+    drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
+    for label, k in drifts.items():
+        process = best.processes[best.terms.index(label)]
+        best = best.with_values({f"{label}.{process.scale_parameter().name}": float(level.values[k])})
+    names, covariance = _covariance(problem, found, best, level)
+    order = best.sorted(problem.rate)
+    ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
+    renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
+    labels = [_renamed(name, renamed) for name in names]
+    places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
+    constant = _level(problem, level, best)
+    gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
+    acts_as = _acts_as(problem, found, best, renamed)
+    zero = tuple(sorted(renamed[best.terms[k]] for k in gone))
+    diagnostics = LikelihoodDiagnostics(
+        acts_as=acts_as,
+        not_supported=zero,
+        evaluations=found.evaluations,
+        converged=found.converged,
+        started_at=problem.value(problem.model)[0],
+        remarks=tuple(_remarks(order, acts_as, zero, converged=found.converged, problem=problem)),
+    )
+    return LikelihoodFit(
+        model=order,
+        parameters={name: v for name, v in order.parameters.items() if v is not None},
+        loglikelihood=value,
+        level=constant[0],
+        level_error=constant[1],
+        mean=problem.mean,
+        samples=problem.record.observed,
+        missing=problem.record.values.size - problem.record.observed,
+        rate=problem.rate,
+        unit=problem.record.unit,
+        axis=problem.record.axis,
+        names=tuple(labels[k] for k in places),
+        covariance=covariance[np.ix_(places, places)],
+        diagnostics=diagnostics,
+        record=problem.record,
+    )
+
+
+def _remarks(
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: Problem
+) -> Iterator[Remark]:
+    """Yield the remarks about the terms of a fit and about the search."""
+    axis = problem.record.axis
+    for term, name in acts_as.items():
+        yield Remark.of("acts-as", axis, term=term, process=name, known="no")
+    for term in zero:
+        yield Remark.of("term-zero", axis, term=term)
+    if not converged:
+        yield Remark.of("not-converged", axis)
+    for term, process in zip(model.terms, model.processes, strict=True):
+        if process.scale > 0 and term not in acts_as:
+            found = process.remarks(term, problem.record.observed, problem.rate)
+            yield from (remark.about(axis) for remark in found)
+    yield from approximated(model, problem.rate, axis)
+
+
+def _renamed(name: str, terms: dict[str, str]) -> str:
+    term, _, parameter = name.rpartition(".")
+    return f"{terms[term]}.{parameter}"
+
+
+def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
+    """Return the estimated mean of the recording and its standard error.
+
+    Both are None if the mean is known, or if a random walk of the model includes it.
+
+    If the variance of the random walk is estimated as zero, its constant level is the mean.
+    """
+    if problem.mean is None:
+        zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
+        for k, regressor in enumerate(problem.regressors):
+            if regressor.flat and regressor.label in {LEVEL, *zero}:
+                error = math.sqrt(max(float(level.covariance[k, k]), 0.0))
+                return float(level.values[k]) + problem.centre, error
+    return None, None
+
+
+def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
+    """Return the terms whose shape parameter is at an end of its domain, with the process that each is equivalent to
+    there."""
+    out = {}
+    for k in found.at_end:
+        coordinate = problem.coordinates[k]
+        process = best.processes[coordinate.term]
+        if len(process.nonlinear_parameters()) != 1:
+            continue
+        for branch in problem.branch(coordinate):
+            u = branch.coordinate(float(process.nonlinear[0]))
+            if u is not None:
+                name = branch.low_acts_as if 2 * u < branch.low + branch.high else branch.high_acts_as
+                if name is not None:
+                    out[renamed[best.terms[coordinate.term]]] = name
+    return out
+
+
+def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> tuple[list[str], Matrix]:
+    """Return the names and the covariance of the parameters that are not estimated at a limit of their domain."""
+    active = list(found.active)
+    turned = jacobian(problem, best)
+    names, rows = [], []
+    for term, process in zip(best.terms, best.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            row = turned.get(name)
+            if row is not None and np.any(row[active]) and not np.any(np.delete(row, active)):
+                names.append(name)
+                rows.append(row[active])
+    covariance = np.zeros((len(names), len(names)))
+    if rows:
+        evaluation = found.evaluation if _same(found, active) else problem.evaluate(found.z, active)
+        assert evaluation is not None
+        inverse = inverted(evaluation.information)
+        by = np.array(rows)
+        with np.errstate(invalid="ignore"):
+            covariance = by @ inverse @ by.T
+        lost = ~np.isfinite(np.diag(inverse))
+        if np.any(lost):
+            unknown = np.any(by[:, lost] != 0, axis=1)
+            covariance = by[:, ~lost] @ inverse[np.ix_(~lost, ~lost)] @ by[:, ~lost].T
+            covariance[unknown, unknown] = np.inf
+    for k, regressor in enumerate(problem.regressors):
+        if not regressor.flat:
+            process = best.processes[best.terms.index(regressor.label)]
+            names.append(f"{regressor.label}.{process.scale_parameter().name}")
+            covariance = np.block(
+                [[covariance, np.zeros((len(covariance), 1))], [np.zeros((1, len(covariance))), level.covariance[k, k]]]
+            )
+    return names, covariance
+
+
+def _same(found: Maximum, active: list[int]) -> bool:
+    """Return whether the last evaluation has derivatives with respect to exactly these coordinates."""
+    return len(found.evaluation.gradient) == len(active) and not found.at_end
+
+
+def inverted(information: Matrix) -> Matrix:
+    """Invert the information matrix. Coordinates about which the data have no information get an infinite variance."""
+    size = np.sqrt(np.diag(information))
+    known = size > 0
+    size = np.where(known, size, 1.0)
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    kept = values > 1e-10 * values[-1]
+    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(size, size)
+    lost = np.any(np.abs(vectors[:, ~kept]) > 0.1, axis=1) | ~known
+    inverse[lost, lost] = np.inf
+    return np.asarray(inverse)
+
+
+def jacobian(problem: Problem, model: Model) -> dict[str, Vector]:
+    """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name of the
+    parameter."""
+    out: dict[str, Vector] = {}
+    q = len(problem.coordinates)
+    for k, coordinate in enumerate(problem.coordinates):
+        process, term = model.processes[coordinate.term], model.terms[coordinate.term]
+        if coordinate.shape is None:
+            parameter = process.scale_parameter()
+            row = out.setdefault(f"{term}.{parameter.name}", np.zeros(q))
+            row[k] = process.value(parameter.name) / (parameter.scale_power or 1.0)
+            continue
+        z = type(process).coordinates(process.nonlinear.reshape(1, -1)).astype(np.complex128)
+        z[0, coordinate.shape] += 1e-30j
+        slope = np.imag(type(process).at_coordinates(z)[0]) / 1e-30
+        for parameter, value in zip(process.nonlinear_parameters(), slope.tolist(), strict=True):
+            out.setdefault(f"{term}.{parameter.name}", np.zeros(q))[k] = value
+    return out

@@ -1,0 +1,333 @@
+"""Residuals of a model: the standardised innovations of the Kalman filter.
+
+If the model is right, they are white and normally distributed with variance 1.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.errors import OptionError
+from gmwm.base.text import Summarised
+from gmwm.fitting.likelihood.problem import Problem, standardised
+from gmwm.fitting.likelihood.tracks import Modelled, posed
+from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
+from gmwm.recording.options import as_whole_number
+from gmwm.recording.signals import Signal
+from gmwm.theory.processes.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """Result of a test of whiteness or normality of the residuals.
+
+    Attributes
+    ----------
+    statistic : float
+        The test statistic.
+    degrees_of_freedom : float
+        Degrees of freedom of the chi-square distribution of the statistic if the model is right.
+    p_value : float
+        Probability of a statistic at least this large if the model is right.
+    lags : int
+        Number of lags that the test uses; 0 for the test of normality.
+    """
+
+    statistic: float
+    degrees_of_freedom: float
+    p_value: float
+    lags: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Residuals(Summarised):
+    """Standardised innovations z_t = v_t/√S_t of a recording, with tests of whiteness and normality.
+
+    v_t is the error of the one-step prediction of a Kalman filter, and S_t is its variance.
+
+    Attributes
+    ----------
+    model : Model
+        The model with its values.
+    values : (N,) array
+        Residuals (dimensionless); NaN where a sample is missing.
+    rate : float
+        Sampling rate (Hz).
+    times : (N,) array
+        Times of the samples (s).
+    axis : str
+        Name of the axis.
+    estimated : int
+        Number of parameters that were estimated from this recording.
+    spent : (L,) array or None
+        Degrees of freedom that the estimation of these parameters takes from the autocorrelation at each lag 1 … L. If
+        None, each parameter takes one in total.
+    """
+
+    model: Model
+    values: Vector
+    rate: float
+    times: Vector
+    axis: str = ""
+    estimated: int = 0
+    spent: Vector | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self.values)
+        freeze(self.times)
+        if self.spent is not None:
+            freeze(self.spent)
+
+    @cached_property
+    def observed(self) -> Vector:
+        """Residuals of the observed samples, in order."""
+        return np.asarray(self.values[np.isfinite(self.values)])
+
+    @property
+    def usual_lags(self) -> int:
+        """Default number of lags: 10 log₁₀ N, but at least the number of estimated parameters plus 5."""
+        return min(max(int(10 * math.log10(self.observed.size)), self.estimated + 5), self.observed.size - 1)
+
+    def acf(self, lags: int | None = None) -> Vector:
+        """Return the autocorrelation (L + 1,) of the residuals at lags 0 … L. Pairs with a missing sample are left
+        out."""
+        return autocorrelation(self.values, self._as_lags(lags))
+
+    def acf_error(self, lags: int | None = None) -> Vector:
+        """Return the standard deviation (L,) that the autocorrelation of white noise has at lags 1 … L.
+
+        At each lag it is √m/N, where m is the number of pairs of observed samples at this lag.
+        """
+        return np.sqrt(observed_pairs(self.values, self._as_lags(lags))) / self.observed.size
+
+    def ljung_box(self, lags: int | None = None) -> Check:
+        """Test the residuals for autocorrelation at the first lags with the Ljung-Box statistic Q = n(n + 2) Σ r_k²/(n
+        − k).
+
+        n is the number of residuals, and r_k is their autocorrelation at lag k. If samples are missing, the number of
+        observed pairs at lag k replaces n − k, and a lag without pairs does not count.
+
+        If the model is right, Q has approximately a χ² distribution. Its degrees of freedom are the number of lags
+        minus the degrees of freedom that the estimation of the parameters takes (`spent`). A parameter that determines
+        the autocorrelation at these lags takes one, a parameter of a slow process takes less than one, and a common
+        scale of all terms takes none.
+
+        Parameters
+        ----------
+        lags : int, optional
+            Number of lags; `usual_lags` by default.
+
+        Returns
+        -------
+        Check
+
+        Raises
+        ------
+        OptionError
+            If `lags` is not a whole number in its range, or is not larger than the number of estimated parameters.
+
+        References
+        ----------
+        Ljung and Box (1978), Biometrika 65, 297-303; Box and Pierce (1970), JASA 65, 1509-1526, section 3.
+        """
+        from scipy.stats import chi2
+
+        count = self._as_lags(lags)
+        pairs = observed_pairs(self.values, count)
+        seen = pairs > 0
+        degrees = np.count_nonzero(seen) - (self.estimated if self.spent is None else float(np.sum(self.spent[:count])))
+        if count - self.estimated < 1:
+            raise OptionError(
+                argument="lags", expected=f"more than the {self.estimated} estimated parameters", got=count
+            )
+        r, n = self.acf(count)[1:], self.observed.size
+        statistic = float(n * (n + 2.0) * np.sum(np.square(r[seen]) / pairs[seen]))
+        return Check(
+            statistic=statistic, degrees_of_freedom=degrees, p_value=float(chi2.sf(statistic, degrees)), lags=count
+        )
+
+    def normality(self) -> Check:
+        """Test the residuals for normality (Jarque-Bera).
+
+        The statistic n (skewness²/6 + excess kurtosis²/24) has a χ² distribution with 2 degrees of freedom.
+
+        References
+        ----------
+        Jarque and Bera (1987), International Statistical Review 55, 163-172.
+        """
+        from scipy.stats import chi2
+
+        z = self.observed - np.mean(self.observed)
+        spread = np.mean(np.square(z))
+        skew, excess = np.mean(z**3) / spread**1.5, np.mean(z**4) / spread**2 - 3.0
+        statistic = float(z.size * (skew**2 / 6.0 + excess**2 / 24.0))
+        return Check(statistic=statistic, degrees_of_freedom=2, p_value=float(chi2.sf(statistic, 2)))
+
+    def quantiles(self, points: int = 400) -> tuple[Vector, Vector]:
+        """Return normal quantiles and quantiles of the residuals, (points,) each, for a normal probability plot."""
+        from scipy.special import ndtr, ndtri
+
+        ordered = np.sort(self.observed)
+        n = ordered.size
+        count = min(points, n)
+        # Equal steps of the normal quantile, instead of the probability, give enough points in the tails.
+        reach = float(ndtri((n - 0.5) / n))
+        place = np.clip(np.round(ndtr(np.linspace(-reach, reach, count)) * n - 0.5).astype(np.int64), 0, n - 1)
+        place = np.unique(place)
+        return np.asarray(ndtri((place + 0.5) / n)), ordered[place]
+
+    def summary(self, lags: int | None = None) -> str:
+        """Describe the residuals and the two tests in text. `lags` is the number of lags for `ljung_box`."""
+        white, normal, z = self.ljung_box(lags), self.normality(), self.observed
+        spread = float(np.std(z))
+        return "\n".join(
+            [
+                f"{z.size} standardised innovations of {self.model.structure}: mean {np.mean(z):+.4f}, "
+                f"standard deviation {spread:.4f} (0 and 1 if the model is right)",
+                f"Ljung-Box, {white.lags} lags: {white.statistic:.1f} on {white.degrees_of_freedom:.4g} degrees of "
+                f"freedom, p = {white.p_value:.3g}",
+                f"Jarque-Bera: {normal.statistic:.1f} on 2 degrees of freedom, p = {normal.p_value:.3g}",
+            ]
+        )
+
+    def to_dict(self, lags: int | None = None) -> dict[str, Any]:
+        """Return the results of the tests as numbers for JSON. `lags` is the number of lags for `ljung_box`."""
+        white, normal = self.ljung_box(lags), self.normality()
+        return {
+            "samples": int(self.observed.size),
+            "mean": float(np.mean(self.observed)),
+            "standard_deviation": float(np.std(self.observed)),
+            "ljung_box": {"lags": white.lags, "statistic": white.statistic, "p_value": white.p_value},
+            "jarque_bera": {"statistic": normal.statistic, "p_value": normal.p_value},
+        }
+
+    def plot(self, lags: int | None = None, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the residuals over time, their normal probability plot, and their autocorrelation.
+
+        The titles give the results of the tests.
+
+        Parameters
+        ----------
+        lags : int, optional
+            Number of lags of the autocorrelation and of the Ljung-Box test; 10 log₁₀ N by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN
+        >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+        >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
+        >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
+        ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
+        """
+        from gmwm.showing.plots.residuals import plot_residuals
+
+        return plot_residuals(self, lags, path=path)
+
+    def __repr__(self) -> str:
+        return f"Residuals({self.model.structure}, {self.observed.size} samples)"
+
+    def _as_lags(self, lags: int | None) -> int:
+        if lags is None:
+            return self.usual_lags
+        most = self.observed.size - 1
+        if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags <= most:
+            raise OptionError(argument="lags", expected=f"a whole number from 1 to {most}", got=lags)
+        return int(lags)
+
+
+def residuals(
+    model: Modelled,
+    data: Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    mean: float | None = None,
+    estimated: int | None = None,
+) -> Residuals:
+    """Compute the standardised innovations of a recording; see `Model.residuals`."""
+    problem = posed(model, data, rate, mean)
+    values, _ = standardised(problem, problem.model)
+    wanted = getattr(model, "model", None)
+    lost = None
+    if estimated is None:
+        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed_names)
+        lost = None if wanted is None else spent(Problem(wanted, problem.record, problem.mean))
+    else:
+        estimated = as_whole_number(estimated, "estimated", 0)
+    record = problem.record
+    return Residuals(
+        model=problem.model,
+        values=values,
+        rate=record.rate,
+        times=record.times,
+        axis=record.axis,
+        estimated=estimated,
+        spent=lost,
+    )
+
+
+_LAGS = 1000
+"""Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm."""
+_ENOUGH = 65_536
+"""Largest number of samples from which `spent` is computed. The result hardly depends on the length of the
+recording."""
+
+
+def spent(problem: Problem) -> Vector:
+    """Return the degrees of freedom (L,) that the estimation of parameters takes from the autocorrelation at lags 1 …
+    L.
+
+    Let r be the autocorrelation of the N residuals for the true parameters θ, and r̂ the one for the estimate θ̂. With
+    D = ∂r/∂θ, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N, where I is the information matrix. At lag k,
+    the parameters therefore take N D_k I⁻¹ D_kᵀ degrees of freedom. The sum over all lags is one for each parameter,
+    except for a common scale of all terms. The formula holds for efficient estimates. D is computed by finite
+    differences.
+
+    Source: Box and Pierce (1970), JASA 65, 1509-1526, section 3.
+    """
+    record = problem.record
+    if record.values.size > _ENOUGH:
+        part = replace(record, values=record.values[:_ENOUGH])
+        problem = replace(problem, record=part if part.observed > _ENOUGH // 2 else record)
+    lags = min(_LAGS, problem.record.observed // 2)
+    z = problem.at(problem.model)
+    active = [k for k in range(z.size) if np.isfinite(z[k])]
+    here = problem.evaluate(z, active) if active else None
+    if here is None:
+        return np.zeros(lags)
+    rows = []
+    for a, k in enumerate(active):
+        step = np.zeros(z.size)
+        step[k] = min(1e-2, 0.1 / math.sqrt(max(here.information[a, a], 1e-12)))
+        ends = [standardised(problem, problem.at_point(z + sign * step))[0] for sign in (1.0, -1.0)]
+        rows.append((autocorrelation(ends[0], lags) - autocorrelation(ends[1], lags))[1:] / (2.0 * step[k]))
+    slopes = np.array(rows)
+    size = np.sqrt(np.diag(here.information))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(here.information / np.outer(size, size))
+    kept = values > 1e-10 * values[-1]
+    along = vectors[:, kept].T @ (slopes / size[:, None]) / np.sqrt(values[kept])[:, None]
+    # If samples are missing, the variance of the autocorrelation is pairs/N² instead of 1/N.
+    pairs = np.maximum(observed_pairs(problem.record.values, lags), 1.0)
+    return np.asarray(problem.record.observed**2 / pairs * np.sum(np.square(along), axis=0))

@@ -1,0 +1,222 @@
+"""Confidence intervals of maximum-likelihood estimates, from the information matrix or from the profile likelihood."""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import ModelError
+from gmwm.fitting.inference.intervals import Interval, about, free_shape, parameters_by_name
+from gmwm.fitting.likelihood.estimator import inverted, jacobian
+from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.search import Search
+from gmwm.recording.options import as_confidence, one_of
+
+if TYPE_CHECKING:
+    from gmwm.fitting.likelihood.result import LikelihoodFit
+    from gmwm.theory.processes.parameter import Parameter
+
+Method = Literal["wald", "profile"]
+_NEAR = 2e-3
+"""Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has about three
+correct digits."""
+_NEAR_A_LIMIT = 1e-2
+"""Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as zero. The
+limit then has about two correct digits."""
+_GAIN = 1e-3
+"""Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2 below
+its maximum."""
+_ROUNDS = 25
+"""Largest number of iterations for one end of an interval. The tolerances above end almost all searches earlier. The
+limit is needed if the other parameters diverge along the profile; see
+test_a_profile_ends_where_the_other_parameters_run_away in tests/likelihood/test_fit_ml.py."""
+
+
+def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
+    """Compute a confidence interval for every estimated parameter; see `LikelihoodFit.confidence_intervals`."""
+    z = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2)
+    one_of(method, "method", get_args(Method))
+    errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
+    profile = _Profile(fit, z)
+    intervals: dict[str, Interval] = {}
+    for name, parameter in parameters.items():
+        if name in fit.model.fixed_names:
+            continue
+        value, error = fit.parameters[name], errors.get(name)
+        term = name.rpartition(".")[0]
+        process = fit.model.processes[fit.model.terms.index(term)]
+        scale = parameter.scale_power is not None and parameter.domain == "positive"
+        weak = scale and (error is None or z * (parameter.scale_power or 1.0) * error >= value)
+        gone = term in fit.diagnostics.not_supported
+        if gone and (not scale or free_shape(process)):
+            intervals[name] = _domain(parameter)
+        elif (method == "profile" or (weak and not free_shape(process))) and profile.has(name):
+            intervals[name] = profile.interval(name, parameter)
+        elif error is None or not math.isfinite(error):
+            intervals[name] = _domain(parameter)
+        else:
+            intervals[name] = about(parameter, value, z * error)
+    return intervals
+
+
+def _domain(parameter: Parameter) -> Interval:
+    if parameter.domain == "between":
+        return parameter.limits
+    return (0.0, math.inf) if parameter.domain == "positive" else (-math.inf, math.inf)
+
+
+class _Profile:
+    """The profile likelihood: the likelihood as a function of one parameter, maximised over all others."""
+
+    def __init__(self, fit: LikelihoodFit, z: float) -> None:
+        self.fit, self.z = fit, z
+
+    def has(self, name: str) -> bool:
+        """Return whether a profile interval exists for a parameter, which must depend on one coordinate only.
+
+        Raises
+        ------
+        ModelError
+            If the fit was read from a file, which does not hold the recording.
+        """
+        if self.fit.record is None:
+            raise ModelError(
+                f"the profile interval of {name} needs the recording, and the fit was read from a file",
+                advice="Fit the model to the recording again.",
+            )
+        problem = Problem(self.fit.model, self.fit.record, self.fit.mean)
+        if not problem.coordinates:
+            return False
+        self.problem = problem
+        row = self._row(name)
+        return row is not None and np.count_nonzero(row) == 1
+
+    def interval(self, name: str, parameter: Parameter) -> Interval:
+        """Return the interval at whose ends the square root of the deviance is z, the quantile of the confidence
+        level."""
+        row = self._row(name)
+        assert row is not None
+        k = int(np.flatnonzero(row)[0])
+        low = self._end(k, name, -1)
+        high = self._end(k, name, 1)
+        least, most = _domain(parameter)
+        return (least if low is None else low, most if high is None else high)
+
+    # --- inside ---------------------------------------------------------------------------------------
+
+    def _is(self, k: int, name: str) -> bool:
+        c = self.problem.coordinates[k]
+        process = self.fit.model.processes[c.term]
+        return f"{self.fit.model.terms[c.term]}.{process.scale_parameter().name}" == name
+
+    def _row(self, name: str) -> Vector | None:
+        # The derivative with respect to a scale is zero if the scale is zero, so its coordinate is found by name.
+        for k, c in enumerate(self.problem.coordinates):
+            if c.shape is None and self._is(k, name):
+                row = np.zeros(len(self.problem.coordinates))
+                row[k] = 1.0
+                return row
+        return jacobian(self.problem, self.fit.model).get(name)
+
+    def _end(self, k: int, name: str, side: int) -> float | None:
+        """Return the value at which the profile is z²/2 below its maximum on one side, or None if there is no such
+        value."""
+        best = self.problem.at(self.fit.model)
+        low, high = self.problem.bounds[k]
+        if self.problem.coordinates[k].shape is None and side < 0:
+            at = best.copy()
+            at[k] = -math.inf
+            if best[k] == -math.inf or self._root(at, k)[0] <= self.z:
+                return None
+        if best[k] == -math.inf:
+            return self._limit_from_zero(k, name, best)
+        along = self._along(best, k)
+        step = side * self.z * min(max(self.reach, 1e-6), 3.0)
+        inner, outer = (0.0, 0.0), None
+        for _ in range(_ROUNDS):
+            step = min(max(best[k] + step, low), high) - best[k]
+            root, at = self._root(best + along * step, k)
+            if abs(root - self.z) <= _NEAR * self.z:
+                break
+            if root < self.z:
+                if best[k] + step in (low, high):
+                    return None
+                inner = (step, root)
+            else:
+                outer = (step, root)
+            if np.all(np.isfinite(at)) and np.all(np.isfinite(best)):
+                along = (at - best) / step  # the other coordinates are extrapolated linearly
+            if outer is None:
+                step *= min(max(self.z / max(root, 1e-3), 1.1), 3.0)
+            else:
+                share = (self.z - inner[1]) / (outer[1] - inner[1])
+                step = inner[0] + min(max(share, 0.05), 0.95) * (outer[0] - inner[0])
+        return self._parameter(best[k] + step, k, name)
+
+    def _along(self, best: Vector, k: int) -> Vector:
+        """Return the direction of the profile of coordinate k at the maximum, and set `reach` to its standard error.
+
+        The direction is I⁻¹e_k / (I⁻¹)_kk, with I the information matrix and e_k the unit vector of the coordinate.
+        """
+        gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
+        terms = {self.problem.coordinates[i].term for i in gone}
+        active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
+        found, along = self.problem.evaluate(best, active), np.zeros(best.size)
+        along[k], self.reach = 1.0, 1.0
+        if found is None:
+            return along
+        column = inverted(found.information)[:, active.index(k)]
+        if np.all(np.isfinite(column)):
+            along[active] = column / column[active.index(k)]
+            self.reach = math.sqrt(column[active.index(k)])
+        return along
+
+    def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
+        """Return the upper limit of the scale of a term that is zero at the maximum.
+
+        At this scale, the profile is z²/2 below the maximum.
+        """
+        at = best.copy()
+        at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
+        found = self.problem.evaluate(at, [k])
+        if found is None:
+            return None
+        # For a small scale s and constant other parameters, the log-likelihood decreases by c s + ½ k s². The decrease
+        # of the profile is smaller, because the other parameters are optimised.
+        size = math.exp(at[k])
+        c, curvature = max(-float(found.gradient[0]) / size, 0.0), float(found.information[0, 0]) / size**2
+        coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
+        before, power = None, 1.5
+        for _ in range(_ROUNDS):
+            at[k] = coordinate
+            root, at = self._root(at, k)
+            if abs(root - self.z) <= _NEAR_A_LIMIT * self.z:
+                break
+            here = (coordinate, math.log(max(root, 1e-6)))
+            if before is not None and here[0] != before[0]:
+                power = min(max(2 * (here[1] - before[1]) / (here[0] - before[0]), 0.3), 3.0)
+            before = here
+            coordinate += min(max(2 * (math.log(self.z) - here[1]) / power, -3.0), 3.0)
+        return self._parameter(coordinate, k, name)
+
+    def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
+        """Return the square root of the deviance, and the coordinates of the maximum with coordinate k held at its
+        value.
+
+        The deviance is twice the difference between the maximum of the log-likelihood and its profile at coordinate k.
+        """
+        found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
+        if found is None:
+            return math.inf, z
+        return math.sqrt(max(2.0 * (self.fit.loglikelihood - found.evaluation.value), 0.0)), found.z
+
+    def _parameter(self, coordinate: float, k: int, name: str) -> float:
+        at = self.problem.at(self.fit.model)
+        at[k] = coordinate
+        value = self.problem.at_point(at).parameters[name]
+        assert value is not None
+        return value

@@ -1,0 +1,296 @@
+"""The likelihood of a model as a function of unconstrained coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.fitting.likelihood.record import Record
+from gmwm.fitting.likelihood.system import (
+    Coordinate,
+    Regressor,
+    System,
+    assemble,
+    at_shape,
+    is_ramp,
+    regressors,
+    slopes,
+)
+from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.parameter import Branch
+
+LEAST_DECAY = 1e-3
+"""Duration of the recording divided by the longest correlation time that the search allows. With this correlation time,
+the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no variance by more than 0.1 %,
+which is less than the standard error of any scale."""
+_FAR = 12.0
+"""Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Labels of the m regression coefficients, with their values (m,) and covariance (m, m)."""
+
+    labels: tuple[str, ...]
+    values: Vector
+    covariance: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The log-likelihood of a model, with its gradient (q,) and information matrix (q, q) with respect to q
+    coordinates."""
+
+    value: float
+    gradient: Vector
+    information: Matrix
+    model: Model
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A likelihood as a function of coordinates, for a model with starting values and a recording.
+
+    Attributes
+    ----------
+    model : Model
+        The model with starting values of all parameters.
+    record : Record
+        The recording.
+    mean : float or None
+        Mean of the recording if it is known.
+    """
+
+    model: Model
+    record: Record
+    mean: float | None = None
+
+    @cached_property
+    def rate(self) -> float:
+        """Sampling rate (Hz)."""
+        return self.record.rate
+
+    @cached_property
+    def regressors(self) -> list[Regressor]:
+        """The regressors: unknown levels, drifts, and the columns of a regression on conditions."""
+        own = self.record
+        found = regressors(self.model, self.rate, own.values.size, self.mean)
+        return [*found, *(Regressor(c, name, flat=True) for c, name in zip(own.columns, own.names, strict=True))]
+
+    @cached_property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The free coordinates: the scale and the shape parameters of each random term, except fixed ones."""
+        found: list[Coordinate] = []
+        for k, process in enumerate(self.model.processes):
+            if is_ramp(process, self.rate):
+                continue
+            if not process.is_fixed(process.scale_parameter().name):
+                found.append(Coordinate(k))
+            shapes = process.nonlinear_parameters()
+            held = [process.is_fixed(p.name) for p in shapes]
+            if any(held) and not all(held):
+                raise ModelError(
+                    f"some shape parameters of {self.model.terms[k]} are held and some are free",
+                    advice="Hold all of them, or none.",
+                )
+            if shapes and not held[0]:
+                found.extend(Coordinate(k, i) for i in range(len(shapes)))
+        if len(found) > _core.most_slopes:
+            raise ModelError(
+                f"the model has {len(found)} free parameters, and maximum likelihood allows {_core.most_slopes}",
+                advice="Use a smaller model, or hold parameters with `fixed(…)`.",
+            )
+        return tuple(found)
+
+    @cached_property
+    def series(self) -> Matrix:
+        """The recording minus its centre (first row) and the m regressors, as an array (1 + m, N)."""
+        size = self.record.values.size
+        rows = np.empty((1 + len(self.regressors), size))
+        np.subtract(self.record.values, self.centre, out=rows[0])
+        for process in self.model.processes:
+            if is_ramp(process, self.rate) and process.is_fixed(process.scale_parameter().name):
+                rows[0] -= process.mean(np.arange(size))
+        for row, regressor in zip(rows[1:], self.regressors, strict=True):
+            row[:] = regressor.course
+        return rows
+
+    @cached_property
+    def centre(self) -> float:
+        """The constant that is subtracted from the recording: the known mean, or otherwise the mean of the samples."""
+        if self.mean is not None:
+            return self.mean
+        return self.record.centre
+
+    # --- points ---------------------------------------------------------------------------------------
+
+    def start(self) -> Vector:
+        """Return the coordinates (q,) of the starting values."""
+        return self.at(self.model)
+
+    def at(self, model: Model) -> Vector:
+        """Return the coordinates (q,) of the parameter values of a model."""
+        out = []
+        for coordinate in self.coordinates:
+            process = model.processes[coordinate.term]
+            if coordinate.shape is None:
+                out.append(math.log(process.scale) if process.scale > 0 else -math.inf)
+            else:
+                z = type(process).coordinates(process.nonlinear.reshape(1, -1))
+                out.append(float(z[0, coordinate.shape]))
+        return np.array(out)
+
+    def at_point(self, z: Vector) -> Model:
+        """Return the model with the parameter values at coordinates z (q,). The coordinate −inf of a scale stands for
+        0."""
+        processes = list(self.model.processes)
+        by_term: dict[int, dict[int, float]] = {}
+        for coordinate, value in zip(self.coordinates, z.tolist(), strict=True):
+            k = coordinate.term
+            if coordinate.shape is None:
+                name = processes[k].scale_parameter().name
+                processes[k] = processes[k].with_values(**{name: processes[k].value_from(math.exp(value))})
+            else:
+                by_term.setdefault(k, {})[coordinate.shape] = value
+        for k, shape in by_term.items():
+            processes[k] = at_shape(processes[k], np.array([shape[i] for i in range(len(shape))]))
+        return Model(tuple(processes))
+
+    @cached_property
+    def bounds(self) -> Matrix:
+        """Bounds (q, 2) of the coordinates, beyond which the recording cannot distinguish shapes."""
+        out, samples = [], self.record.values.size
+        for coordinate in self.coordinates:
+            if coordinate.shape is None:
+                out.append((-math.inf, math.inf))
+                continue
+            parameter = self.model.processes[coordinate.term].nonlinear_parameters()[coordinate.shape]
+            if parameter.domain == "positive" and parameter.time_power == -1:
+                out.append((math.log(LEAST_DECAY * self.rate / samples), math.log(40.0 * self.rate)))
+            elif parameter.domain == "between":
+                far = 0.5 * math.log(2.0 * samples / LEAST_DECAY)
+                out.append((-far, far))
+            else:
+                out.append((-_FAR, _FAR))
+        return np.array(out).reshape(-1, 2)
+
+    def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
+        """Return a value for scale coordinate k at which its term is negligible.
+
+        The wavelet variance of the term is then at most the fraction `share` of the wavelet variance of the model, at
+        every level.
+        """
+        levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
+        at[k] = 0.0
+        own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
+        whole = model.wavelet_variance(levels, self.rate)
+        return math.log(share * float(np.min(whole[own > 0] / own[own > 0])))
+
+    def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
+        """Return the search branches of the process that a coordinate belongs to."""
+        return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)
+
+    # --- likelihood -----------------------------------------------------------------------------------
+
+    def value(self, model: Model) -> tuple[float, Level]:
+        """Return the log-likelihood of a model with values, and the estimated regression coefficients."""
+        return _likelihood(assemble(model, self.rate), self.series, self.regressors)
+
+    def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
+        """Return the log-likelihood, gradient and information matrix for the `active` coordinates, or None if
+        undefined."""
+        try:
+            model = self.at_point(z)
+        except OverflowError:  # a scale can diverge along a profile
+            return None
+        wanted = [self.coordinates[k] for k in active]
+        try:
+            system = assemble(model, self.rate)
+            d = slopes(model, system, wanted, self.rate)
+        except MissingTheoryError:  # power-law noise has a state space only for some exponents
+            return None
+        value, level = _likelihood(system, self.series, self.regressors)
+        if not math.isfinite(value):
+            return None
+        flat = [k for k, r in enumerate(self.regressors) if r.flat]
+        rest = self.series[0] - level.values @ self.series[1:] if level.values.size else self.series[0]
+        rows = np.ascontiguousarray(np.vstack([rest, *(self.series[1 + k] for k in flat)]))
+        good, _, _, _, _, logs, squares, information, cross, turned = _core.kalman_score(
+            *system.matrices, d.F, d.Q, d.H, d.R, d.P0, rows
+        )
+        if not good:
+            return None
+        q, m = len(wanted), len(flat)
+        gradient = -0.5 * (logs + squares)
+        if m:
+            inverse = np.linalg.inv(cross.reshape(m, m))
+            gradient -= 0.5 * np.einsum("ij,lji->l", inverse, turned.reshape(q, m, m))
+        return Evaluation(value, gradient, information.reshape(q, q), model)
+
+
+def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, Level]:
+    """Return the log-likelihood (−inf if the model predicts a sample exactly), and the regression coefficients."""
+    good, count, _, logs, cross = _core.kalman_innovations(*system.matrices, series, np.empty(0))
+    size = len(series)
+    sums, labels = cross.reshape(size, size), tuple(r.label for r in wanted)
+    if not good or not np.all(np.isfinite(sums)):
+        return -math.inf, Level(labels, np.zeros(size - 1), np.zeros((size - 1, size - 1)))
+    beta, covariance, square = np.empty(0), np.empty((0, 0)), float(sums[0, 0])
+    value = -0.5 * (count * math.log(2 * math.pi) + logs)
+    if size > 1:
+        covariance = _inverse(sums[1:, 1:])
+        beta = covariance @ sums[1:, 0]
+        square -= float(beta @ sums[1:, 0])
+        flat = [k for k, r in enumerate(wanted) if r.flat]
+        if flat:
+            value -= 0.5 * float(np.linalg.slogdet(sums[1:, 1:][np.ix_(flat, flat)])[1])
+    return value - 0.5 * square, Level(labels, beta, covariance)
+
+
+def _inverse(gram: Matrix) -> Matrix:
+    """Invert a Gram matrix whose rows may differ in size by many powers of ten."""
+    scale = 1.0 / np.sqrt(np.diag(gram))
+    return np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
+
+
+def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
+    """Return the standardised innovations (N,) and the number of fitted regression coefficients.
+
+    The innovations are NaN where a sample is missing.
+
+    The coefficients are estimated from the whole recording.
+    """
+    system = assemble(model, problem.rate)
+    value, level = _likelihood(system, problem.series, problem.regressors)
+    if not math.isfinite(value):
+        raise nothing_to_chance(model)
+    rest = problem.series[0] - level.values @ problem.series[1:] if level.values.size else problem.series[0]
+    out = np.empty(rest.size)
+    _core.kalman_innovations(*system.matrices, np.ascontiguousarray(rest[None, :]), out)
+    return out, len(level.values)
+
+
+def nothing_to_chance(model: Model) -> ModelError:
+    """Create the error for a model that predicts a sample exactly."""
+    return ModelError(
+        f"{model} predicts some sample exactly from the samples before, so it has no likelihood",
+        advice="Add white noise, or another term that is not zero.",
+    )
+
+
+def as_mean(mean: float | None) -> float | None:
+    """Check the known mean of a recording, and return it as a float, or None if it is unknown."""
+    if mean is None:
+        return None
+    if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
+        raise OptionError(
+            argument="mean", expected="a finite number in the unit of the data, or None if it is unknown", got=mean
+        )
+    return float(mean)

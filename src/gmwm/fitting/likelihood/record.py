@@ -1,0 +1,181 @@
+"""Recordings in the form that the Kalman filter needs: equally spaced samples with NaN for missing ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
+from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.base.text import counted
+from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+
+_ROOM = 10_000_000
+"""Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
+see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
+tests/likelihood/test_loglikelihood.py."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Equally spaced samples of one axis, with optional columns of a regression.
+
+    Attributes
+    ----------
+    values : (N,) array, in `unit`
+        Samples; NaN where a sample is missing.
+    rate : float
+        Sampling rate (Hz).
+    unit, axis : str
+        Unit of the samples and name of the axis, or "".
+    start : float
+        Time of the first sample (s).
+    centre : float
+        A number near the values, subtracted before squares are computed to avoid cancellation.
+    columns : (p, N) array
+        Columns of a regression on conditions, scaled to standard deviation 1; none by default.
+    scales : (p,) array
+        Standard deviations of the columns before they were scaled.
+    names : tuple of str
+        Names of the columns.
+    """
+
+    values: Vector
+    rate: float
+    unit: str = ""
+    axis: str = ""
+    start: float = 0.0
+    centre: float = 0.0
+    columns: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    scales: Vector = field(default_factory=lambda: np.zeros(0))
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self.values)
+
+    def without(self, coefficients: Sequence[float]) -> Record:
+        """Return the recording minus the effect of its columns with the given (unscaled) coefficients."""
+        effect = (np.array(coefficients) * self.scales) @ self.columns
+        return Record(self.values - effect, self.rate, self.unit, self.axis, start=self.start, centre=self.centre)
+
+    @property
+    def observed(self) -> int:
+        """Number of observed samples."""
+        return int(np.count_nonzero(np.isfinite(self.values)))
+
+    @property
+    def times(self) -> Vector:
+        """Time of each sample (s)."""
+        return np.asarray(self.start + np.arange(self.values.size) / self.rate)
+
+    def signal(self) -> Signal:
+        """Return the recording as a signal with its short gaps filled, for its wavelet variance.
+
+        If most samples are in segments that are too short, missing samples are interpolated linearly instead.
+        """
+        signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
+        kept = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
+        if 2 * kept >= len(signal):
+            return signal
+        index = np.flatnonzero(np.isfinite(self.values))
+        whole = np.interp(np.arange(index[0], index[-1] + 1), index, self.values[index])
+        return Signal(whole, self.rate, self.unit, self.axis)
+
+
+def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
+    """Make a recording for the Kalman filter from a signal or an array.
+
+    Parameters
+    ----------
+    data : Signal or (N,) array
+        Gaps between the segments of a signal become missing samples. Their number follows from the time stamps; if the
+        clock was set back, it is 1. In an array, NaN or a masked value is a missing sample.
+    rate : float, optional
+        Sampling rate (Hz); needed only if `data` is an array.
+    name : str
+        Name of the argument, for error messages.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    DataError
+        If fewer than 8 samples are observed, if a value is infinite, or if the gaps are much longer than the recording.
+    ModelError
+        If all samples are equal.
+    OptionError
+        If the rate is missing, or differs from the rate of the signal.
+    """
+    if isinstance(data, Signal):
+        if rate is not None and as_rate(rate) != data.rate:
+            raise OptionError(
+                argument="rate",
+                expected=f"{data.rate:g}, the sampling rate of the signal (Hz)",
+                got=rate,
+                advice="Leave {--rate} out.",
+            )
+        values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
+    elif isinstance(data, Imu):
+        raise DataError(
+            f"{name} must be one axis; got a recording of {', '.join(data)}",
+            argument=name,
+            advice="Pass one axis, for example `imu['{axis}']`.",
+            axis=data.axes[0],
+        )
+    else:
+        given = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
+        values, unit, axis, start = as_vector(given, name, finite=False).copy(), "", "", 0.0
+        step = as_rate(rate)
+    there = np.isfinite(values)
+    seen = values if bool(np.all(there)) else values[there]
+    endless = int(np.count_nonzero(np.isinf(values))) if seen.size < values.size else 0
+    if endless:
+        at = int(np.argmax(np.isinf(values)))
+        raise DataError(
+            f"{axis or name} must be finite; got {counted(endless, 'infinite value')}, the first at index {at}",
+            argument=name,
+            advice="Mark missing samples as NaN.",
+        )
+    if seen.size < MINIMUM_SAMPLES:
+        raise DataError(
+            f"{axis or name} must have at least {MINIMUM_SAMPLES} samples that are not missing; got {seen.size} of "
+            f"{values.size}",
+            argument=name,
+            got=seen.size,
+        )
+    centre = float(np.mean(seen))
+    if np.min(seen) == np.max(seen):
+        raise ModelError(
+            "the signal is constant: all its samples are equal",
+            advice="Check that the sensor was recording, and that the right column was read.",
+        )
+    return Record(values=values, rate=step, unit=unit, axis=axis, start=start, centre=centre)
+
+
+def _with_gaps(signal: Signal) -> Vector:
+    """Return the samples of a signal, with NaN for the samples that are missing between its segments."""
+    if len(signal.segments) == 1:
+        return signal.values.copy()
+    places: list[int] = []
+    at, end = 0, 0.0
+    for (first, last), time in zip(signal.segments, signal.starts, strict=True):
+        # A gap has at least one missing sample.
+        at = max(round(at + (time - end) * signal.rate), at + 1) if places else 0
+        places.append(at)
+        at += last - first
+        end = time + (last - first) / signal.rate
+    if at > 10 * len(signal) + _ROOM:
+        raise DataError(
+            f"{signal.axis or 'the signal'} has {at - len(signal)} samples missing in gaps, and only {len(signal)} "
+            "observed samples",
+            advice="Use the longest part without a gap (`signal.longest()`), or each part alone.",
+        )
+    values = np.full(at, np.nan)
+    for place, segment in zip(places, signal.segment_values(), strict=True):
+        values[place : place + segment.size] = segment
+    return values

@@ -1,0 +1,344 @@
+"""Maximise a likelihood by damped Fisher scoring, and set terms to zero that the recording does not support."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.fitting.likelihood.problem import Evaluation, Problem
+
+LONGEST = 2.0
+"""Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven."""
+TOLERANCE = 1e-9
+"""The search ends when the expected increase of the log-likelihood is below this value."""
+_ROUNDS = 200
+"""Largest number of steps. A search that reaches it is reported as not converged."""
+# The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
+# pins them: terms without support in the data are estimated as zero, and supported terms are found again.
+_WORTH = 0.01
+"""A term that is zero is added again if the expected increase of the log-likelihood is above this value."""
+_PLACES = 12
+"""Number of values of the shape parameter at which a term that is zero is tried."""
+_BEYOND = 1.6
+"""Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can also
+detect processes that decay within one sample."""
+_FAINT = 0.05
+"""A scale is set to zero on trial if the information about its logarithm is below this value. The relative standard
+error is then above 4."""
+_GONE = 1e-7
+"""A term is set to zero if the derivative of the log-likelihood with respect to the logarithm of its scale, and the
+information about it, are below this value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Maximum:
+    """A local maximum of the likelihood.
+
+    Attributes
+    ----------
+    z : (q,) array
+        Coordinates; −inf for the scale of a term that is zero.
+    active : tuple of int
+        Numbers of the coordinates that are not at a bound and do not belong to a term that is zero.
+    at_end : mapping of coordinate to side
+        Shape coordinates that are at a bound, with −1 for the lower bound and 1 for the upper one.
+    evaluation : Evaluation
+        The last evaluation of the likelihood.
+    evaluations : int
+        Number of evaluations.
+    converged : bool
+        Whether the search converged.
+    """
+
+    z: Vector
+    active: tuple[int, ...]
+    at_end: dict[int, int]
+    evaluation: Evaluation
+    evaluations: int
+    converged: bool
+
+
+Progress = Callable[[int, float], None]
+
+
+class Search:
+    """A search for a local maximum of a likelihood.
+
+    Parameters
+    ----------
+    problem : Problem
+        The likelihood.
+    held : tuple of int
+        Numbers of the coordinates that do not change.
+    progress : callable, optional
+        Function that is called after each evaluation with the number of evaluations and the log-likelihood.
+    tolerance : float
+        The search ends when the expected increase of the log-likelihood is smaller than this.
+    revive : bool
+        Whether to try at the end to add terms again that became zero.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        held: tuple[int, ...] = (),
+        progress: Progress | None = None,
+        tolerance: float = TOLERANCE,
+        revive: bool = True,
+    ) -> None:
+        self.problem = problem
+        self.tolerance = tolerance
+        self.revive = revive
+        self.held = frozenset(held)
+        self.progress = progress
+        self.count = 0
+        self.gone: set[int] = set()  # numbers of the terms that are zero
+        self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
+
+    def run(self, start: Vector) -> Maximum | None:
+        """Return the local maximum that the search reaches from `start`, or None if the likelihood is undefined at
+        `start`."""
+        z = self._apart(np.clip(start, *self.problem.bounds.T))
+        self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
+        z, found, converged = self._climb(z)
+        if found is None:
+            return None
+        z, found = self._tidy(z, found)
+        # A term that was set to zero may be supported when other terms have changed. Adding it may make another term
+        # supported, so there are two passes.
+        for term in [*sorted(self.gone)] * 2 if self.revive else ():
+            tried = self._back(z, found, term) if term in self.gone else None
+            if tried is not None:
+                z, found, converged = tried
+        active = self._active(z)
+        ends = {
+            k: side
+            for k, side in ((k, self._side(z, k)) for k in range(z.size))
+            if side and self.problem.coordinates[k].term not in self.gone and k not in self.held
+        }
+        return Maximum(
+            z=z,
+            active=tuple(k for k in active if k not in ends),
+            at_end=ends,
+            evaluation=found,
+            evaluations=self.count,
+            converged=converged,
+        )
+
+    # --- inside ---------------------------------------------------------------------------------------
+
+    def _active(self, z: Vector) -> list[int]:
+        return [k for k, c in enumerate(self.problem.coordinates) if k not in self.held and c.term not in self.gone]
+
+    def _side(self, z: Vector, k: int) -> int:
+        low, high = self.problem.bounds[k]
+        return -1 if z[k] <= low else 1 if z[k] >= high else 0
+
+    def _evaluate(self, z: Vector, active: list[int]) -> Evaluation | None:
+        self.count += 1
+        found = self.problem.evaluate(z, active)
+        if self.progress is not None and found is not None:
+            self.progress(self.count, found.value)
+        return found
+
+    def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
+        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ).
+
+        The steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error.
+        """
+        active = self._active(z)
+        now = self._evaluate(z, active)
+        if now is None:
+            return z, None, False
+        damping, converged = 0.0, not active
+        for _ in range(_ROUNDS if active else 0):
+            step, gain = self._step(now, z, active, damping)
+            if gain < 0.0 and damping < 1e6:
+                damping = max(
+                    10.0 * damping, 1e-2
+                )  # the step was too long, because there is little information about some direction
+                continue
+            if gain <= max(self.tolerance, 8e-16 * abs(now.value)):
+                converged = gain >= 0.0
+                break
+            if self._give_up(now, z, active):
+                z = self._without(z)
+                active = self._active(z)
+                again = self._evaluate(z, active)
+                if again is None:
+                    return z, None, False
+                now, damping = again, 0.0
+                if not active:
+                    converged = True
+                    break
+                continue
+            trial = z.copy()
+            trial[active] += step
+            trial = np.clip(trial, *self.problem.bounds.T)
+            after = self._evaluate(trial, active)
+            if after is not None and after.value > now.value:
+                ratio = (after.value - now.value) / gain
+                damping = 0.0 if ratio > 0.5 and damping < 1e-3 else damping * (0.2 if ratio > 0.5 else 1.0)
+                z, now = trial, after
+            elif gain <= 1e-5 and damping > 1e3:
+                converged = True  # the remaining gain is below the rounding error of the likelihood
+                break
+            else:
+                damping = max(10.0 * damping, 1e-2)
+                if damping > 1e12:
+                    break
+        return z, now, converged
+
+    def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
+        """Return a step of the active coordinates inside their bounds, and the expected increase of the
+        log-likelihood."""
+        bounds, at = self.problem.bounds[active], z[active]
+        low = np.maximum(bounds[:, 0] - at, -LONGEST)
+        high = np.minimum(bounds[:, 1] - at, LONGEST)
+        step = boxed(now.information, now.gradient, low=low, high=high, damping=damping)
+        return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
+
+    def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
+        """Mark terms as zero whose scale no longer affects the likelihood, and return whether there are any."""
+        gone = set()
+        for term, k in self.scales.items():
+            if k not in active:
+                continue
+            slope = now.gradient[active.index(k)]
+            if -_GONE < slope <= 0 and now.information[active.index(k), active.index(k)] < _GONE:
+                gone.add(term)
+        if not gone or len(self.gone | gone) >= len(self.problem.model.processes):
+            return False
+        self.gone |= gone
+        return True
+
+    def _tidy(self, z: Vector, now: Evaluation) -> tuple[Vector, Evaluation]:
+        """Set small terms to zero if this does not decrease the likelihood."""
+        active = self._active(z)
+        for term, k in self.scales.items():
+            if k not in active or now.information[active.index(k), active.index(k)] > _FAINT:
+                continue
+            if len(self.gone) + 1 >= len(self.problem.model.processes):
+                break
+            tried = z.copy()
+            tried[k] = -math.inf
+            self.gone.add(term)
+            rest = self._active(tried)
+            after = self._evaluate(tried, rest)
+            if after is None or after.value < now.value - 1e-6:
+                self.gone.discard(term)
+                continue
+            z, now, active = tried, after, rest
+        return z, now
+
+    def _without(self, z: Vector) -> Vector:
+        z = z.copy()
+        for term in self.gone:
+            z[self.scales[term]] = -math.inf
+        return z
+
+    def _apart(self, z: Vector) -> Vector:
+        """Separate the starting values of repeated terms with the same shape.
+
+        Terms with equal values have equal gradients and would remain equal during the search.
+        """
+        z = z.copy()
+        seen: list[tuple[type, Vector]] = []
+        for term, process in enumerate(self.problem.model.processes):
+            mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
+            if not mine or not np.all(np.isfinite(z[mine])) or self.held.intersection(mine):
+                continue
+            while any(kind is type(process) and np.allclose(at, z[mine], atol=1e-3) for kind, at in seen):
+                z[mine[0]] += 0.7
+            z[mine] = np.clip(z[mine], *self.problem.bounds[mine].T)
+            seen.append((type(process), z[mine].copy()))
+        return z
+
+    def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
+        """Return the maximum with a term added that was zero, or None if the likelihood does not increase.
+
+        The term is first added with a negligible scale. With the gradient g and the information I for the logarithm of
+        the scale, the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole
+        range of this parameter is tried.
+        """
+        k = self.scales.get(term)
+        if k is None or k in self.held:
+            return None
+        most, best = _WORTH, None
+        for at in self._places(z, term):
+            at[k] = self.problem.faint(at, k, now.model, 1e-4)
+            tried = self._evaluate(at, [k])
+            if tried is None or tried.information[0, 0] <= 0 or tried.gradient[0] <= 0:
+                continue
+            slope, information = float(tried.gradient[0]), float(tried.information[0, 0])
+            if slope * slope / (2.0 * information) > most:
+                most, best = slope * slope / (2.0 * information), at
+                # Move to the maximum of the quadratic approximation in the scale itself.
+                best[k] += min(max(math.log(slope / information), 0.0), 9.0)
+        if best is None:
+            return None
+        before = set(self.gone)
+        self.gone.discard(term)
+        at, found, converged = self._climb(best)
+        if found is not None and found.value > now.value + 1e-6 and term not in self.gone:
+            return at, found, converged
+        self.gone = before
+        return None
+
+    def _places(self, z: Vector, term: int) -> list[Vector]:
+        """Return points (q,) at which to try a term.
+
+        They cover the range of its shape parameter if it has one; otherwise the present shape is the only point.
+        """
+        mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
+        if len(mine) != 1:
+            return [z.copy()]
+        process = self.problem.model.processes[term]
+        low, high = type(process).scan(self.problem.record.values.size, self.problem.rate)[0]
+        high += _BEYOND
+        out = []
+        for share in (np.arange(_PLACES) + 0.5) / _PLACES:
+            at = z.copy()
+            at[mine[0]] = np.clip(low + share * (high - low), *self.problem.bounds[mine[0]])
+            out.append(at)
+        return out
+
+
+def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
+    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method.
+
+    g is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at
+    its bound, and released if the gradient there points inwards.
+    """
+    size = np.sqrt(np.diag(information))
+    size = np.where(size > 0, size, 1.0)
+    scaled = information / np.outer(size, size)
+    scaled = scaled + damping * np.diag(np.diag(scaled))
+    g, least, most = gradient / size, low * size, high * size
+    step, free = np.zeros(g.size), np.ones(g.size, dtype=np.bool_)
+    for _ in range(4 * g.size + 4):
+        step[free] = solved(scaled[np.ix_(free, free)], g[free] - scaled[np.ix_(free, ~free)] @ step[~free])
+        out = free & ((step < least) | (step > most))
+        if np.any(out):
+            step = np.clip(step, least, most)
+            free &= ~out
+            continue
+        slope = g - scaled @ step
+        back = ~free & (((step <= least) & (slope > 0)) | ((step >= most) & (slope < 0))) & (least < most)
+        if not np.any(back):
+            break
+        free |= back
+    return np.asarray(np.clip(step, least, most) / size)
+
+
+def solved(matrix: Matrix, vector: Vector) -> Vector:
+    """Return M⁻¹ v for a matrix M with unit diagonal. Directions with eigenvalues near zero are left out."""
+    if not vector.size:
+        return vector
+    values, vectors = np.linalg.eigh(matrix)
+    kept = values > 1e-12 * values[-1]
+    return np.asarray(vectors[:, kept] @ ((vectors[:, kept].T @ vector) / values[kept]))

@@ -1,0 +1,169 @@
+"""Summary of a maximum-likelihood fit in text and HTML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.text import counted, p_relation
+from gmwm.fitting.inference.intervals import Interval
+from gmwm.fitting.inference.summary import (
+    Row,
+    estimate_text,
+    interval_text,
+    no_intervals,
+    table_html,
+    table_text,
+    without_axis,
+)
+from gmwm.fitting.likelihood.intervals import Method, confidence_intervals
+
+if TYPE_CHECKING:
+    from gmwm.fitting.likelihood.innovations import Residuals
+    from gmwm.fitting.likelihood.result import LikelihoodFit
+
+
+def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> str:
+    """Return the text of `LikelihoodFit.summary`."""
+    intervals, missing = intervals_if_known(fit, level, method)
+    return in_words(fit, level, intervals=intervals, residuals=own_residuals(fit), missing=missing)
+
+
+def in_words(
+    fit: LikelihoodFit,
+    level: float,
+    intervals: Mapping[str, Interval],
+    residuals: Residuals | None = None,
+    missing: Remark | None = None,
+) -> str:
+    """Write the summary of a fit from intervals and residuals that are already computed.
+
+    `missing` is a remark that states why there are no intervals.
+    """
+    words = texts(without_axis(missing, *fit.remarks))
+    lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
+    return "\n".join([*lines, "", *words] if words else lines)
+
+
+def as_html(fit: LikelihoodFit) -> str:
+    """Return the summary as HTML, with the parameters as a table."""
+    intervals, missing = intervals_if_known(fit, 0.95)
+    words = texts(without_axis(missing, *fit.remarks), Dialect.HTML)
+    return table_html(head(fit, own_residuals(fit)), rows(fit, intervals), words)
+
+
+def intervals_if_known(
+    fit: LikelihoodFit, level: float, method: Method = "wald"
+) -> tuple[dict[str, Interval], Remark | None]:
+    """Return the confidence intervals and None. If they cannot be computed, return no intervals and a remark with the
+    reason."""
+    try:
+        return confidence_intervals(fit, level, method), None
+    except ModelError as error:
+        return {}, no_intervals(error)
+
+
+def own_residuals(fit: LikelihoodFit) -> Residuals | None:
+    """Return the residuals of the fitted recording, or None if the fit was read from a file.
+
+    The effect of conditions is subtracted from the recording.
+    """
+    if fit.record is None:
+        return None
+    record = fit.record if fit.regression is None else fit.record.without(fit.regression.estimates)
+    return fit.residuals(record.values)
+
+
+def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval]) -> dict[str, Any]:
+    """Return confidence intervals and standard errors as numbers for JSON. Infinite values become None."""
+    return {
+        "confidence": level,
+        "confidence_intervals": {
+            name: [end if math.isfinite(end) else None for end in interval] for name, interval in intervals.items()
+        },
+        "standard_errors": {
+            name: error if math.isfinite(error) else None for name, error in fit.standard_errors.items()
+        },
+    }
+
+
+def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
+    """Return the first lines of a summary: model, data, log-likelihood, mean and tests of the residuals."""
+    d = fit.diagnostics
+    missing = f", {counted(fit.missing, 'sample')} missing" if fit.missing else ""
+    duration = (fit.samples + fit.missing) / fit.rate
+    lines = [
+        f"{fit.model.structure}{' of ' + fit.axis if fit.axis else ''} by maximum likelihood",
+        f"{fit.samples} samples at {fit.rate:g} Hz ({duration:g} s){missing}",
+        f"log-likelihood {fit.loglikelihood:.6f} ({fit.loglikelihood - d.started_at:+.4g} from the start, "
+        f"{counted(d.evaluations, 'evaluation')}), AIC {fit.aic:.2f}, BIC {fit.bic:.2f}",
+    ]
+    if fit.level is not None:
+        lines.append(f"mean {fit.level:.6g} ± {fit.level_error:.2g} {fit.unit}".rstrip())
+    if fit.regression is not None:
+        lines.append(fit.regression.summary())
+    if residuals is not None:
+        lines.append(f"residuals: {checks_in_words(residuals)}")
+    return lines
+
+
+def checks_in_words(residuals: Residuals) -> str:
+    """Describe the tests of the residuals in one line."""
+    normal = f"normality p {p_relation(residuals.normality().p_value)} (Jarque-Bera)"
+    try:
+        white = residuals.ljung_box()
+    except OptionError:  # too few samples for a lag to test
+        return normal
+    return f"whiteness p {p_relation(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
+
+
+def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
+    """Return one row for each parameter of a fit, in the order of the terms."""
+    errors, units = fit.standard_errors, fit.units()
+    shown = []
+    for name, value in fit.parameters.items():
+        if _undetermined(fit, intervals, name):
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
+            continue
+        interval, error = "", ""
+        if name in fit.model.fixed_names:
+            interval = "held"
+        elif name in intervals:
+            interval = interval_text(*intervals[name])
+            share = errors.get(name, math.inf) / abs(value) if value else math.inf
+            if math.isfinite(share):
+                error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
+    return shown
+
+
+def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[str, str]:
+    """Return a short text for each parameter of a fit.
+
+    The text is the estimate with its relative standard error, an upper limit, or the process that the term acts as.
+    """
+    shown = {}
+    for row in rows(fit, intervals):
+        value = fit.parameters[row.name]
+        low, high = intervals.get(row.name, (0.0, math.inf))
+        acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
+        if _undetermined(fit, intervals, row.name):
+            shown[row.name] = "—"
+        elif acting is not None:
+            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
+        elif math.isfinite(high) and low in (0.0, -high):
+            shown[row.name] = f"≤ {high:.2e}"
+        else:
+            shown[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
+    return shown
+
+
+def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
+    """Return whether a parameter is the shape of a term that is estimated as zero."""
+    gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
+    if not gone or name in fit.model.fixed_names or fit.parameters[name] == 0:
+        return False
+    return name not in intervals or intervals[name] == (0.0, math.inf)

@@ -1,0 +1,267 @@
+"""State-space matrices of a model for the Kalman filter, their derivatives, and regressors for unknown levels.
+
+Unknown quantities without a probability distribution are coefficients of regressors. One is the constant level of the
+recording (an offset or gravity), which includes the initial value of a random walk. Another is the slope of a drift.
+The coefficients follow from least squares after the filter has run. The result is the same as with an infinite prior
+variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import MissingTheoryError
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model
+from gmwm.theory.statespace import StateSpace, powers
+
+LEVEL = "level"
+"""Label of the constant level of the recording. A model with a random walk does not have this label, because the random
+walk includes the level."""
+STEP = 0.02
+"""Step of a coordinate for numerical derivatives of the matrices by sixth-order differences. Their error is about STEP⁶
+= 6e-11; tests/likelihood/test_score.py checks them against other derivatives."""
+
+
+@dataclass(frozen=True, eq=False)
+class Regressor:
+    """A known function of time with an unknown coefficient.
+
+    Attributes
+    ----------
+    course : (N,) array
+        The function at each sample.
+    label : str
+        LEVEL, the label of the term, or the name of a condition.
+    flat : bool
+        True if the coefficient is integrated out (a level or a condition), False if it is a parameter of the model (a
+        drift).
+    """
+
+    course: Vector
+    label: str
+    flat: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TermBlock:
+    """One term of a model in the joint state vector.
+
+    Attributes
+    ----------
+    label : str
+        Label of the term.
+    process : Process
+        The process with its values.
+    space : StateSpace
+        Its state space.
+    first, last : int
+        The states of the term are first … last − 1.
+    """
+
+    label: str
+    process: Process
+    space: StateSpace
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The random terms of a model with values as one state space with a finite initial covariance."""
+
+    blocks: tuple[TermBlock, ...]
+    F: Matrix
+    Q: Matrix
+    H: Vector
+    R: float
+    P0: Matrix
+
+    @property
+    def matrices(self) -> tuple[Matrix, Matrix, Vector, float, Matrix]:
+        """F, Q, H, R and P0, in the order of the arguments of the C++ functions."""
+        return self.F, self.Q, self.H, self.R, self.P0
+
+
+def require_state(process: Process) -> None:
+    """Raise an error if a process has no state-space form.
+
+    Raises
+    ------
+    MissingTheoryError
+        If the process does not define `state_space`.
+    """
+    if not process.has("state_space"):
+        raise MissingTheoryError(
+            f"{process.name} does not define state_space, which the likelihood and the Kalman filter need",
+            advice="Define it if the process has a finite state, or fit the wavelet variance.",
+        )
+
+
+def is_ramp(process: Process, rate: float) -> bool:
+    """Return whether a process is deterministic except for its scale, like a drift."""
+    one = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
+    if not one.has("state_space"):
+        return False
+    space = one.state_space(rate)
+    return _certain(space) and bool(np.any(space.m0))
+
+
+def _certain(space: StateSpace) -> bool:
+    """Return whether a state space has no noise and a known initial state."""
+    return not (np.any(space.Q) or np.any(space.R) or np.any(space.P0))
+
+
+def assemble(model: Model, rate: float) -> System:
+    """Assemble the state space of the random terms of a model with values.
+
+    Raises
+    ------
+    MissingTheoryError
+        If a term has no state-space form.
+    """
+    blocks, at = [], 0
+    for label, process in zip(model.terms, model.processes, strict=True):
+        require_state(process)
+        space = process.state_space(rate)
+        if _certain(space) and is_ramp(process, rate):
+            continue
+        blocks.append(TermBlock(label, process, space=space, first=at, last=at + space.states))
+        at += space.states
+    joined = StateSpace.sum(block.space for block in blocks)
+    return System(
+        blocks=tuple(blocks),
+        F=np.ascontiguousarray(joined.F),
+        Q=np.ascontiguousarray(joined.Q),
+        H=np.ascontiguousarray(joined.H[0]),
+        R=float(joined.R[0, 0]),
+        P0=_start(joined),
+    )
+
+
+def _start(space: StateSpace) -> Matrix:
+    """Return the initial covariance of the states.
+
+    A state of unknown initial level has the variance of one step, because the level itself is a regressor.
+    """
+    start = np.array(space.P0)
+    unknown = space.diffuse
+    start[unknown, :] = 0.0
+    start[:, unknown] = 0.0
+    start[unknown, unknown] = np.diag(space.Q)[unknown]
+    return start
+
+
+def regressors(model: Model, rate: float, samples: int, mean: float | None) -> list[Regressor]:
+    """Return the regressors of a model: unknown levels, and drifts whose slope is free."""
+    found, ramps = [], []
+    level = mean is None
+    for label, process in zip(model.terms, model.processes, strict=True):
+        if is_ramp(process, rate):
+            if not process.is_fixed(process.scale_parameter().name):
+                course = type(process).standard(process.nonlinear).mean(np.arange(samples))
+                ramps.append(Regressor(np.asarray(course, dtype=np.float64), label, flat=False))
+            continue
+        space = process.state_space(rate)
+        # A term whose scale is fixed at zero has no level. A free scale may become positive, and the term then needs a
+        # level.
+        wanders = process.scale > 0 or not process.is_fixed(process.scale_parameter().name)
+        for state in np.flatnonzero(space.diffuse) if wanders else ():
+            course = _course(space, int(state), samples)
+            # The level of a random walk is a constant, so a second constant regressor would be redundant.
+            level = level and bool(np.any(course != course[0]))
+            found.append(Regressor(course, label, flat=True))
+    if level:
+        found.append(Regressor(np.ones(samples), LEVEL, flat=True))
+    return [*found, *ramps]
+
+
+def _course(space: StateSpace, state: int, samples: int) -> Vector:
+    """Return the response H Fᵗ e (N,) of the output to an initial state vector e with a 1 for one state."""
+    start = np.zeros(space.states)
+    start[state] = 1.0
+    if np.array_equal(space.F @ start, start):
+        return np.full(samples, space.H[0, state])
+    return np.asarray(space.H[0] @ powers(space.F, start, samples))
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of F, Q, H, R and P0 of the joint state space with respect to q coordinates.
+
+    Attributes
+    ----------
+    F, Q, P0 : (q, p, p) arrays
+        Derivatives of the transition matrix, the process noise and the initial covariance.
+    H : (q, p) array
+        Derivatives of the observation row.
+    R : (q,) array
+        Derivatives of the variance of the measurement noise.
+    """
+
+    F: Matrix
+    Q: Matrix
+    H: Matrix
+    R: Vector
+    P0: Matrix
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A free coordinate of the likelihood.
+
+    Attributes
+    ----------
+    term : int
+        Number of the term in the model.
+    shape : int or None
+        Number of the shape coordinate of the term; None for the logarithm of its scale.
+    """
+
+    term: int
+    shape: int | None = None
+
+
+def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
+    """Compute the derivatives of the state-space matrices of a model with respect to its coordinates."""
+    p, q = system.H.size, len(coordinates)
+    out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))
+    by_label = {block.label: block for block in system.blocks}
+    for k, coordinate in enumerate(coordinates):
+        block = by_label[model.terms[coordinate.term]]
+        here = slice(block.first, block.last)
+        if coordinate.shape is None:
+            out.Q[k, here, here], out.R[k], out.P0[k, here, here] = (
+                block.space.Q,
+                block.space.R[0, 0],
+                _start(block.space),
+            )
+            continue
+        for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+            for sign in (1, -1):
+                space = moved(block.process, coordinate.shape, sign * distance * STEP).state_space(rate)
+                share = sign * weight / (60.0 * STEP)
+                out.F[k, here, here] += share * space.F
+                out.Q[k, here, here] += share * space.Q
+                out.H[k, here] += share * space.H[0]
+                out.R[k] += share * space.R[0, 0]
+                out.P0[k, here, here] += share * _start(space)
+    return out
+
+
+def moved(process: Process, shape: int, distance: float) -> Process:
+    """Return a process with one shape coordinate changed by `distance`."""
+    z = type(process).coordinates(process.nonlinear.reshape(1, -1))
+    z[0, shape] += distance
+    return at_shape(process, z[0])
+
+
+def at_shape(process: Process, z: Vector) -> Process:
+    """Return a process with the shape parameters at coordinates z."""
+    values = type(process).at_coordinates(np.asarray(z, dtype=np.float64).reshape(1, -1))[0].tolist()
+    names = [p.name for p in process.nonlinear_parameters()]
+    return process.with_values(**dict(zip(names, values, strict=True)))

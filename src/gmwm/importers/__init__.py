@@ -1,6 +1,0 @@
-"""Make noise models without a recording, from the numbers of a datasheet or from the files of other programs."""
-
-from gmwm.importers.api import Given, given_noise
-from gmwm.importers.values import Values
-
-__all__ = ["Given", "Values", "given_noise"]

@@ -1,6 +1,0 @@
-"""Inspect a recording before it is used: its time base, its resolution, and whether the sensor was at rest."""
-
-from gmwm.inspection.api import inspect
-from gmwm.inspection.result import AxisInspection, Inspection
-
-__all__ = ["AxisInspection", "Inspection", "inspect"]

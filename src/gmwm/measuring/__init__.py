@@ -1,0 +1,2 @@
+"""From a recording to numbers that models are fitted to: wavelet variance and its covariance, spectrum,
+inspection, regression."""

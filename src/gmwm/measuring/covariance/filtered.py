@@ -1,0 +1,342 @@
+"""Covariance of the wavelet variance of a Gaussian signal, for any wavelet filter and both transforms.
+
+Let A(m) be the generalised covariance of the signal, h_{j,l} the wavelet filter of level j, and D_j(v) =
+Σ_l h_{j,l} A(v − l). Then
+
+    C_jk(u) = Cov(W_{j,t}, W_{k,t+u}) = Σ_l h_{k,l} D_j(l − u).
+
+D_j and C_jk are wavelet transforms of a covariance instead of a signal, so the pyramid algorithm computes them. The
+coefficients of the filters sum to zero. A constant in A therefore cancels, and no difference of large numbers occurs.
+
+C_jk hardly changes over a small part of 2^j lags, where j is the finer level. The scaling coefficients at every 2^i-th
+sample are a signal with the covariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), where r_g is the autocorrelation of the
+scaling filter. C_jk at every 2^i-th lag equals C_{j−i,k−i} of this signal, which reduces the cost of coarse levels.
+Lags at which D_j is negligible are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import MissingTheoryError
+from gmwm.base.threads import check_stop
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.covariance.robust import hermite_weights
+from gmwm.theory.filters import WaveletFilter
+from gmwm.theory.processes import filtered
+from gmwm.theory.processes.model import Model
+
+LONGEST = 2**26
+"""Length (samples) of the longest recording, for which each of a few arrays takes half a gigabyte."""
+# tests/covariance/test_filtered.py compares the results with sums over all lags, and pins the constants below.
+OVERSAMPLED = 4
+"""The covariance of a pair of levels is summed over lags that are 2^(j − OVERSAMPLED) apart, where j is the finer
+level. The spacing is smaller if V_jj would otherwise change by more than `_ALIKE`."""
+FEWEST = 2**15
+"""Smallest number of positive lags in a sum, unless the recording is shorter."""
+_ALIKE = 2e-5
+"""Largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted."""
+_TAPS = 256
+"""Largest filter length for which the fourth cumulant of uniform errors is used. A sum over a longer filter is nearly
+Gaussian."""
+_NOTHING = 1e-9
+"""Covariance of a coefficient and the signal, relative to the largest such covariance, below which far lags are left
+out."""
+_FELT = 1e-6
+"""Squared correlation ρ² below which only the first term of the robust expansion, in ρ², is used; the next term is in
+ρ⁴."""
+
+
+def covariance(model: Model, design: Design) -> Matrix:
+    """Compute V (J, J), in u⁴.
+
+    It is exact for N < 32768 and for the decimated transform. Otherwise its error is at most 2e-5 of the diagonal.
+    """
+    lags = Lags(model, design)
+    v = np.zeros((design.levels.size, design.levels.size))
+    for a in range(design.levels.size):
+        v[a, a:] = v[a:, a] = lags.row(a, lags.stage(a), design.levels.size)
+    return v
+
+
+def variances(model: Model, design: Design) -> Vector:
+    """Compute the diagonal (J,) of V, in u⁴."""
+    lags = Lags(model, design)
+    return np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
+
+
+def ratio_variances(model: Model, design: Design) -> Vector:
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,), with the classical estimate ν̂_j² and the robust estimate ν̃_j².
+
+    It is the difference of V_jj/ν_j⁴ of the robust and of the classical estimate.
+    """
+    lags = Lags(model, design, beyond=True)
+    excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
+    return np.asarray(excess / np.where(lags.own > 0, lags.own, 1.0) ** 2)
+
+
+class Lags:
+    """Sums over lags that give V for a model and a design.
+
+    If `beyond`, the sums only have the terms of the robust expansion after the first term.
+    """
+
+    def __init__(self, model: Model, design: Design, *, beyond: bool = False) -> None:
+        self.design, self.beyond, self.few = design, beyond, design.few
+        self.known = [_signal_covariance(model, design)]
+        self.smooth: dict[int, tuple[int, Vector]] = {}
+        self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
+        self.mean = means(model, design)
+        self.own = _own_variances(self.known[0], design)
+        # The cumulant of uniform errors hardly changes a robust estimate and is left out.
+        present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
+        self.cumulant = sum(process.error_cumulant for process in present)
+        deepest = int(design.levels[-1]) if self.cumulant else 0
+        self.error_filters = filtered.error_filters(design.filter, deepest, _TAPS)
+
+    def stage(self, a: int) -> int:
+        """Return the exponent `stage` of the largest spacing 2^stage of lags that is accurate for V_jj.
+
+        j is the level at index a. The spacing is then also accurate for V_jk with coarser levels k.
+        """
+        level = int(self.design.levels[a])
+        if self.design.transform == "dwt":
+            return level - 1
+        stage = max(0, min(level - OVERSAMPLED, (self.design.samples // FEWEST).bit_length() - 1))
+        value = self.row(a, stage, a + 1)[0] if stage else 0.0
+        while stage > 0:
+            finer = self.row(a, stage - 1, a + 1)[0]
+            if abs(value - finer) <= _ALIKE * finer:
+                break
+            stage, value = stage - 1, finer
+        return stage
+
+    def row(self, a: int, stage: int, end: int) -> Vector:
+        """Compute V_jk for the level j at index a and the levels k at indices a … `end` − 1, from lags 2^stage
+        apart."""
+        design = self.design
+        sums = [
+            weighed(self._terms(values, a, b), first, stage=stage, design=design, a=a, b=b)
+            for b, first, values in self.covariances(a, stage, end)
+        ]
+        total = np.array(sums) + self._excess(a, end)
+        return np.asarray(total / design.counts[a] / design.counts[a:end])
+
+    def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
+        """Yield, for each level k, its index and Cov(W_{j,t}, W_{k,t+u}) at lags u that are 2^stage apart.
+
+        The covariances are given by the first lag, divided by 2^stage, and an array of values. j and k are as for
+        `row`.
+        """
+        while len(self.known) <= stage:
+            self.known.append(_halved(self.known[-1], self.design.filter))
+        below = (self.design.levels[a:end] - stage).tolist()
+        pairs = _against(self._with_signal(stage, below[0]), self.known[stage].size, self.design.filter, below)
+        for b, (first, values) in enumerate(pairs, a):
+            check_stop()
+            yield b, first, values
+
+    def _with_signal(self, stage: int, level: int) -> tuple[int, Vector]:
+        """Return Cov(W_{j,t}, X_{t+u}), as the first lag u and an array of values.
+
+        X are the scaling coefficients of level `stage`, and `level` is the level j minus `stage`. The lags are all
+        those at which the recording has a pair, without negligible covariances at both ends.
+        """
+        filter, known = self.design.filter, self.known[stage]
+        done, smooth = self.smooth.get(stage, (0, np.concatenate([known[:0:-1], known])))
+        while done < level:
+            check_stop()
+            done += 1
+            smooth, detail = _step(smooth, filter, done)
+            # Values that need lags beyond the recording are left out; the result is D_j(−u).
+            self.cross[stage, done] = _cropped(detail[filter.width(done) - 1 :][::-1], 1 - known.size)
+        self.smooth[stage] = done, smooth
+        return self.cross[stage, level]
+
+    def _terms(self, values: Vector, a: int, b: int) -> Vector:
+        """Compute the covariance of the squares of two coefficients from their covariance.
+
+        For a robust estimate, it is the covariance of the functions that replace the squares.
+        """
+        terms = values * values
+        if self.design.efficiency is None or self.few[a] or self.few[b]:
+            terms *= 2.0
+        else:
+            terms = _robust(terms, float(self.own[a] * self.own[b]), self.design.efficiency)
+        if self.beyond:
+            return np.asarray(terms - 2.0 * values * values)
+        if self.mean[a] * self.mean[b] != 0:
+            terms += 4.0 * self.mean[a] * self.mean[b] * values
+        return terms
+
+    def _excess(self, a: int, end: int) -> Vector:
+        """Compute the contribution κ₄ Σ_l Σ_m d_{j,l}² d_{k,m}² n(m − l) of errors e_t that are not Gaussian.
+
+        d_{j,l} are the coefficients in W_{j,t} = Σ_l d_{j,l} e_{t−l}, and j and k are as for `row`.
+        """
+        total = np.zeros(end - a)
+        fine, filters = int(self.design.levels[a]), self.error_filters
+        for b in range(a, end):
+            coarse = int(self.design.levels[b])
+            if coarse > len(filters):
+                break
+            (early, first), (late, second) = filters[fine - 1], filters[coarse - 1]
+            pairs = _pairs(self.design, a, b, late - early[:, None])
+            total[b - a] = self.cumulant * float(first**2 @ pairs @ second**2)
+        return total
+
+
+def _pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
+    """Return the number n(u) of pairs of coefficients at the lags u, for the levels at indices a and b."""
+    if design.transform == "dwt":
+        apart = 1 << int(design.levels[a])
+        return np.where(lags % apart == 0, _decimated_pairs(design, a, b, lags // apart), 0.0)
+    fine, coarse = (design.filter.width(int(design.levels[place])) for place in (a, b))
+    size = design.samples
+    n = np.minimum(np.minimum(lags - (coarse - size - 1), (size - fine + 1) - lags), size - coarse + 1)
+    return np.asarray(np.maximum(n, 0), dtype=np.float64)
+
+
+def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
+    """Compute ν_j² ν_k² Σ_q c_q ρ^q from the squared covariances `squares` and ν_j² ν_k² = `size`."""
+    weights = hermite_weights(efficiency)
+    terms = np.asarray(weights[0] * squares)
+    felt = np.flatnonzero(squares > _FELT * size)
+    rho2 = squares[felt] / size
+    terms[felt] = size * rho2 * np.polyval(weights[::-1], rho2)
+    return terms
+
+
+# --- covariances of coefficients ----------------------------------------------------------------------
+
+
+def _signal_covariance(model: Model, design: Design) -> Vector:
+    """Compute A(m) of the signal at all lags 0 … N − 1, up to a constant."""
+    if design.samples > LONGEST:
+        present = [p for p in model.processes if p.scale > 0]
+        # With filters other than Haar, this limit holds for every process.
+        slow = next((p for p in present if p.memory(design.rate) is None), present[0])
+        raise MissingTheoryError(
+            f"the covariance of {slow.name} is a sum over all lags, which allows at most {LONGEST} samples; got "
+            f"{design.samples}",
+            advice="Use a shorter part of the recording.",
+        )
+    lags = np.arange(design.samples)
+    total = np.zeros(design.samples)
+    for process in model.processes:
+        if process.scale > 0:
+            check_stop()
+            total += process.generalised_covariance(lags, design.rate)
+    return total
+
+
+def _halved(known: Vector, filter: WaveletFilter) -> Vector:
+    """Compute A_i at all lags of the recording from A_{i−1}, which is `known`."""
+    reach, g = filter.length - 1, filter.scaling / np.sqrt(2.0)
+    both = np.concatenate([known[reach:0:-1], known])
+    return np.convolve(both, np.correlate(g, g, "full"), "valid")[::2].copy()
+
+
+def _against(
+    cross: tuple[int, Vector], n: int, filter: WaveletFilter, levels: list[int]
+) -> Iterator[tuple[int, Vector]]:
+    """Yield Cov(W_{j,t}, W_{k,t+u}) of the first level j with each level k, as the first lag and an array of values.
+
+    `cross` is the covariance of the coefficients of the first level and the signal, and n is the number of lags at
+    which the covariance of the signal is known.
+    """
+    first, smooth = cross
+    last = n - filter.width(levels[0])
+    for level in range(1, levels[-1] + 1):
+        check_stop()
+        reach = (filter.length - 1) << (level - 1)
+        # Zeros are added in front, because the step is circular, and at the back, up to the end of the recording.
+        behind = min(reach, last + 1 - first - smooth.size)
+        padded = np.zeros(reach + smooth.size + behind)
+        padded[reach : reach + smooth.size] = smooth
+        smooth, detail = (values[reach:] for values in _step(padded, filter, level))
+        if level in levels:
+            begin = max(0, filter.width(level) - n - first)
+            yield first + begin, detail[begin:]
+
+
+def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
+    """Remove negligible values at both ends, and return the lag of the first remaining value and these values."""
+    size = np.abs(values)
+    there = np.flatnonzero(size > _NOTHING * size.max())
+    begin, end = (there[0], there[-1] + 1) if there.size else (0, 1)
+    return first + int(begin), values[begin:end].copy()
+
+
+def _step(values: Vector, filter: WaveletFilter, level: int) -> tuple[Vector, Vector]:
+    """Compute the scaling and wavelet coefficients of a level. The step is circular, so the first ones are invalid."""
+    root = np.sqrt(2.0)
+    return _core.pyramid_step(values, filter.scaling / root, filter.wavelet / root, 1 << (level - 1))
+
+
+def _own_variances(known: Vector, design: Design) -> Vector:
+    """Return the variances (J,) of the coefficients for a robust estimate. A classical estimate gets ones."""
+    if design.efficiency is None:
+        return np.ones(design.levels.size)
+    return filtered.autocovariance_variance(known, design.filter, design.levels)
+
+
+def means(model: Model, design: Design) -> Vector:
+    """Return the means (J,) of the coefficients, which are 0 unless the model has a drift that the filter preserves."""
+    if design.filter.vanishing_moments > 1:
+        return np.zeros(design.levels.size)
+    slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
+    return slope * np.sqrt(filtered.drift_shape(design.filter, design.levels))
+
+
+# --- sums over lags -----------------------------------------------------------------------------------
+
+
+def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: int) -> float:
+    """Compute Σ_u n(u) f(u) from the values `terms` of f at the lags 2^stage (first, first + 1, …).
+
+    n(u) is the number of pairs of coefficients of the levels at indices a and b.
+    """
+    if design.transform == "dwt":
+        ahead = first % 2
+        terms = terms[ahead::2]
+        return float(_decimated_pairs(design, a, b, (first + ahead) // 2 + np.arange(terms.size)) @ terms)
+    step, size = 1 << stage, design.samples
+    fine, coarse = (design.filter.width(int(design.levels[place])) for place in (a, b))
+    # n(u) rises from 0 at the first bend to the last number of pairs, stays, and falls to 0 at the last bend.
+    rise, fall = coarse - size - 1, size - fine + 1
+    start, end = (min(max(place - first, 0), terms.size) for place in (0, (coarse - fine) // step + 1))
+    up, level, down = terms[:start], terms[start:end], terms[end:][::-1]
+    total = (size - coarse + 1) * float(level.sum())
+    for part, nearest in ((up, step * first - rise), (down, fall - step * (first + terms.size - 1))):
+        total += step * float(np.arange(part.size) @ part) + nearest * float(part.sum())
+    total *= step
+    if step > 1:
+        # Correction at each kink of n(u): the difference of the Euler-Maclaurin formulas for these lags and for all
+        # lags.
+        lags = float(step) * np.arange(first, first + terms.size)
+        for bend, turn in ((rise, 1), (0, -1), (coarse - fine, -1), (fall, 1)):
+            beyond = (bend / step) % 1.0
+            here = float(np.interp(bend, lags, terms))
+            total += turn * here * (step * step * (beyond * beyond - beyond + 1 / 6) / 2 - 1 / 12)
+    return total
+
+
+def _decimated_pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Vector:
+    """Return the number of pairs of decimated coefficients whose last samples are 2^j `lags` apart; j is the finer
+    level.
+
+    Only coefficients that do not depend on the boundary count. Coefficient n of level j ends at sample 2^j (n + 1) − 1.
+    The coefficients of the coarser level with n + 1 from `low` to `high` have a partner in the finer level at this lag.
+    """
+    fine, coarse = int(design.levels[a]), int(design.levels[b])
+    ratio, ends = 1 << (coarse - fine), (design.samples >> fine, design.samples >> coarse)
+    starts = ends[0] - int(design.counts[a]), ends[1] - int(design.counts[b])
+    low = np.maximum(-(-(starts[0] + 1 + lags) // ratio), starts[1] + 1)
+    high = np.minimum((ends[0] + lags) // ratio, ends[1])
+    return np.asarray(np.maximum(high - low + 1, 0), dtype=np.float64)

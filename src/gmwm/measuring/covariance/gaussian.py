@@ -1,0 +1,449 @@
+"""Covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
+
+The coefficients are second differences of a running sum. Their covariances are closed forms that are smooth functions
+of the lag between a few kinks. Sums over lags use a Gauss rule for sums over integers between two kinks. For a process
+with short memory, every lag within its memory of a kink is summed individually.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.covariance.robust import hermite_weights
+from gmwm.measuring.covariance.short_memory_sums import ShapeSums, exponential_part, has_fixed_shape, shape_sums
+from gmwm.theory.processes import haar_covariance
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.haar_covariance import LagGrid
+from gmwm.theory.processes.model import Model
+
+KEPT = 1024
+"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels, they take
+46 MB at most, and 6 MB if no process has a memory."""
+MOST_NODES = 800_000
+"""Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
+sets."""
+END = 20.0
+"""Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
+kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
+SHARED = 2_000_000
+"""Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
+bytes."""
+RECENT = 1_050_000
+"""Largest number of values that are cached for the shapes of a grid that are not fixed."""
+
+
+def knows(model: Model, design: Design) -> bool:
+    """Return whether this module can compute the covariance.
+
+    This requires the maximal-overlap Haar transform, and a closed form or a short memory for every process.
+    """
+    return design.running_sum and all(p.memory(design.rate) is not None for p in model.processes if p.scale > 0)
+
+
+def covariance(model: Model, design: Design) -> Matrix:
+    """Compute the covariance V (J, J), in u⁴."""
+    size = design.levels.size
+    coarser, finer = np.tril_indices(size)
+    v = np.empty((size, size))
+    v[finer, coarser] = v[coarser, finer] = _entries(model, design, diagonal=False)
+    return v
+
+
+def variances(model: Model, design: Design) -> Vector:
+    """Compute the diagonal (J,) of V, in u⁴."""
+    return _entries(model, design, diagonal=True)
+
+
+def ratio_variances(model: Model, design: Design) -> Vector:
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,), which is Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
+
+    ν̂_j² is the classical and ν̃_j² the robust estimate; see `gmwm.covariance.api.ratio_variances`.
+    """
+    assert design.efficiency is not None
+    present = [process for process in model.processes if process.scale > 0]
+    at, weight, starts = _lags(present, design, diagonal=True)
+    half = np.ldexp(1.0, design.levels - 1)
+    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
+    # A model without noise has no correlations.
+    unit = np.repeat(np.where(own > 0, own, 1.0), np.diff(starts, append=weight.size))
+    squares = (_coefficient_covariance(present, at, design.rate) / unit) ** 2
+    terms = weight * squares**2 * np.polyval(hermite_weights(design.efficiency)[:0:-1], squares)
+    return np.asarray(np.add.reduceat(terms, starts) / design.counts.astype(np.float64) ** 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Indices of the finer and the coarser level of each pair, in the order of the kernel.
+
+    `half` and `counts` are the half-scales h and the numbers M of coefficients of all levels.
+    """
+
+    finer: NDArray[np.int64]
+    coarser: NDArray[np.int64]
+    half: Vector
+    counts: Vector
+
+    def outer(self, values: Vector) -> Vector:
+        """Return the product x_j x_k for each pair of levels, where x are `values` of the levels."""
+        return np.asarray(values[self.finer] * values[self.coarser])
+
+
+def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
+    """Compute V_jk for all pairs of levels, or V_jj for all levels if `diagonal`."""
+    size, half = design.levels.size, np.ldexp(1.0, design.levels - 1)
+    coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
+    pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
+    present = [process for process in model.processes if process.scale > 0]
+    shared = _shared(present, design)
+    if shared is None:
+        out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
+    else:
+        sums = shape_sums(shared, design, diagonal=diagonal)
+        out = _beside(shared, sums, model, design, pairs=pairs, diagonal=diagonal)
+    for place, stride in enumerate(design.strides):
+        if stride > 1:
+            mine = (finer == place) & (coarser == place if diagonal else True)
+            out[mine] = _strided(model, design, place, stride)[: np.count_nonzero(mine)]
+    return out
+
+
+def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
+    """Compute V_jk for a level j that uses only every s-th coefficient, and for k = j and all coarser levels.
+
+    If time is measured in steps of s = `stride` samples, these are levels of a recording of N/s samples. All lags
+    between their coefficients are multiples of s, so the sums are sums over all lags of that shorter recording. The
+    covariance of such a level and a level that uses all coefficients equals the covariance without strides, because all
+    lags between them occur equally often.
+    """
+    levels = design.levels[place:]
+    within = replace(
+        design, levels=levels - int(np.log2(stride)), samples=design.samples // stride,
+        rate=design.rate / stride, strides=(), segments=(),
+    )  # fmt: skip
+    count = levels.size
+    coarser, finer = np.tril_indices(count)
+    first = np.flatnonzero(finer == 0)
+    present = [process for process in model.processes if process.scale > 0]
+    at, weight, starts = _lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
+    ends = np.append(starts[1:], weight.size)
+    kept = np.concatenate([np.arange(starts[k], ends[k]) for k in first])
+    sizes = (ends - starts)[first]
+    # At multiples of an even number of samples, an alternating covariance does not alternate.
+    odd = np.zeros(kept.size, dtype=np.uint8) if _alternates(present, design.rate) else None
+    grid = LagGrid(stride * at.fine[kept], stride * at.coarse[kept], stride * at.lag[kept], odd)
+    counts = design.counts.astype(np.float64)
+    counts[place:] = within.counts
+    pairs = _Pairs(finer[first] + place, coarser[first] + place, np.ldexp(1.0, design.levels - 1), counts)
+    begins = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    return _over_lags(model, design, pairs=pairs, at=grid, weight=weight[kept], starts=begins, stride=stride)
+
+
+def _over_lags(
+    model: Model,
+    design: Design,
+    pairs: _Pairs,
+    at: LagGrid,
+    weight: Vector,
+    starts: NDArray[np.int64],
+    stride: int = 1,
+) -> Vector:
+    """Compute V_jk for pairs of levels from the covariances of their coefficients at the nodes `at`.
+
+    `weight` are the weights of the nodes, and `starts` the first node of each pair. The coefficients are `stride`
+    samples apart.
+    """
+    present = [process for process in model.processes if process.scale > 0]
+    if design.efficiency is None:
+        first, second = _sums(present, at, weight, starts, rate=design.rate)
+    else:
+        shapes, scales = _shapes(present, at, design.rate)
+        first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
+        covariance = _combined(shapes, scales, at)
+        robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
+        second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
+    return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second, stride=stride)
+
+
+def _slope(model: Model) -> float:
+    """Return the change of the mean of the model per sample."""
+    return sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
+
+
+def _of_sums(
+    model: Model, design: Design, pairs: _Pairs, *, first: Vector | None, second: Vector, stride: int = 1
+) -> Vector:
+    """Compute V_jk for pairs of levels from the sums `first` = Σ n Cov and `second` = Σ n Cov² over lags.
+
+    n is the number of pairs of coefficients at a lag, and Cov their covariance. `first` is None without a drift.
+    """
+    scale = 4 * pairs.outer(pairs.half)
+    total = 2 / scale**2 * second
+    if first is not None:
+        total += _slope(model) ** 2 * pairs.outer(pairs.half) / scale * first
+    present = [process for process in model.processes if process.scale > 0]
+    if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
+        # The term is left out for a robust estimate: its variance is smaller too, but its mean is larger, and both
+        # effects nearly cancel in the relative variance.
+        total += cumulant * _excess(pairs, design.samples) / stride / scale**2
+    return np.asarray(total / pairs.outer(pairs.counts))
+
+
+def _shared(present: list[Process], design: Design) -> Process | None:
+    """Return the process whose sums over lags are cached, or None.
+
+    It is the only process with short memory, if its shape is fixed.
+    """
+    if design.efficiency is not None or any(stride > 1 for stride in design.strides):
+        return None
+    short = [process for process in present if process.memory(design.rate)]
+    return short[0] if len(short) == 1 and has_fixed_shape(short[0]) and not _alternates(present, design.rate) else None
+
+
+def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs: _Pairs, *, diagonal: bool) -> Vector:
+    """Compute V_jk for a model with a process `short` whose sums over lags are cached."""
+    count = pairs.finer.size
+    others = [process for process in model.processes if process.scale > 0 and process is not short]
+    first, second = short.scale * sums.first[:count], short.scale**2 * sums.second[:count]
+    if others:
+        second += 2 * short.scale * sums.mixed(others, design.rate)[:count]
+        at, weight, starts = _lags(others, design, diagonal=diagonal)
+        sums_of_others = _sums(others, at, weight, starts, rate=design.rate)
+        first, second = first + sums_of_others[0], second + sums_of_others[1]
+    return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second)
+
+
+def _lags(
+    present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
+) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+    """Return the nodes of the sums over lags for all pairs of levels, their weights, and the first node of each pair.
+
+    Lags are measured in steps of `stride` samples. `decays_of` is the sampling rate (Hz), if it differs from the rate
+    of the design.
+    """
+    rate = design.rate if decays_of is None else decays_of
+    # Strides larger than 1 are even, so an alternating covariance does not alternate at multiples of a stride.
+    decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
+    sizes = [abs(decay) for decay in decays]
+    memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
+    # The range of rates and the memory are rounded outwards, so that all iterations of a fit and most candidates of a
+    # selection use the same nodes. A smaller lower end adds few nodes, and so does an upper end above 1/16. The nodes
+    # are the same for all lower ends below `END` divided by the number of samples, and for all upper ends above 1/4.
+    ends = (0.0, 0.0)
+    if sizes:
+        high = math.ceil(math.log2(max(sizes)))
+        high_end = 2.0 ** (high if high <= -4 else -2)
+        low_end = max(2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), END / design.samples)
+        ends = min(low_end, high_end), high_end
+    unit = 1 << max(memory.bit_length() - 3, 0)
+    return _nodes(
+        tuple(design.levels.tolist()),
+        (design.samples, ends, any(decay < 0 for decay in decays), diagonal, -(-memory // unit) * unit),
+    )
+
+
+_Key = tuple[int, tuple[float, float], bool, bool, int]
+"""Number of samples, range of decay rates, whether a covariance alternates, whether only the diagonal is needed, and
+memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Nodes of the sums over lags for all pairs of some levels, their weights, and the first node of each pair."""
+
+    levels: tuple[int, ...]
+    at: LagGrid
+    weight: Vector
+    starts: NDArray[np.int64]
+
+    def first(self, levels: int, *, diagonal: bool) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+        """Return the nodes, weights and starts for the first levels, whose pairs come first."""
+        pairs = levels if diagonal else levels * (levels + 1) // 2
+        if pairs == self.starts.size:
+            return self.at, self.weight, self.starts
+        end = int(self.starts[pairs])
+        return self.at.first(end), self.weight[:end], self.starts[:pairs]
+
+
+class _Grids:
+    """The grids that were used last, at most `MOST_NODES` nodes together."""
+
+    def __init__(self) -> None:
+        self._kept: dict[_Key, _Grid] = {}
+        self._lock = threading.Lock()
+
+    def get(self, levels: tuple[int, ...], key: _Key) -> _Grid:
+        """Return a grid for at least these levels, as the first ones."""
+        with self._lock:
+            found = self._kept.pop(key, None)
+            if found is not None:
+                self._kept[key] = found
+        if found is None or found.levels[: len(levels)] != levels:
+            found = _computed(levels, key)
+            if key[-1] <= KEPT:
+                with self._lock:
+                    self._kept.pop(key, None)
+                    self._kept[key] = found
+                    while len(self._kept) > 1 and sum(grid.weight.size for grid in self._kept.values()) > MOST_NODES:
+                        del self._kept[next(iter(self._kept))]
+        return found
+
+    def clear(self) -> None:
+        """Forget all grids."""
+        with self._lock:
+            self._kept.clear()
+
+
+_grids = _Grids()
+
+
+def _nodes(levels: tuple[int, ...], key: _Key) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+    """Return the nodes for some levels; recordings of one length share them, also with fewer levels."""
+    return _grids.get(levels, key).first(len(levels), diagonal=key[3])
+
+
+def _computed(levels: tuple[int, ...], key: _Key) -> _Grid:
+    samples, ends, alternating, diagonal, memory = key
+    (starts, fine, coarse, lag, weight, odd), pieces = _core.covariance_nodes(
+        np.array(levels, dtype=np.int64), samples, *ends, alternating, diagonal, memory
+    )
+    return _Grid(levels, LagGrid(fine, coarse, lag, odd if odd.size else None, pieces=pieces), weight, starts)
+
+
+def _alternates(present: list[Process], rate: float) -> bool:
+    return any(decay < 0 for process in present for decay in process.decays(rate))
+
+
+def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:
+    """Compute 2^(j+k) Cov(W_j, W_k) of the sum of the processes at the nodes."""
+    return _combined(*_shapes(present, at, rate), at)
+
+
+def _combined(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
+    """Compute the sum of the shapes, each multiplied by its scale."""
+    total = np.zeros_like(at.lag)
+    for shape, scale in zip(shapes, scales, strict=True):
+        total += scale * shape
+    return total
+
+
+def _sums(
+    present: list[Process], at: LagGrid, weight: Vector, starts: NDArray[np.int64], rate: float
+) -> tuple[Vector, Vector]:
+    """Compute the sums Σ n Cov and Σ n Cov² over the nodes of each pair of levels.
+
+    An exponential autocovariance is computed pair by pair, which avoids large arrays. If its shape is needed a second
+    time, its covariances at all nodes are cached.
+    """
+    parts = [None if at.pieces is None else exponential_part(process, rate) for process in present]
+    exponential = [part for part in parts if part is not None]
+    shapes, scales = _shapes([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
+    factors = np.array([*scales, *(variance for variance, _ in exponential)], dtype=np.float64)
+    decays = [decay for _, decay in exponential]
+    grid, count = at if at.whole is None else at.whole, weight.size
+    known = all(decay in grid.recent for decay in decays)
+    if at.pieces is None or known:
+        return _core.node_sums([*shapes, *(_kept(grid, decay)[:count] for decay in decays)], factors, weight, starts)
+    grid.recent.update(dict.fromkeys(decays))
+    _forget(grid)
+    return _core.exponential_node_sums(
+        shapes, np.array(decays), factors, weight, starts, at.fine, at.coarse, at.lag, at.pieces
+    )  # fmt: skip
+
+
+def _kept(at: LagGrid, decay: float) -> Vector:
+    """Return the covariances for the autocovariance e^(−λ|k|) with λ = `decay`, and cache them."""
+    shape = at.recent.pop(decay, None)
+    if shape is None:
+        shape = haar_covariance.exponential(at, decay)
+    at.recent[decay] = shape
+    _forget(at)
+    return shape
+
+
+def _forget(at: LagGrid) -> None:
+    """Remove the shapes that were not used recently."""
+    for old in list(at.recent)[: -max(RECENT // at.lag.size, 1)]:
+        at.recent.pop(old, None)
+
+
+def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vector], list[float]]:
+    """Return the covariances of the processes at the nodes, as shapes and factors.
+
+    If there are many nodes, the only shape is the sum of all covariances.
+    """
+    if at.whole is not None:
+        shapes, scales = _shapes(present, at.whole, rate)
+        return [shape[: at.lag.size] for shape in shapes], scales
+    if at.lag.size > SHARED:
+        total = np.zeros_like(at.lag)
+        for process in present:
+            total += process.coefficient_covariance(at, rate)
+        return [total], [1.0]
+    shapes, scales = [], []
+    for process in present:
+        # The shape does not depend on the scale. Models that are compared share fixed shapes. Other shapes are shared
+        # by the weights and the covariance of a fit, and by the fits that determine an upper limit.
+        fixed = has_fixed_shape(process)
+        if not fixed and at.lag.size > RECENT // 2:
+            shapes.append(process.coefficient_covariance(at, rate))
+            scales.append(1.0)
+            continue
+        kept = at.known if fixed else at.recent
+        key = (type(process), tuple(process.nonlinear.tolist()), rate)
+        shape = kept.pop(key, None)
+        if shape is None:
+            shape = type(process).standard(process.nonlinear).coefficient_covariance(at, rate)
+        kept[key] = shape
+        if not fixed:
+            _forget(at)
+        shapes.append(shape)
+        scales.append(process.scale)
+    return shapes, scales
+
+
+def _robust_sum(
+    present: list[Process],
+    pairs: _Pairs,
+    design: Design,
+    covariance: Vector,
+    weight: Vector,
+    starts: NDArray[np.int64],
+) -> Vector:
+    """Compute, for each pair of levels, the sum that replaces Σ n Cov² for a robust estimate.
+
+    It is ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, where σ_j² and σ_k² are the variances of the coefficients.
+    """
+    assert design.efficiency is not None
+    half = pairs.half
+    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
+    size = pairs.outer(own)
+    # If all processes are zero, the correlation is not defined and the covariance is zero.
+    unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
+    squares = covariance * covariance / unit
+    terms = weight * squares * np.polyval(hermite_weights(design.efficiency)[::-1], squares)
+    return np.asarray(size / 2 * np.add.reduceat(terms, starts))
+
+
+def _excess(pairs: _Pairs, samples: int) -> Vector:
+    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of the fourth cumulant κ₄ for each pair of levels.
+
+    The weights c = (1, −2, 1) belong to the offsets 0, h and 2h of each level. n is the number of pairs of coefficients
+    that have an error in common.
+    """
+    fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
+    total = np.zeros(fine.size)
+    for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):
+        for b, weight_b in ((0, 1.0), (1, 4.0), (2, 1.0)):
+            lag = b * coarse - a * fine
+            first = np.maximum(2 * fine - 1, 2 * coarse - 1 - lag)
+            last = samples - 1 - np.maximum(lag, 0.0)
+            total += weight_a * weight_b * np.maximum(last - first + 1, 0.0)
+    return total

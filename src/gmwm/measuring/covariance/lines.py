@@ -1,0 +1,223 @@
+"""Contribution of sinusoids with fixed amplitude and random phase to the covariance of a wavelet variance.
+
+The signal is X = Y + Σ_l A_l cos(ω_l t + U_l), where Y is Gaussian noise and the phases U_l are uniform and
+independent. Its wavelet coefficients are W_j = G_j + L_j, the sum of the coefficients of the noise and of the
+sinusoids. L_j² is nearly constant, so the main contribution comes from the product of L_j and G_j:
+
+    V_jk = V_jk of Y + 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) + Cov(mean L_j², mean L_k²).
+
+Here C_jk(u) = Cov(G_{j,t}, G_{k,t+u}) and R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], with the power P_l = A_l²/2 and
+the gain H_j of the wavelet filter of level j at ω_l. The second term is summed over lags if there are few lags, or if
+the sinusoid is so slow that the lags in the sum can be far apart. Otherwise the recording contains hundreds of periods
+of the sinusoid, and the term is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), where S is the spectral density of Y.
+Its relative error is about 2^k / M_k, which is small at the levels that contain such a sinusoid.
+
+The last term comes from the random phases and is a sum of ½ Re(c_j c_k*). Let D_j(Ω) be the mean of e^(iΩt) over the
+coefficients of level j. Each sinusoid contributes c_j = ½A² H_j² D_j(2ω). Each pair l, m of sinusoids contributes
+c_j = A_l A_m H_j(ω_l) H_j(±ω_m) D_j(ω_l ± ω_m). If a drift causes a mean μ_j of the coefficients, each sinusoid also
+contributes c_j = 2μ_j A H_j D_j(ω).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import MissingTheoryError
+from gmwm.measuring.covariance import filtered
+from gmwm.measuring.covariance.design import Design
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model
+
+FEW_LAGS = 2**14
+"""Largest number of lags in the sum. Recordings up to this length use all lags; longer recordings with a slow sinusoid
+use lags that are further apart. Pinned by tests/covariance/test_lines.py, as is the next constant."""
+_TURN = 32
+"""Smallest number of lags per period of the sinusoid for which lags may be further apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Sinusoid, with the gains of the wavelet filters of a design at its frequency.
+
+    Attributes
+    ----------
+    power : float
+        Power P = A²/2 (u²) of a sinusoid of amplitude A.
+    cycles : float
+        Frequency (cycles per sample), within ±½.
+    gain : (J,) complex array
+        Gains H_j of the wavelet filters of all levels.
+    """
+
+    power: float
+    cycles: float
+    gain: NDArray[np.complex128]
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude A (u)."""
+        return math.sqrt(2.0 * self.power)
+
+
+def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
+    """Separate the noise of a model from its sinusoids.
+
+    The noise is None if the model has only sinusoids, and it is the model itself if there is no sinusoid.
+
+    Raises
+    ------
+    MissingTheoryError
+        If there are sinusoids, and the estimate is robust.
+    """
+    seen = [process.line(design.rate) for process in model.processes]
+    if not any(seen):
+        return model, ()
+    felt = [(process, at) for process, at in zip(model.processes, seen, strict=True) if at and all(at)]
+    if felt and design.efficiency is not None:
+        raise MissingTheoryError(
+            f"the covariance of the robust wavelet variance is unknown for {felt[0][0].name}, because a sinusoid of "
+            "fixed amplitude is not Gaussian",
+            advice="Use the classical wavelet variance with {--robust=no}.",
+        )
+    rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
+    return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], design)) for _, at in felt)
+
+
+def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diagonal: bool) -> Matrix:
+    """Compute the contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
+    total = _of_phases(noise, lines, design)
+    if noise is not None:
+        many = [line for line in lines if np.any(_stages(line, design) < 0)]
+        density = dict(zip(many, _density(noise, [line.cycles for line in many], design).tolist(), strict=True))
+        for line in lines:
+            total += _with_noise(noise, line, design, density=density.get(line, 0.0), diagonal=diagonal)
+    return np.asarray(np.diag(total).copy() if diagonal else total)
+
+
+def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
+    """Compute the gains H_j = Σ_l h_{j,l} e^(−iωl) (J,) of the wavelet filters h_j at the frequency ω = 2π `cycles`."""
+    smooth, wavelet = design.filter.scaling / np.sqrt(2.0), design.filter.wavelet / np.sqrt(2.0)
+    gain, found = 1.0 + 0.0j, np.empty(int(design.levels[-1]), dtype=np.complex128)
+    for j in range(found.size):
+        z = np.exp(-2j * np.pi * np.fmod(np.ldexp(cycles, j), 1.0))
+        found[j] = gain * np.polyval(wavelet[::-1], z)
+        gain *= complex(np.polyval(smooth[::-1], z))
+    return found[design.levels - 1]
+
+
+# --- the phases ---------------------------------------------------------------------------------------
+
+
+def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> Matrix:
+    """Compute ½ Re Σ c_j c_k* (J, J), the covariance that the random phases cause; see the module docstring."""
+    mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
+    turning = []
+    for k, line in enumerate(lines):
+        turning.append(line.power * line.gain**2 * _mean_turn(2.0 * line.cycles, design))
+        turning.append(2.0 * mean * math.sqrt(2.0 * line.power) * line.gain * _mean_turn(line.cycles, design))
+        for other in lines[:k]:
+            size = 2.0 * math.sqrt(line.power * other.power)
+            both = (line.gain * other.gain, line.cycles + other.cycles)
+            beat = (line.gain * np.conj(other.gain), line.cycles - other.cycles)
+            turning += [size * gain * _mean_turn(cycles, design) for gain, cycles in (both, beat)]
+    c = np.array(turning).reshape(-1, design.levels.size)
+    return np.asarray(0.5 * np.real(c.T @ np.conj(c)))
+
+
+def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
+    """Compute the mean (J,) of e^(2πi t cycles) over the times t of the coefficients of each level."""
+    count = design.counts.astype(np.float64)
+    if design.transform == "dwt":
+        step = np.ldexp(1.0, design.levels)
+        last = step * (design.samples >> design.levels) - 1.0
+    else:
+        step, last = np.ones_like(count), np.full_like(count, design.samples - 1.0)
+    # `half` and `whole` are half the angles of one step and of all steps. `still` marks steps of whole cycles.
+    half, whole = (np.pi * np.fmod(step * cycles * times, 2.0) for times in (1.0, count))
+    still = np.abs(np.sin(half)) < 1e-12
+    size = np.where(still, np.cos(whole) / np.cos(half), np.sin(whole) / (count * np.where(still, 1.0, np.sin(half))))
+    middle = last - 0.5 * step * (count - 1.0)
+    return np.asarray(size * np.exp(2j * np.pi * np.fmod(middle * cycles, 1.0)))
+
+
+# --- line and noise -----------------------------------------------------------------------------------
+
+
+def _with_noise(noise: Model, line: Line, design: Design, *, density: float, diagonal: bool) -> Matrix:
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the contribution of the product of a sinusoid and noise.
+
+    `density` is the spectral density of the noise at the frequency of the sinusoid, for levels that are not summed over
+    lags.
+    """
+    size, counts = design.levels.size, design.counts.astype(np.float64)
+    stages = _stages(line, design)
+    total = np.zeros((size, size))
+    if np.any(stages < 0):
+        square = np.abs(line.gain) ** 2
+        total += 4.0 * line.power * density * np.outer(square, square) / np.maximum.outer(counts, counts)
+    if np.any(stages >= 0):
+        lags = filtered.Lags(noise, design)
+    for a in np.flatnonzero(stages >= 0).tolist():
+        stage = int(stages[a])
+        for b, first, values in lags.covariances(a, stage, a + 1 if diagonal else size):
+            u = np.arange(first, first + values.size)
+            turn = np.exp(2j * np.pi * np.fmod(math.ldexp(line.cycles, stage) * u, 1.0))
+            shared = line.power * np.real(np.conj(line.gain[a]) * line.gain[b] * turn)
+            total[a, b] = (
+                4.0
+                * filtered.weighed(values * shared, first, stage=stage, design=design, a=a, b=b)
+                / (counts[a] * counts[b])
+            )
+            total[b, a] = total[a, b]
+    return total
+
+
+def _stages(line: Line, design: Design) -> NDArray[np.int64]:
+    """Return the exponent `stage` (J,) of the spacing 2^stage of the lags for each level and the coarser levels.
+
+    It is −1 if the spectral density is used instead of a sum over lags.
+    """
+    if design.transform == "dwt":
+        return design.levels - 1
+    stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
+    if stage and abs(line.cycles) * (_TURN << stage) > 1:
+        return np.full(design.levels.size, -1)
+    enough = design.levels >= stage + filtered.OVERSAMPLED if stage else np.ones(design.levels.size, dtype=np.bool_)
+    return np.where(enough, stage, -1)
+
+
+def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
+    """Compute the spectral density S (u² per cycle per sample) of the noise at frequencies that are not 0."""
+    total = np.zeros(len(cycles))
+    for process in noise.processes:
+        if process.scale == 0:
+            continue
+        if process.has("psd"):
+            total += design.rate * process.psd(np.abs(cycles) * design.rate, design.rate)
+            continue
+        shape = (type(process), tuple(process.nonlinear.tolist()))
+        total += process.scale * np.array([
+            _summed_density(*shape, at, samples=design.samples, rate=design.rate) for at in cycles
+        ])  # fmt: skip
+    return total
+
+
+@lru_cache(maxsize=256)
+def _summed_density(
+    kind: type[Process], nonlinear: tuple[float, ...], cycles: float, *, samples: int, rate: float
+) -> float:
+    """Compute the spectral density of a process with scale coefficient 1 at the frequency ω = 2π `cycles`.
+
+    It is Σ_m c(m) cos ωm / |1 − e^(iω)|², where c(m) = 2A(m) − A(m − 1) − A(m + 1) is the covariance of differences of
+    successive samples and A the generalised covariance.
+    """
+    known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
+    difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
+    terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))
+    return float(2.0 * terms.sum() - terms[0]) / (4.0 * math.sin(math.pi * cycles) ** 2)

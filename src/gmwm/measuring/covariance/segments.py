@@ -1,0 +1,62 @@
+"""Covariance of the wavelet variance of a recording with gaps, from the covariances of its segments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix
+from gmwm.measuring.covariance.design import Design
+
+EXACT = 64
+"""Largest number of different segment lengths that are computed individually. For more lengths, results are
+interpolated."""
+_OCTAVE = 8
+"""Number of nodes of the interpolation per octave of segment length. The error is at most 1 %
+(tests/covariance/test_segments.py)."""
+
+
+def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
+    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) from the covariances V_s (J, J) of the segments s.
+
+    `alone` returns V_s for the design of a segment, or its diagonal (J,); the result then is the diagonal of V. M_sj is
+    the number of coefficients of level j in segment s, and M_j that in all segments. Segments are treated as
+    independent. Segments of the same length have the same V_s.
+    """
+    counts, total = design.counts, None
+    for length, times in lengths_of(design.lengths):
+        segment = design.segment(length, counts)
+        if segment is None:
+            continue
+        part = alone(segment)
+        if total is None:
+            total = np.zeros((counts.size,) * part.ndim)
+        own = segment.counts.astype(np.float64)
+        total[tuple(slice(n) for n in part.shape)] += times * part * _outer(own, part.ndim)
+    assert total is not None
+    return np.asarray(total / _outer(counts.astype(np.float64), total.ndim))
+
+
+def _outer(values: Matrix, dimensions: int) -> Matrix:
+    return np.asarray(np.outer(values, values) if dimensions == 2 else values**2)
+
+
+def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
+    """Yield segment lengths to compute, and the number of segments that each length represents.
+
+    M² V is a convex function of the length, and nearly linear for segments longer than a few scales. Therefore, if
+    there are many lengths, a segment with a length between two nodes is divided between both nodes.
+    """
+    sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
+    if sizes.size > EXACT:
+        steps = np.arange(_OCTAVE * math.log2(sizes[0]) - 1, _OCTAVE * math.log2(sizes[-1]) + 1)
+        grid = np.unique(np.rint(np.exp2(np.ceil(steps) / _OCTAVE)).astype(np.int64))
+        nodes = np.unique(np.concatenate([sizes[[0, -1]], grid[(grid > sizes[0]) & (grid < sizes[-1])]]))
+        right = np.clip(np.searchsorted(nodes, sizes), 1, nodes.size - 1)
+        share = (sizes - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
+        weights = np.bincount(right, share * times, nodes.size)
+        weights += np.bincount(right - 1, (1 - share) * times, nodes.size)
+        sizes, times = nodes[weights > 0], weights[weights > 0]
+    yield from zip(sizes.tolist(), times.tolist(), strict=True)

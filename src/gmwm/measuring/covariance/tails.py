@@ -1,0 +1,272 @@
+"""Covariance of the wavelet variance that heavy tails or a varying variance add to the covariance of a Gaussian signal.
+
+Where the noise has outliers or a large variance, the squared coefficients of all levels are large together. This adds a
+common factor to the errors of the estimates: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Here V is the covariance for a
+Gaussian signal, and E = c l lᵀ with a size c and a loading l_j ≤ 1 for each level. For N independent samples with
+excess kurtosis κ, E_jk = κ / N at every level. The loading of a level is less than 1 if a part of its variance comes
+from another process.
+
+The factor is estimated from the mean squares of the coefficients in blocks of B samples, one for each block and level.
+Their relative covariance times B is compared with the covariance G = 2 ∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²) of a
+Gaussian signal with the same spectral density S, where H_j is the gain of the wavelet filter of level j. λ is the ratio
+of the two variances of a weighted mean over the levels; without a common factor it is 1. The loadings l are 1 up to
+some level. At coarser levels, they are the share of white noise in the curve. For independent samples λ does not depend
+on B. If the variance varies slowly, λ increases with B. Longer blocks are used if their λ is significantly larger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.measuring.variance.panels import LEAST, Panels
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
+
+BLOCK = 128
+"""Number of samples of the shortest blocks."""
+FINE = 8
+"""Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
+correlated."""
+MOST_LEVELS = 12
+"""Largest number of levels whose covariance is measured."""
+FEWEST = 24
+"""Smallest number of blocks from which a covariance is measured."""
+CHANCE = 3.5
+"""Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
+docs/validation/tails.md, as are the other constants of this module."""
+ENDS = 0.05
+"""Largest change of λ that the ends of blocks cause."""
+MATERIAL = 0.05
+"""Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
+standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass filtered signal are nearly equal."""
+AGREEMENT = 0.1
+"""Largest relative difference between the measured wavelet variance of a level and the wavelet variance that follows
+from the spectral density. Levels with a larger difference are not used."""
+NEARLY = 0.98
+"""Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of loading
+1 are used."""
+_SEGMENT = 8192
+"""Length (samples) of the longest segments from which the spectral density is estimated."""
+
+
+class TailSums:
+    """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated.
+
+    The memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each
+    131 072 samples.
+    """
+
+    def __init__(self) -> None:
+        self._panels = Panels(LEAST)
+        sizes = int(np.log2(LEAST // BLOCK)) + 1
+        # For each block length: number of blocks that have a level, sums of mean squares, and sums of their products.
+        self._number = np.zeros((sizes, MOST_LEVELS))
+        self._sum = np.zeros((sizes, MOST_LEVELS))
+        self._product = np.zeros((sizes, MOST_LEVELS, MOST_LEVELS))
+        self._whole: list[Vector] = []
+        self._power: dict[int, tuple[float, Vector]] = {}
+
+    def update(self, values: Vector) -> None:
+        """Add the next samples of the current segment."""
+        for panel in self._panels.cut(values):
+            self._add(panel)
+
+    def gap(self) -> None:
+        """End the current segment, because samples are missing."""
+        for panel in self._panels.end():
+            self._add(panel)
+
+    def excess(self, wv: WaveletVariance) -> Matrix | None:
+        """Return the matrix E (J, J) for the levels of `wv`, the classical wavelet variance of all samples; None if
+        zero."""
+        self.gap()
+        if not self._power or not np.all(wv.variance > 0):
+            return None
+        length = max(self._power, key=lambda key: self._power[key][0] * key)
+        number, power = self._power[length]
+        gaussian, curve = _gaussian(power / number, length, number)
+        own = self._sum[0] / np.maximum(self._number[0], 1.0)
+        # If the spectral density does not explain a level, leakage or a trend is larger than the noise.
+        known = np.abs(curve / np.where(own > 0, own, np.inf)[: curve.size] - 1) <= AGREEMENT
+        resolved = known.size if np.all(known) else int(np.argmin(known))
+        shapes = _shapes(wv)
+        best, found = 1.0, None
+        for block, blocks, covariance in self._covariances():
+            reach = int(np.log2(min(block, length) // FINE))
+            reach = min(reach, resolved, int(np.count_nonzero((own > 0) & (blocks >= FEWEST))), len(wv))
+            if reach < 2:
+                continue
+            n = float(blocks[reach - 1])
+            relative = block * covariance[:reach, :reach] / np.outer(own[:reach], own[:reach])
+            factor, ratio = _common_factor(relative, gaussian[:reach, :reach], shapes[:reach])
+            edge = 1 + CHANCE * np.sqrt(2 / n) + ENDS
+            if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > MATERIAL:
+                best, found = ratio, factor
+        return None if found is None else np.asarray(np.outer(found, found) / wv.samples)
+
+    def _add(self, panel: Vector) -> None:
+        levels = min(MOST_LEVELS, int(np.log2(max(panel.size // BLOCK, 1))))
+        count = (panel.size - (1 << levels)) // BLOCK
+        if levels < 1 or count < 1:
+            return
+        y = _block_means(panel, levels, count)
+        if count == (LEAST - (1 << MOST_LEVELS)) // BLOCK:
+            self._whole.append(y.mean(axis=0))
+        for size in range(self._sum.shape[0]):
+            self._number[size, :levels] += y.shape[0]
+            self._sum[size, :levels] += y.sum(axis=0)
+            self._product[size, :levels, :levels] += y.T @ y
+            if y.shape[0] < 2:
+                break
+            y = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2])
+        length = min(_SEGMENT, 1 << int(np.log2(panel.size // 16)))
+        number, power = self._power.get(length, (0.0, np.zeros(length // 2 + 1)))
+        more, part = _power(panel, length)
+        self._power[length] = number + more, power + part
+
+    def _covariances(self) -> list[tuple[int, Vector, Matrix]]:
+        """Return the length, the numbers of blocks and the covariance of mean squares, from short to long blocks."""
+        out = []
+        number = np.maximum(self._number, 1.0)
+        for size in range(self._sum.shape[0]):
+            pairs = np.minimum.outer(number[size], number[size])
+            own = self._sum[size] / number[size]
+            covariance = self._product[size] / pairs - np.outer(own, own)
+            out.append((BLOCK << size, self._number[size], covariance * pairs / np.maximum(pairs - 1, 1.0)))
+        y = np.array(self._whole).reshape(-1, MOST_LEVELS)
+        block = LEAST
+        while y.shape[0] >= FEWEST:
+            out.append((block, np.full(MOST_LEVELS, y.shape[0]), np.cov(y.T)))
+            y, block = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2]), 2 * block
+        return out
+
+
+def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
+    """Estimate the relative covariance E that heavy tails or a varying variance add to that of a Gaussian signal.
+
+    Parameters
+    ----------
+    x : Signal
+        The signal.
+    wv : WaveletVariance
+        Classical Haar wavelet variance of the signal.
+
+    Returns
+    -------
+    (J, J) array or None
+        Positive semi-definite matrix E = c l lᵀ, with a size c and a loading l_j of each level; see the module
+        docstring. None if a Gaussian signal explains the covariance.
+
+    Examples
+    --------
+    >>> from gmwm import wavelet_variance
+    >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
+    >>> excess = excess_covariance(x, wavelet_variance(x))
+    >>> bool(2.0 < excess[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
+    True
+    """
+    sums = TailSums()
+    for segment in x.segment_values():
+        sums.update(segment)
+        sums.gap()
+    return sums.excess(wv)
+
+
+def _shapes(wv: WaveletVariance) -> Matrix:
+    """Return J possible vectors of loadings (J, J). They are 1 up to a level, and then the share of white noise."""
+    density = wv.variance * 2.0**wv.levels
+    return np.where(wv.levels[:, None] >= wv.levels, 1.0, np.minimum(density[:, None] / density, 1.0))
+
+
+def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[Vector, float]:
+    """Return the common factor √c l (J,), and the ratio λ of the two variances.
+
+    `relative` is the measured relative covariance, and `gaussian` is G. If relative = G + c l lᵀ, the mean with the
+    weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights u_j = l_j / G_jj are used. The weights G⁻¹ l would contain
+    differences of nearly equal levels, which depend on the ends of the blocks.
+    """
+    reach = gaussian.shape[0]
+    fine = shapes[:, :reach]
+    weights = fine / np.diag(gaussian)
+    expected = np.einsum("ij,jk,ik->i", weights, gaussian, weights)
+    ratios = np.einsum("ij,jk,ik->i", weights, relative, weights) / expected
+    best = int(np.argmax(ratios - 1 >= NEARLY * (np.max(ratios) - 1)))
+    size = np.sqrt(max(ratios[best] - 1, 0.0) * expected[best]) / np.sum(weights[best] * fine[best])
+    return np.asarray(size * shapes[best]), float(ratios[best])
+
+
+def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
+    """Compute the mean squares (count, levels) of the coefficients that begin in each of the first blocks of a
+    panel."""
+    # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
+    y = np.empty((count, levels))
+    _core.haar_block_squares(_core.running_sum(panel), BLOCK, y)
+    return y
+
+
+def _power(panel: Vector, length: int) -> tuple[float, Vector]:
+    """Return the number of segments of a panel, and the sum of their periodograms.
+
+    The segments overlap by one half, and a Hann window is used.
+    """
+    from scipy.fft import rfft
+
+    window = np.hanning(length + 1)[:-1]
+    window /= np.sqrt(np.sum(window**2))
+    windows = np.lib.stride_tricks.sliding_window_view(panel, length)[:: length // 2]
+    total = np.zeros(length // 2 + 1)
+    for first in range(0, windows.shape[0], 16):
+        part = windows[first : first + 16]
+        part = part - part.mean(axis=1, keepdims=True)
+        part *= window
+        both = rfft(part, axis=1, overwrite_x=True).view(np.float64)
+        np.multiply(both, both, out=both)
+        squares = both.sum(axis=0)
+        total += squares[::2] + squares[1::2]
+    return float(windows.shape[0]), total
+
+
+def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
+    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) for a Gaussian signal with a given spectral density, and ν_j².
+
+    `power` is the mean of `number` periodograms of segments of `length` samples. The results have the levels that these
+    segments resolve.
+    """
+    levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
+    frequency = np.arange(1, power.size) / length
+    half = np.ldexp(1.0, np.arange(levels))[:, None]
+    sine = np.sin(np.pi * frequency * half)
+    gain = (sine**2 / (np.sin(np.pi * frequency) * half)) ** 2
+    weight = np.full(frequency.size, 2.0 / length)  # both signs of the frequency
+    weight[-1] = 1.0 / length
+    density = gain * power[1:]
+    curve = density @ weight
+    # The square of a mean of n periodograms is on average too large by 1 / n, and by 1.9 / n for overlapping segments.
+    square = (density * weight) @ density.T / (1 + 1.9 / number)
+    return np.asarray(2 * square / np.outer(curve, curve)), np.asarray(curve)
+
+
+def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, WaveletVariance]:
+    """Return the curves of recordings of the same noise, all with a covariance E if at least one of them has it.
+
+    A recording that is too short to show heavy tails gets the E of the longest recording that shows them, scaled to its
+    own length.
+    """
+    known = [wv for wv in curves.values() if wv.excess is not None]
+    if not known:
+        return dict(curves)
+    longest = max(known, key=lambda wv: wv.samples)
+    assert longest.excess is not None
+    found = {}
+    for name, wv in curves.items():
+        if wv.excess is None and not wv.robust:
+            reach, own = min(len(wv), len(longest)), np.zeros((len(wv), len(wv)))
+            own[:reach, :reach] = longest.excess[:reach, :reach] * (longest.samples / wv.samples)
+            wv = replace(wv, excess=own)
+        found[name] = wv
+    return found

@@ -1,0 +1,355 @@
+"""Inspect a recording before it is used: its time base, its units, and whether the sensor was at rest."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.threads import in_threads
+from gmwm.base.time_base import TimeBase
+from gmwm.base.units import SI_UNIT
+from gmwm.files.readers.streams import Stream
+from gmwm.measuring.inspection.axis_statistics import AxisStatistics
+from gmwm.measuring.inspection.findings import (
+    MOVED,
+    OF_STAMPS,
+    of_conditions,
+    of_gravity,
+    of_motion,
+    of_rounding,
+    of_steps,
+    of_stuck,
+    of_time,
+    of_trends,
+    of_units,
+)
+from gmwm.measuring.inspection.knocks import knocks_of, steps_of
+from gmwm.measuring.inspection.result import AxisInspection, Inspection
+from gmwm.measuring.inspection.time_grid import Extent
+from gmwm.measuring.inspection.trends import trend_of
+from gmwm.measuring.regression.against import AUTO, Against, Asked
+from gmwm.measuring.regression.conditions import NOTHING, Conditions
+from gmwm.recording.batches import Batch, Batches, Segments
+from gmwm.recording.resolution import Sample, before_rounding, step_of
+from gmwm.recording.signals import Imu, Signal
+
+_RESTLESS = 4.0
+"""Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
+(tests/test_inspection.py)."""
+_CHANGES = 0.1
+"""Share of samples at which the output changes, above which rounding does not explain a window without any change
+(tests/test_inspection.py)."""
+_TURN = 0.1
+"""Change of the direction of gravity (degrees) above which there is a remark (tests/test_inspection.py). A bias of 1.7
+mg has the same effect."""
+_UNEXPLAINED = 5.0
+"""Change of the direction of gravity, in standard errors, above which noise does not explain it
+(tests/test_inspection.py)."""
+
+Values = Callable[[str, int, int], Vector]
+"""Function of axis, first and last index that returns the samples of a half-open range."""
+
+
+def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
+    """Check a recording of a sensor at rest: time base, units, quantization, motion, knocks, jumps and warm-up.
+
+    Parameters
+    ----------
+    recording : Imu or Stream
+        A recording in memory, or a stream. A stream is read twice in bounded memory, or once if it has at most 2.1
+        million samples. It is read once more if the axes are regressed on conditions.
+    against : "auto", "none", str or mapping
+        Conditions that the axes are regressed on, as in `gmwm.calibrate`; "auto" is the temperature of the recording.
+        The effect of the conditions is removed before the test for trends.
+
+    Returns
+    -------
+    Inspection
+        Statistics of every axis, and remarks on what affects a calibration. The result is deterministic.
+
+    Raises
+    ------
+    OptionError
+        If `recording` is neither an Imu nor a Stream.
+    ReadError, DataError
+        If the stream cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> noise = np.round(rng.normal(0, 0.01, 5000), 3)
+    >>> noise[3000] = 1.0
+    >>> found = inspect(Imu.from_arrays({"gyro_x": noise}, rate=100))
+    >>> found.axes["gyro_x"].lsb, found.knocks[0].time
+    (0.001, 30.0)
+    """
+    if not isinstance(recording, Imu | Stream):
+        raise _not_a_recording(recording)
+    return inspected(recording, Conditions.of_recording(recording, Asked.of(against)))
+
+
+def inspected(recording: Imu | Stream, conditions: Conditions) -> Inspection:
+    """Inspect a recording whose axes are regressed on conditions."""
+    batches = Batches(recording)
+    first_pass = FirstPass(batches)
+    batches.each(first_pass.update)
+    statistics = first_pass.second_pass()
+    batches.each(statistics.update)
+    return statistics.result(conditions)
+
+
+def _not_a_recording(given: object) -> OptionError:
+    """Return the error for an argument that is neither an Imu nor a Stream."""
+    facts: dict[str, Any] = {}
+    advice = "Make one from arrays: `inspect(Imu.from_arrays(arrays, rate=100.0))`."
+    if isinstance(given, str | os.PathLike):
+        advice, facts = "Read the file first: `inspect(read({path}))`.", {"path": repr(os.fspath(given))}
+    elif isinstance(given, Signal):
+        advice, facts = 'Wrap the signal: `inspect(Imu({{"{axis}": signal}}))`.', {"axis": given.axis or "gyro_x"}
+    name = type(given).__name__
+    return OptionError(
+        f"recording must be an Imu or a Stream; got {name}", argument="recording", advice=advice, **facts
+    )
+
+
+class FirstPass:
+    """The first of two passes over a recording: finds the segments and the quantization step of each axis.
+
+    Parameters
+    ----------
+    batches : Batches
+        The batches of the recording, which are passed to `update` in order.
+    """
+
+    def __init__(self, batches: Batches) -> None:
+        self._batches = batches
+        self._samples = {axis: Sample() for axis in batches.recording.axes}
+        self._segments = Segments()
+        self._temperature: tuple[float, float] | None = None
+
+    def update(self, batch: Batch) -> None:
+        """Add the next batch."""
+        self._segments.update(batch)
+        if batch.temperature is not None:
+            own = float(np.min(batch.temperature)), float(np.max(batch.temperature))
+            low, high = own if self._temperature is None else self._temperature
+            self._temperature = min(low, own[0]), max(high, own[1])
+        for axis, sample in self._samples.items():
+            sample.update(batch.signals[axis].values)
+
+    def second_pass(self) -> RecordingStatistics:
+        """Return empty statistics, to which the second pass adds the batches."""
+        recording = self._batches.recording
+        base = recording.time_base or TimeBase(recording.rate, start=self._segments.starts[0])
+        return RecordingStatistics(
+            source=recording.source,
+            remarks=recording.remarks,
+            base=base,
+            extent=Extent.of(
+                recording.rate,
+                self._segments.ranges,
+                self._segments.starts,
+                base.left,
+                gaps_known=self._segments.gaps_known,
+            ),
+            resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
+            values=self._batches.values,
+            temperature=self._temperature,
+        )
+
+
+class RecordingStatistics:
+    """Statistics of all axes of a recording, from its batches in order.
+
+    Parameters
+    ----------
+    source : str
+        Name of the recording.
+    remarks : sequence of Remark
+        Remarks on how the recording was read.
+    base : TimeBase
+        Jitter, gaps and duplicates of the time stamps.
+    extent : Extent
+        Segments and their times.
+    resolutions : mapping of axis to float or None
+        Quantization step of each axis; None if none is visible.
+    values : callable
+        Function `values(axis, first, last)` that returns a range of samples.
+    temperature : (lowest, highest) or None
+        Range of the temperature (°C).
+    """
+
+    def __init__(
+        self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
+        resolutions: Mapping[str, float | None], values: Values, temperature: tuple[float, float] | None,
+    ) -> None:  # fmt: skip
+        self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
+        self._resolutions, self._values, self._temperature = resolutions, values, temperature
+        self._units: dict[str, str] = {}
+        self._axes = {axis: AxisStatistics(extent, step or 0.0) for axis, step in resolutions.items()}
+        self._same = 0
+
+    def update(self, batch: Batch) -> None:
+        """Add the next samples of all axes."""
+        self._units = {axis: signal.unit for axis, signal in batch.signals.items()}
+        in_threads(lambda axis, one: one.update(batch.signals[axis].values), self._axes)
+        if self._base.duplicates:
+            self._same += _repeated(batch)
+
+    def result(self, conditions: Conditions = NOTHING) -> Inspection:
+        """Return the inspection, after the last batch. The effect of the conditions is removed before the test for
+        trends."""
+        extent, statistics = self._extent, self._axes
+        axes = {axis: self._axis(axis, one) for axis, one in statistics.items()}
+        gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
+        knocks = knocks_of({axis: one.outliers() for axis, one in statistics.items()}, extent)
+        steps = sorted(
+            (
+                step
+                for axis, one in statistics.items()
+                for step in steps_of(
+                    axis, one.levels(), extent=extent, resolution=self._resolutions[axis] or 0.0,
+                    values=partial(self._values, axis),
+                )
+            ),
+            key=lambda step: (step.time, step.axis),
+        )  # fmt: skip
+        sought = (trend_of(axis, _noise(axis, one, conditions), extent) for axis, one in statistics.items())
+        trends = tuple(found for found in sought if found is not None)
+        restless = {axis: found for axis, one in statistics.items() if (found := _restless(one, extent)) is not None}
+        still = {axis: self._stuck(axis, one) for axis, one in statistics.items()}
+        turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
+        moved = tilt is not None and turned and tilt > MOVED
+        remarks = (
+            *of_time(extent, self._base, self._same),
+            *of_stuck(still),
+            *of_motion(restless, tilt if turned else None, knocks),
+            *of_steps(tuple(steps)),
+            *of_trends(trends, self._units, extent, self._base.left > 0),
+            *of_gravity(gravity),
+            *of_rounding(axes, extent.rate),
+            *of_units(self._densities()),
+            *of_conditions(conditions.found, conditions.unknown),
+            *(remark for remark in self._remarks if remark.code not in OF_STAMPS),
+        )
+        segments = len(extent.segments)
+        return Inspection(
+            source=self._source,
+            rate=extent.rate,
+            duration=extent.samples / extent.rate,
+            samples=extent.samples,
+            segments=segments,
+            time_base=self._base,
+            axes=axes,
+            gravity=gravity,
+            tilt=tilt,
+            static=not (moved or restless),
+            knocks=knocks,
+            steps=tuple(steps),
+            trends=trends,
+            temperature=self._temperature,
+            regressions=dict(conditions.found),
+            remarks=remarks,
+        )
+
+    def _axis(self, axis: str, one: AxisStatistics) -> AxisInspection:
+        noise = float(np.sqrt(one.differences.means[0] / 2))
+        wander = float(np.ptp(one.windows.means))
+        mean, sd = float(one.all.means[0]), float(np.sqrt(one.all.variances()[0]))
+        step = self._resolutions[axis]
+        counts = one.calm.counts
+        rest = float(counts @ one.calm.means / np.sum(counts)) if np.any(counts) else mean
+        return AxisInspection(
+            unit=self._units[axis],
+            mean=mean,
+            sd=sd,
+            rest=rest,
+            noise=noise,
+            lsb=step,
+            before_rounding=None if step is None else before_rounding(one.runs(), step),
+            wander=wander,
+        )
+
+    def _stuck(self, axis: str, one: AxisStatistics) -> tuple[float, float] | None:
+        """Return the first time (s) at which the output of an axis does not change for a window, and the share of these
+        windows; None if there are none, or if rounding explains them."""
+        there = one.steps.counts > 0
+        still, step = there & (one.steps.means == 0), self._resolutions[axis] or 0.0
+        moving = there & ~still
+        # The mean square of the differences is step² times the share of samples at which the output changes, or more.
+        if not np.any(still) or not np.any(moving) or np.median(one.steps.means[moving]) < _CHANGES * step**2:
+            return None
+        first, _ = self._extent.windows()[int(np.argmax(still))]
+        return float(self._extent.times([first])[0]), float(np.mean(still[there]))
+
+    def _densities(self) -> dict[str, float]:
+        """Return the noise density of each gyroscope (rad/s/√Hz), the median over the windows, which knocks do not
+        affect."""
+        found = {}
+        for axis, one in self._axes.items():
+            some = one.steps.counts > 0
+            if self._units[axis] == SI_UNIT["gyro"] and np.any(some):
+                found[axis] = float(np.sqrt(np.median(one.steps.means[some]) / 2 / self._extent.rate))
+        return found
+
+
+def _repeated(batch: Batch) -> int:
+    """Return the number of samples that equal the sample before on all axes."""
+    same: Any = True
+    for signal in batch.signals.values():
+        same = same & (signal.values[1:] == signal.values[:-1])
+        if not np.any(same):
+            break
+    return int(np.sum(same))
+
+
+def _noise(axis: str, one: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:
+    """Return block means of an axis without the effect of the conditions."""
+    if conditions.applied(axis) is None:
+        return one.means()
+    length = one.length
+    return [
+        (first, means - conditions.effect(axis, range(first + length // 2, first + length * means.size, length)))
+        for first, means in one.means()
+    ]
+
+
+def _gravity(
+    statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int
+) -> tuple[float | None, float | None, float]:
+    """Return the norm of the mean specific force (m/s²), its largest change of direction between windows (°), and the
+    change that noise alone causes (°)."""
+    names = ("accel_x", "accel_y", "accel_z")
+    if any(axis not in statistics for axis in names):
+        return None, None, 0.0
+    mean = np.array([axes[axis].mean for axis in names])
+    norm = float(np.linalg.norm(mean))
+    if norm == 0:
+        return 0.0, None, 0.0
+    windows = np.column_stack([statistics[axis].windows.means for axis in names])
+    across = np.linalg.norm(np.cross(windows, mean / norm), axis=1)
+    tilt = float(np.degrees(np.max(np.arctan2(across, windows @ mean / norm))))
+    length = max(samples / len(windows), 1.0)
+    noise = float(np.linalg.norm([axes[axis].noise for axis in names])) / np.sqrt(length)
+    return norm, tilt, float(np.degrees(np.arctan2(noise, norm)))
+
+
+def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
+    """Return the beginning and length (s) of the window with the largest standard deviation without outliers, and the
+    ratio of this to the median of all windows; None if the ratio is usual."""
+    spreads = np.sqrt(one.calm.variances())
+    changing = spreads[one.steps.means > 0]  # windows in which the output is not stuck
+    usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))
+    if usual > 0 and spreads[worst] > _RESTLESS * usual:
+        first, last = extent.windows()[worst]
+        begin, end = extent.times([first, last - 1])
+        return float(begin), float(end - begin), float(spreads[worst] / usual)
+    return None

@@ -1,0 +1,292 @@
+"""Make the remarks on a recording from the results of its inspection."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from gmwm.base.remarks import Fact, Quantity, Remark
+from gmwm.base.text import counted, duration_text, rounded
+from gmwm.base.time_base import TimeBase
+from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
+from gmwm.measuring.regression.result import per
+
+if TYPE_CHECKING:
+    from gmwm.measuring.inspection.knocks import Knock, Step
+    from gmwm.measuring.inspection.result import AxisInspection
+    from gmwm.measuring.inspection.time_grid import Extent
+    from gmwm.measuring.inspection.trends import Trend
+    from gmwm.measuring.regression.result import Regression
+
+MOVED = 1.0
+"""Change of the direction of gravity (degrees) above which the sensor has moved. An accelerometer bias of 17 mg has the
+same effect."""
+
+_NOISY = 0.1
+"""Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
+_OFF = 0.02
+"""Relative error of gravity above which there is a remark. It exceeds the bias of a good accelerometer
+(tests/test_inspection.py)."""
+_WRONG = 0.05
+"""Relative error of gravity above which no bias explains it, so that the unit may be wrong
+(tests/test_inspection.py)."""
+_JITTER = 0.1
+"""Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
+(tests/test_inspection.py)."""
+_TWICE = 0.1
+"""Largest relative difference between the number of repeated time stamps and the number of repeated samples, for rows
+that were written twice. If time stamps are only rounded, the samples differ (tests/test_inspection.py)."""
+_FEW = 1e-3
+"""Share of rows written twice, below which there is no remark on them. N is too large by half of this share."""
+_LATE = 0.5
+"""Largest share of the recording that a warm-up may take; otherwise the rest is too short for a calibration
+(docs/howto/record.md)."""
+OF_STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
+"""Remarks of a reader on the time stamps. `of_time` makes them again."""
+AFFECTED = ("B", "K", "R")
+"""Symbols of the numbers that are estimated at long scales, where a trend looks like noise."""
+ALL = ("N", "B", "K", "Q", "q_c")
+"""Symbols of the numbers that rounding affects: all noise densities."""
+_COARSE = 2.0
+"""Largest quantization step, in standard deviations of the noise, at which the rounding error is white noise of
+variance step²/12. N of the output is then known to 2 %, and slow changes of the mean to 3 %
+(docs/validation/rounding.md)."""
+_ROUNDED = 0.7
+"""Quantization step, in standard deviations σ of the noise, above which rounding adds at least 2 % to N. The addition
+is step²/24σ²."""
+
+
+def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
+    """Yield remarks on gaps and time stamps. `same` is the number of samples that equal the one before on all axes."""
+    filled, count = extent.filled
+    if len(extent.joined) > 1:
+        missing = sum(duration - 1 / base.rate for _, duration in base.gaps) - filled / base.rate
+        length = "known" if missing > 0.5 / extent.rate else "unknown"
+        span = Quantity(max(float(missing), 0.0), "s")
+        yield Remark.of("gaps", segments=len(extent.joined), missing=span, length=length)
+    if count:
+        yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)
+    if base.lost:
+        yield Remark.of("samples-lost", count=base.lost)
+    if base.duplicates:
+        many = base.duplicates > _FEW * extent.samples
+        twice = many and abs(same / base.duplicates - 1) <= _TWICE
+        yield Remark.of("rows-repeated" if twice else "stamps-repeated", count=base.duplicates)
+    if base.backward:
+        yield Remark.of("stamps-backward", count=base.backward)
+    if base.jitter * base.rate > _JITTER:
+        yield Remark.of("stamps-jitter", share=float(base.jitter * base.rate))
+
+
+def of_stuck(still: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
+    """Yield remarks on axes whose output stops changing, with the first such time (s) and the share of the
+    recording."""
+    for axis, found in still.items():
+        if found is not None:
+            yield Remark.of("axis-stuck", axis, time=Quantity(found[0], "s"), share=found[1])
+
+
+def of_motion(
+    restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
+) -> Iterator[Remark]:
+    """Yield remarks on motion and knocks.
+
+    Parameters
+    ----------
+    restless : mapping of axis to (time, window, ratio)
+        Begin and length (s) of the window with the largest standard deviation, and its ratio to the usual one, for axes
+        where it is unusual.
+    tilt : float or None
+        Change of the direction of gravity (degrees) if noise does not explain it; None otherwise.
+    knocks : tuple of Knock
+        Bursts of outliers.
+    """
+    if restless:
+        axis = max(restless, key=lambda name: restless[name][2])
+        time, window, ratio = restless[axis]
+        yield Remark.of("recording-moved", axis, time=Quantity(time, "s"), window=Quantity(window, "s"), ratio=ratio)
+    if tilt is not None:
+        yield Remark.of("recording-tilted" if tilt > MOVED else "recording-settles", angle=Quantity(tilt, "°"))
+    if knocks:
+        yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
+
+
+def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
+    """Yield remarks on lasting jumps of the mean, at most two for each axis."""
+    for axis in dict.fromkeys(step.axis for step in steps):
+        for code, at_gap in (("level-steps", False), ("restarts", True)):
+            own = [step for step in steps if step.axis == axis and step.at_gap == at_gap]
+            if own:
+                yield Remark.of(code, axis, count=len(own), first=Quantity(own[0].time, "s"))
+
+
+def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
+    """Yield remarks on trends, one for each axis.
+
+    Parameters
+    ----------
+    trends : tuple of Trend
+        The trends.
+    units : mapping of axis to str
+        Unit of each axis.
+    extent : Extent
+        Segments and times of the recording.
+    cut : bool
+        Whether the beginning of the file is already left out, so that times are measured from a later sample.
+    """
+    longest = max((found.until for found in trends if found.until is not None), default=0.0)
+    duration = extent.samples / extent.rate
+    way = "late" if longest > _LATE * duration else "again" if cut else "start"
+    for found in trends:
+        unit = units[found.axis]
+        facts: dict[str, Fact] = {
+            "size": in_datasheet_units(abs(found.size), 0.0, unit),
+            "walk": in_datasheet_units(found.walk_with_trend, -0.5, unit),
+            "limit": in_datasheet_units(found.walk_limit, -0.5, unit),
+            "numbers": AFFECTED,
+        }
+        if found.tau is not None and found.until is not None:
+            tau, until = Quantity(found.tau, "s"), Quantity(longest, "s")
+            first = Quantity(round_up(longest), "s")
+            yield Remark.of("warm-up", found.axis, **facts, tau=tau, duration=until, first=first, way=way)
+        elif found.kind == "linear":
+            yield Remark.of("linear-trend", found.axis, **facts)
+        else:
+            yield Remark.of("trend", found.axis, **facts)
+
+
+def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
+    """Yield remarks on the axes that depend on the temperature or other conditions, and on the axes that do not.
+
+    Parameters
+    ----------
+    found : mapping of axis to Regression
+        The regression of each axis.
+    unknown : str
+        Reason why the temperature cannot be used; "" if it can be used.
+    """
+    if unknown:
+        yield Remark.of("temperature-unknown", reason=unknown)
+    for axis, one in found.items():
+        if one.coarse is not None:
+            long, _, tau = one.coarse
+            (name, *_) = one
+            yield Remark.of(
+                "conditions-attenuated", axis, against=covariates_text(one), tau=Quantity(tau, "s"),
+                ratio=one[name].value / long,
+            )  # fmt: skip
+        if one.applied:
+            yield removed(axis, one)
+        else:
+            yield Remark.of("conditions-without-effect", axis, against=covariates_text(one), pvalue=one.pvalue)
+
+
+def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
+    """Make the remark on an effect that is removed.
+
+    Parameters
+    ----------
+    axis : str
+        Name of the axis.
+    found : Regression
+        Its regression.
+    left_in : str
+        Phrase that states what the effect would change if it were not removed. By default, it is about the Allan
+        deviation three octaves below the longest averaging time.
+    """
+    level = max(found.share.size - 3, 1)
+    times = 1 / math.sqrt(max(1 - float(found.share[level - 1]), 1e-4))
+    time = duration_text(2.0 ** (level - 1) / found.rate)
+    return Remark.of(
+        "conditions-removed", axis, against=covariates_text(found), effect=effect_text(found), pvalue=found.pvalue,
+        left_in=left_in or f"the Allan deviation at {time} would be {rounded(times)} times as large",
+    )  # fmt: skip
+
+
+def covariates_text(found: Regression) -> str:
+    """Return the names of the covariates of a regression, for a sentence."""
+    words = {"temperature": "the temperature", "time": "a trend in time", "warmup": "a warm-up"}
+    return " and ".join(words.get(term.name, term.name) for term in found.terms)
+
+
+def effect_text(found: Regression) -> str:
+    """Format the first coefficient with half its 95 % interval, in the unit of a datasheet, as in "0.0123 ± 0.0009
+    (deg/s)/°C"."""
+    column = found.columns[0]
+    one = found[column.name]
+    half = (one.interval()[1] - one.interval()[0]) / 2
+    value, error = (in_datasheet_units(number, 0.0, found.unit) for number in (one.value, half))
+    unit = per(value.unit, column.power)
+    digits = max(1, min(6, 1 + math.floor(math.log10(abs(one.value) / half) + 1))) if one.value else 2
+    text = f"{value.value:.{digits}g} ± {error.value:.2g} {unit}".rstrip()
+    more = len(found.columns) - 1
+    return text if not more else f"{text} and {counted(more, 'further coefficient')}"
+
+
+def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
+    """Convert a noise coefficient in SI to the unit of a datasheet; `time_power` is the power of seconds in its unit.
+
+    >>> in_datasheet_units(1e-3, 0.0, "rad/s")
+    Quantity(value=206.26480624709637, unit='deg/h')
+    """
+    si, factor = noise_unit(time_power, unit)
+    name, size = next(iter(datasheet_units(si).items()), (si, 1.0))
+    return Quantity(value * factor * size, name)
+
+
+def round_up(seconds: float) -> float:
+    """Round a duration (s) up to a multiple of a step. The step is the smallest of 1 s, 10 s, 1 min, 5 min and 30 min
+    that is at least 1/20 of the duration, otherwise 1 h.
+
+    >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
+    [1.0, 50.0, 240.0, 1500.0, 9000.0]
+    """
+    step = next((step for step in (1.0, 10.0, 60.0, 300.0, 1800.0) if seconds <= 20 * step), 3600.0)
+    return math.ceil(seconds / step) * step
+
+
+def of_gravity(gravity: float | None) -> Iterator[Remark]:
+    """Yield a remark if the norm of the mean specific force (m/s²) differs from gravity."""
+    error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
+    if gravity is not None and abs(error) > _OFF:
+        norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
+        if abs(error) > _WRONG:
+            yield Remark.of("gravity-wrong", norm=norm, expected=expected)
+        else:
+            yield Remark.of("gravity-off", norm=norm, expected=expected, share=100 * error)
+
+
+def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Remark]:
+    """Yield remarks on quantization, at a sampling rate (Hz)."""
+    for name, axis in axes.items():
+        if axis.lsb is None or axis.before_rounding is None:
+            continue
+        ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
+        step = _as_printed(axis.lsb, axis.unit)
+        if ratio > _COARSE:
+            yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=ALL)
+        elif ratio > _ROUNDED:
+            density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
+            yield Remark.of("output-rounded", name, step=step, ratio=ratio, density=density)
+
+
+def _as_printed(value: float, unit: str) -> Quantity:
+    """Convert a value from the SI unit of a sensor to deg/s or mg."""
+    name = {"rad/s": "deg/s", "m/s²": "mg"}.get(unit)
+    return Quantity(value, unit) if name is None else Quantity(value * datasheet_units(unit)[name], name)
+
+
+def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
+    """Yield remarks on gyroscopes whose noise makes the unit doubtful. If deg/s is read as rad/s, the noise is 57 times
+    as large.
+
+    Parameters
+    ----------
+    densities : mapping of axis to float
+        Noise densities (rad/s/√Hz).
+    """
+    found = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
+    limit = Quantity(_NOISY, "deg/s/√Hz")
+    for axis in found:
+        yield Remark.of("gyro-too-noisy", axis, density=Quantity(max(found.values()), "deg/s/√Hz"), limit=limit)

@@ -1,0 +1,206 @@
+"""Results of an inspection."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
+from gmwm.base.remarks.rendering import MOST
+from gmwm.base.template import render
+from gmwm.base.text import Summarised, counted, duration_text, moment
+from gmwm.base.time_base import TimeBase
+from gmwm.measuring.inspection.knocks import Knock, Step
+from gmwm.measuring.inspection.trends import Trend
+from gmwm.measuring.regression.result import Regression
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisInspection:
+    """Statistics of one axis of a recording.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of all numbers.
+    mean, sd : float
+        Mean and standard deviation.
+    rest : float
+        Mean without knocks and outliers.
+    noise : float
+        Standard deviation from first differences, which an offset and a slow drift do not affect.
+    lsb : float or None
+        Quantization step; None if none is visible.
+    before_rounding : float or None
+        Standard deviation of the noise before it was rounded to multiples of `lsb`; None if no step is visible.
+    wander : float
+        Largest difference between the means of about 64 windows of the recording.
+    """
+
+    unit: str
+    mean: float
+    sd: float
+    rest: float
+    noise: float
+    lsb: float | None
+    before_rounding: float | None
+    wander: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspection(Summarised):
+    """Statistics of a recording, and remarks on what affects a calibration.
+
+    Parameters
+    ----------
+    source : str
+        Name of the recording.
+    rate : float
+        Sampling rate (Hz).
+    duration : float
+        Length without gaps (s).
+    samples, segments : int
+        Number of samples of each axis, and number of segments without a gap.
+    time_base : TimeBase
+        Jitter, gaps and duplicates of the time stamps, and the length that was left out at the beginning.
+    axes : mapping of axis to AxisInspection
+        Statistics of each axis.
+    gravity : float or None
+        Norm of the mean specific force (m/s²); None without three accelerometers.
+    tilt : float or None
+        Largest angle between the specific force and its mean direction (degrees).
+    static : bool
+        Whether no motion was found.
+    knocks : tuple of Knock
+        Bursts of outliers, ordered by time. Times are measured from the first sample of the file.
+    steps : tuple of Step
+        Lasting jumps of the mean, ordered by time.
+    trends : tuple of Trend
+        Smooth changes of the mean of an axis, such as a warm-up.
+    temperature : (lowest, highest) or None
+        Range of the temperature (°C); None if it was not recorded.
+    regressions : mapping of axis to Regression
+        Regressions on the temperature or on other conditions, also of axes that do not depend on them.
+    remarks : tuple of Remark
+        Remarks on what affects a calibration, and on how the recording was read.
+    """
+
+    source: str
+    rate: float
+    duration: float
+    samples: int
+    segments: int
+    time_base: TimeBase
+    axes: dict[str, AxisInspection]
+    gravity: float | None
+    tilt: float | None
+    static: bool
+    knocks: tuple[Knock, ...]
+    steps: tuple[Step, ...]
+    trends: tuple[Trend, ...]
+    temperature: tuple[float, float] | None
+    regressions: dict[str, Regression]
+    remarks: tuple[Remark, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as dicts, lists, numbers and strings, ready for JSON."""
+        content = {name: _plain(value) for name, value in asdict(replace(self, remarks=(), regressions={})).items()}
+        content["regressions"] = {axis: found.to_dict() for axis, found in self.regressions.items()}
+        return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
+
+    def summary(self, *, every: bool = False) -> str:
+        """Describe the result of the inspection as text.
+
+        Parameters
+        ----------
+        every : bool
+            Show all remarks instead of the five most severe ones.
+        """
+        return text(self, every=every)
+
+    def __repr__(self) -> str:
+        state = "static" if self.static else "not static"
+        return (
+            f"Inspection({'1 axis' if len(self.axes) == 1 else f'{len(self.axes)} axes'}, {self.samples} samples at "
+            f"{self.rate:g} Hz, {state}, {counted(len(self.knocks), 'knock')}, "
+            f"{counted(sum(remark.severity < Severity.INFO for remark in self.remarks), 'caution')})"
+        )
+
+
+REST: Mapping[Dialect, str] = {
+    Dialect.PYTHON: "summary(every=True)",
+    Dialect.SHELL: "--all-remarks",
+    Dialect.HTML: "",
+}
+"""The option that shows the remarks that the text does not contain."""
+
+
+def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
+    """Describe the result of an inspection as text.
+
+    Parameters
+    ----------
+    found : Inspection
+        The inspection.
+    dialect : Dialect
+        Whether options are written as in Python or as in the shell.
+    every : bool
+        Show all remarks instead of the five most severe ones.
+    """
+    lines = [
+        f"{found.source or 'recording'}: {found.samples} samples at {found.rate:.10g} Hz, "
+        f"{duration_text(found.duration)}" + (f" in {found.segments} segments" if found.segments > 1 else ""),
+        f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
+    ]
+    for name, axis in found.axes.items():
+        lsb = "-" if axis.lsb is None else f"{axis.lsb:.4g}"
+        numbers = f"{axis.mean:>11.4g} {axis.sd:>11.4g} {axis.noise:>11.4g} {lsb:>11} {axis.wander:>11.4g}"
+        lines.append(f"{name:<8} {numbers}  {axis.unit}")
+    if found.gravity is not None:
+        turned = "" if found.tilt is None else f", turned by at most {found.tilt:.3g}°"
+        lines.append(f"specific force: {found.gravity:.5g} m/s²{turned}")
+    if found.temperature is not None:
+        lines.append(f"temperature: {found.temperature[0]:.4g} to {found.temperature[1]:.4g} °C")
+    if found.time_base.stamped:
+        gaps = counted(len(found.time_base.gaps), "gap")
+        lines.append(f"time stamps: jitter {found.time_base.jitter:.3g} s rms, {gaps}")
+    for knock in found.knocks[:5]:
+        what = f"{', '.join(knock.axes)}, {knock.peak:.0f} sd"
+        long = f"for {knock.duration:.3g} s" if knock.duration > 0 else "of one sample"
+        lines.append(f"knock at {moment(knock.time)} {long} ({what})")
+    if len(found.knocks) > 5:
+        lines.append(f"and {counted(len(found.knocks) - 5, 'more knock')}")
+    for step in found.steps[:5]:
+        change = f"{step.size:+.3g} {found.axes[step.axis].unit}, {step.times:.0f} sd"
+        lines.append(f"jump of {step.axis} at {moment(step.time)} ({change})")
+    if len(found.steps) > 5:
+        lines.append(f"and {counted(len(found.steps) - 5, 'more jump')}")
+    if (found.knocks or found.steps) and (found.time_base.start or found.time_base.left):
+        lines.append(render("times are measured from the first sample of the file, as in {--skip}", {}, dialect))
+    lines += [_trend_line(one, found.axes[one.axis].unit) for one in found.trends]
+    groups = with_groups(found.remarks, dialect, codes=True)
+    shown = groups if every or len(groups) <= MOST + 1 else groups[:MOST]
+    lines += [f"{group[0].severity.label}: {said}" for group, said in shown]
+    if len(shown) < len(groups):
+        lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")
+    return "\n".join(lines)
+
+
+def _trend_line(trend: Trend, unit: str) -> str:
+    """Return a line of text about a trend."""
+    if trend.kind != "exponential" or trend.tau is None:
+        return f"{trend.kind} trend of {trend.axis}: {-trend.size:+.3g} {unit} from the beginning to the end"
+    size = f"{trend.size:+.3g} {unit} at first, time constant {duration_text(trend.tau)}"
+    if trend.until is None:
+        return f"exponential trend of {trend.axis} ({size})"
+    return f"warm-up of {trend.axis} over the first {duration_text(trend.until)} ({size})"
+
+
+def _plain(value: Any) -> Any:
+    """Convert tuples to lists, also inside dicts and lists."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value

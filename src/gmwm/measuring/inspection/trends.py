@@ -1,0 +1,273 @@
+"""Find trends: smooth functions of time, such as a warm-up, that the mean of an axis follows in addition to noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.measuring.inspection.knocks import level_length
+from gmwm.measuring.inspection.time_grid import Extent
+from gmwm.measuring.inspection.wander import Likelihood, Profile
+
+Kind = Literal["exponential", "linear", "quadratic"]
+
+_FEWEST = 48
+"""Smallest number of blocks for the test; tests/test_inspection_trends.py counts false alarms at 70 and 256 blocks."""
+_TIMES = 18
+"""Number of time constants on the first grid; a second grid refines the best one."""
+_FIRST_STEP = 3
+"""First block in which a jump is distinguished from a warm-up. An earlier jump is treated as a warm-up."""
+_SIZE = 0.01
+"""Significance level of the test (docs/validation/trends.md)."""
+_TAIL = (8.5, 0.4)
+"""Upper tail of the statistic for a random walk of moderate size, the noise that is most often mistaken for a trend.
+The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) (docs/validation/trends.md)."""
+_EXTRA = 2.0
+"""Improvement of −2 log L that is subtracted for a second parameter: twice the number of additional parameters, as in
+Akaike's criterion."""
+_VISIBLE = 1.0
+"""Largest size of a remaining trend that does not matter, as the square of a number of standard errors of the noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trend:
+    """A smooth function of time in the mean of an axis.
+
+    Parameters
+    ----------
+    axis : str
+        The axis.
+    kind : "exponential", "linear" or "quadratic"
+        Shape: a e^{−t/τ}, a straight line, or a parabola.
+    size : float
+        Size of the trend, in the unit of the axis: the first value minus the last one for a line or a parabola, and the
+        coefficient a for an exponential.
+    tau : float or None
+        Time constant τ (s) of an exponential.
+    pvalue : float
+        Probability that noise without a trend shows an equally clear trend.
+    until : float or None
+        Time (s) after which the rest of an exponential is smaller than one standard error of the noise.
+    walk, walk_limit : float
+        Random walk of the axis in addition to the trend, and its approximate 95 % upper limit, in the unit of the axis
+        per √s.
+    walk_with_trend : float
+        Random walk, in the same unit, of a model with white noise and a random walk in which the trend is treated as
+        noise.
+    """
+
+    axis: str
+    kind: Kind
+    size: float
+    tau: float | None
+    pvalue: float
+    until: float | None
+    walk: float
+    walk_limit: float
+    walk_with_trend: float
+
+    @property
+    def settles(self) -> bool:
+        """Whether the trend is a warm-up: an exponential that falls by at least a factor e in the recording."""
+        return self.until is not None
+
+
+def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Trend | None:
+    """Find the trend of an axis; None if there is none.
+
+    The means of about 256 blocks are described by noise alone, and by noise and a trend. The noise is white noise, a
+    random walk and a Gauss-Markov process of any size, fitted by maximum likelihood together with the trend, so that
+    the drift of a sensor is not taken for a trend. The statistic is the reduction of −2 log L by the trend. Its
+    distribution was simulated for noise of many kinds. A trend is reported at the 1 % level, and only if a jump does
+    not describe the means better.
+
+    Parameters
+    ----------
+    axis : str
+        Name of the axis.
+    means : sequence of (first, (m,) array)
+        First sample and block means of each segment with at least five blocks.
+    extent : Extent
+        Segments and times of the recording.
+
+    Returns
+    -------
+    Trend or None
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> means = 5 * np.exp(-np.arange(256) / 50) + np.random.default_rng(0).normal(size=256)
+    >>> found = trend_of("gyro_x", [(0, means)], Extent(100.0, ((0, 25_600),), (0.0,)))
+    >>> found.kind, round(found.tau)
+    ('exponential', 61)
+
+    References
+    ----------
+    Davies (1987), Hypothesis testing when a nuisance parameter is present only under the alternative, Biometrika 74,
+    33-43. The critical value is simulated (docs/validation/trends.md).
+    """
+    length = level_length(extent.samples)
+    start, y = _longest(means, extent, length)
+    if y.size < _FEWEST or not np.any(np.diff(y)):
+        return None
+    test = TrendTest(y)
+    if test.kind is None or test.pvalue > _SIZE:
+        return None
+    step = length / extent.rate
+    scale = 1 / math.sqrt(step)
+    walk, limit, whole = test.walks()
+    until = test.until()
+    return Trend(
+        axis=axis,
+        kind=test.kind,
+        size=test.size(),
+        tau=None if test.kind != "exponential" else test.tau * step,
+        pvalue=test.pvalue,
+        until=None if until is None else start + until * step,
+        walk=math.sqrt(walk) * scale,
+        walk_limit=math.sqrt(limit) * scale,
+        walk_with_trend=math.sqrt(whole) * scale,
+    )
+
+
+def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[float, Vector]:
+    """Return the start (s) and the block means of the longest part of the recording whose gaps are shorter than a
+    block."""
+    parts: list[tuple[float, list[Vector]]] = []
+    ends = -math.inf
+    last_of = dict(extent.joined)
+    for first, own in means:
+        start, end = extent.times([first, last_of[first] - 1])
+        if start - ends > length / extent.rate:
+            parts.append((start - extent.starts[0], []))
+        parts[-1][1].append(own)
+        ends = end + 1 / extent.rate
+    if not parts:
+        return 0.0, np.empty(0)
+    start, most = max(parts, key=lambda part: sum(own.size for own in part[1]))
+    return start, np.concatenate(most)
+
+
+class TrendTest:
+    """The test for a trend in n block means. Times are in blocks.
+
+    Parameters
+    ----------
+    means : (n,) array
+        Block means.
+
+    Attributes
+    ----------
+    statistic : float
+        Reduction of −2 log L by the best trend, minus `_EXTRA` for a second parameter.
+    pvalue : float
+        Probability of an equally large statistic in noise without a trend.
+    kind : str or None
+        Shape of the trend; None if a jump describes the means better.
+    tau : float
+        Time constant of the nearest exponential.
+    """
+
+    def __init__(self, means: Vector) -> None:
+        n = means.size
+        self._means = means
+        self._likelihood = likelihood = Likelihood(means)
+        self._none = likelihood.without()
+        at = (np.arange(n) + 0.5) / n
+        times = np.geomspace(1.0, 1.5 * n, _TIMES)
+        decays, kept = self._decays(times)
+        j = _best(decays)
+        # A second grid around the best time constant.
+        ratio = times[1] / times[0]
+        finer = times[j] * np.geomspace(1 / ratio, ratio, 9)
+        decays, kept = self._decays(finer[finer <= times[-1]])
+        j = _best(decays)
+        self.tau = float(finer[j])
+        self._decay = kept[j]
+        lines = likelihood.transformed(np.vstack([at, at**2]))
+        self._exponential = Profile(decays.values[:, [j]], decays.squares[:, [j]])
+        self._line, self._lines = likelihood.with_one(lines[:1]), lines
+        self._parabola = likelihood.with_two(lines[0], lines[1])
+        base = np.min(self._none.values)
+        gains: dict[Kind, float] = {
+            "exponential": float(base - np.min(self._exponential.values)) - _EXTRA,
+            "linear": float(base - np.min(self._line.values)),
+            "quadratic": float(base - np.min(self._parabola.values)) - _EXTRA,
+        }
+        self.statistic = max(gains.values())
+        # Among shapes that describe the means about equally well, a line is preferred, then an exponential, which has a
+        # physical cause.
+        near = [kind for kind, gain in gains.items() if gain >= self.statistic - _EXTRA]
+        self.kind: Kind | None = "linear" if "linear" in near else near[0]
+        models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])
+        if base - likelihood.with_step(models, _FIRST_STEP) - _EXTRA > self.statistic:
+            self.kind = None
+        self.pvalue = min(1.0, 0.1 * math.exp(-_TAIL[1] * (self.statistic - _TAIL[0])))
+
+    def size(self) -> float:
+        """Return the coefficient of the exponential, or the first value of the line or parabola minus the last one."""
+        course = self._course()
+        return float(course[0] - course[-1]) if self.kind != "exponential" else self._size
+
+    def walks(self) -> tuple[float, float, float]:
+        """Return the variance γ² of a step of the random walk over one block in addition to the trend, its 95 % upper
+        limit, and γ² if the trend is treated as noise."""
+        likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
+        courses = self._lines if self.kind == "quadratic" else self._lines[:1]
+        if self.kind == "exponential":
+            decay = np.exp(-at / self.tau)
+            courses = likelihood.transformed(np.vstack([decay, at / self.tau * decay]))
+        walk, limit = likelihood.walk(courses)
+        return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
+
+    def until(self) -> float | None:
+        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise; None if
+        the trend is not a warm-up."""
+        n, profile = self._means.size, self._profile()
+        if self.kind != "exponential" or self.tau > n:
+            return None
+        model = int(np.argmin(profile.values))
+        weights = self._likelihood.grid.weights[model] * (n - 1) / profile.squares[model, 0]
+        # The transform of the rest of the trend after block s is a sum over its differences from s on.
+        parts = self._likelihood.grid.transform * np.diff(self._course())
+        rests = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
+        visible = np.flatnonzero(weights @ rests**2 > _VISIBLE)
+        return float(visible[-1] + 1) if visible.size else 0.0
+
+    def _profile(self) -> Profile:
+        return {"exponential": self._exponential, "linear": self._line}.get(self.kind or "", self._parabola)
+
+    @property
+    def _size(self) -> float:
+        return self._likelihood.coefficient(int(np.argmin(self._exponential.values)), self._decay)
+
+    def _course(self) -> Vector:
+        """Return the value of the trend in each block, up to a constant."""
+        n, likelihood = self._means.size, self._likelihood
+        at = np.arange(n) + 0.5
+        if self.kind == "exponential":
+            return np.asarray(self._size * np.exp(-at / self.tau))
+        model = int(np.argmin(self._profile().values))
+        if self.kind == "linear":
+            return np.asarray(likelihood.coefficient(model, self._lines[0]) * at / n)
+        root = np.sqrt(likelihood.grid.weights[model])
+        line, curve = np.linalg.lstsq((self._lines * root).T, likelihood.z * root, rcond=None)[0]
+        return np.asarray(line * at / n + curve * (at / n) ** 2)
+
+    def _decays(self, times: Vector) -> tuple[Profile, Matrix]:
+        """Return the profile likelihoods with an exponential of each time constant, and the transformed
+        exponentials."""
+        at = np.arange(self._means.size) + 0.5
+        courses = self._likelihood.transformed(np.exp(-at / times[:, None]))
+        return self._likelihood.with_one(courses), courses
+
+
+def _best(profile: Profile) -> int:
+    """Return the index of the time constant with the largest likelihood."""
+    return int(np.argmin(np.min(profile.values, axis=0)))

@@ -1,0 +1,233 @@
+"""Likelihood of block means that are the sum of white noise, a random walk, a Gauss-Markov process and a course.
+
+The differences d of n block means of white noise or of a random walk have a tridiagonal Toeplitz covariance. The sine
+transform z_k = √(2/n) Σ d_i sin(πki/n) makes them independent, with variances
+
+    λ_k = σ² (2 − 2 cos θ_k) + γ² (2 + cos θ_k)/3 + g_k,   θ_k = πk/n,
+
+where σ² is the variance of the white noise of a block mean, γ² the variance of a step of the walk over one block, and
+g_k the variance that a Gauss-Markov process adds. The transform does not exactly separate the differences of a
+Gauss-Markov process; validation/study_trends.py measures how often it then finds a trend that does not exist.
+
+The likelihood is evaluated for a grid of the ratios γ²/σ² and g/σ² by one matrix product. Their common scale and the
+coefficient of the course have closed forms, so the maximum over the grid is the global one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+
+_WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
+"""Ratios γ²/σ² of the grid. The smallest positive one has no visible effect in 1000 blocks, whose lowest θ² is 1e-5. At
+the largest one, the random walk hides the white noise."""
+_TIMES = (1.5, 5.0, 16.0)
+"""Correlation times of the Gauss-Markov process, in blocks. With a time above a tenth of the recording, the process is
+close to a random walk."""
+_PLATEAUS = np.geomspace(1e-2, 1e4, 13)
+"""Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
+_FINER = np.geomspace(0.67, 1.5, 17)
+"""Factors for a finer search of the random walk of the final model, between two neighbours of `_WALKS`, whose ratio is
+1.48."""
+_LIMIT = 3.841
+"""Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
+quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
+because a Gauss-Markov process can replace a random walk (docs/validation/trends.md has the coverage)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Noise models on a grid, relative to the white noise of a block mean.
+
+    Attributes
+    ----------
+    transform : (n − 1, n − 1) array
+        Matrix of the sine transform of the differences.
+    weights : (G, n − 1) array
+        1/λ_k of each model, for σ² = 1.
+    logs : (G,) array
+        Σ log λ_k.
+    walks : (G,) array
+        γ²/σ².
+    rest : (G, n − 1) array
+        λ_k of each model without the random walk.
+    walk : (n − 1,) array
+        λ_k of a random walk with γ² = 1 alone.
+    """
+
+    transform: Matrix
+    weights: Matrix
+    logs: Vector
+    walks: Vector
+    rest: Matrix
+    walk: Vector
+
+
+@lru_cache(maxsize=4)
+def grid_of(blocks: int) -> Grid:
+    """Return the grid for a number of block means."""
+    k = np.arange(1, blocks)
+    transform = np.sqrt(2 / blocks) * np.sin(np.pi * np.outer(k, k) / blocks)
+    theta = np.pi * k / blocks
+    white, walk = 2 - 2 * np.cos(theta), (2 + np.cos(theta)) / 3
+    rests, walks = [np.repeat(white[None, :], _WALKS.size, axis=0)], [_WALKS]
+    for time in _TIMES:
+        if 10 * time > blocks:
+            continue
+        markov = _markov(transform, time)
+        for plateau in _PLATEAUS:
+            # Together with a Gauss-Markov process, every second ratio is enough. The ratio of neighbours is then still
+            # below 2.2.
+            walks.append(_WALKS[::2])
+            rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
+    ratios, rest = np.concatenate(walks), np.vstack(rests)
+    variances = rest + ratios[:, None] * walk
+    return Grid(
+        transform=transform, weights=1 / variances, logs=np.sum(np.log(variances), axis=1), walks=ratios, rest=rest,
+        walk=walk,
+    )  # fmt: skip
+
+
+def _markov(transform: Matrix, time: float) -> Vector:
+    """Return the variances g_k that a Gauss-Markov process of variance 1 adds, the diagonal of its transformed
+    covariance."""
+    lags, decay = np.arange(len(transform) + 2), np.exp(-1 / time)
+    means = (time * (1 - decay)) ** 2 * np.exp(-np.maximum(lags - 1, 0) / time)  # autocovariance of block means
+    means[0] = 2 * time**2 * (1 / time - 1 + decay)
+    of_differences = 2 * means[:-1] - means[1:] - np.concatenate([[means[1]], means[:-2]])
+    i = np.arange(len(transform))
+    covariance = of_differences[np.abs(i[:, None] - i)]
+    return np.asarray(np.sum((transform @ covariance) * transform, axis=1))
+
+
+def _crossing(walks: Vector, excess: Vector) -> float:
+    """Return the largest γ² at which `excess` is still zero or negative, interpolated between neighbours on the
+    grid."""
+    inside = excess <= 0
+    largest = float(np.max(walks[inside]))
+    # The walk grows from model to model, and starts again at zero for the next Gauss-Markov process.
+    k = np.flatnonzero(inside[:-1] & ~inside[1:] & (walks[:-1] > 0) & (walks[1:] > walks[:-1]))
+    if not k.size:
+        return largest
+    share = excess[k] / (excess[k] - excess[k + 1])
+    return max(largest, float(np.max(walks[k] * (walks[k + 1] / walks[k]) ** share)))
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """−2 log L of block means for each of G noise models, with the best coefficient of each of C courses.
+
+    Attributes
+    ----------
+    values : (G, C) array
+        −2 log L, up to a constant.
+    squares : (G, C) array
+        Σ (z − a c)²/λ for σ² = 1, where c is a transformed course and a its coefficient. Divided by the number of
+        differences, it is the estimate of σ².
+    """
+
+    values: Matrix
+    squares: Matrix
+
+
+class Likelihood:
+    """The likelihood of n block means. A course is a known function of time with an unknown coefficient.
+
+    Parameters
+    ----------
+    means : (n,) array
+        Block means.
+    """
+
+    def __init__(self, means: Vector) -> None:
+        self.grid = grid_of(means.size)
+        self.z = self.grid.transform @ np.diff(means)
+        self._flat = self.grid.weights @ self.z**2
+
+    def transformed(self, courses: Matrix) -> Matrix:
+        """Return the transformed differences of courses (C, n), with one course in each row."""
+        return np.asarray(np.diff(courses, axis=1) @ self.grid.transform)
+
+    def without(self) -> Profile:
+        """Return the profile likelihood without a course."""
+        return self._profile(self._flat[:, None])
+
+    def with_one(self, courses: Matrix) -> Profile:
+        """Return the profile likelihood with one course, for each of C transformed courses. The result has a column per
+        course."""
+        cross = self.grid.weights @ (courses * self.z).T
+        own = self.grid.weights @ (courses**2).T
+        return self._profile(self._flat[:, None] - cross**2 / own)
+
+    def with_two(self, first: Vector, second: Vector) -> Profile:
+        """Return the profile likelihood with two transformed courses together."""
+        weights, z = self.grid.weights, self.z
+        a, b, c = weights @ first**2, weights @ (first * second), weights @ second**2
+        u, v = weights @ (first * z), weights @ (second * z)
+        taken = (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2)
+        return self._profile((self._flat - taken)[:, None])
+
+    def with_step(self, models: Vector, first: int) -> float:
+        """Return the smallest −2 log L with a jump in block `first` or later, for some noise models.
+
+        The jump lies between two block means, or in the middle of a block.
+        """
+        columns = self.grid.transform[:, first:]
+        shapes = np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
+        weights = self.grid.weights[models]
+        taken = ((weights * self.z) @ shapes) ** 2 / (weights @ shapes**2)
+        return float(np.min(self._minus2(self._flat[models] - np.max(taken, axis=1), self.grid.logs[models])))
+
+    def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
+        """Return the variance γ² of a step of the random walk in addition to courses, and its one-sided 95 % upper
+        limit.
+
+        The likelihood is the restricted one (REML), which excludes the low frequencies that the courses explain. With
+        them, the random walk would be underestimated.
+
+        Parameters
+        ----------
+        courses : (p, n − 1) array
+            Transformed courses; for an exponential, also its derivative with respect to the time constant.
+        alone : bool
+            Whether the noise model has no Gauss-Markov process, which can replace a random walk.
+        """
+        grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
+        values, scales = self._restricted(grid.weights[:used], grid.logs[:used], courses)
+        best = int(np.argmin(values))
+        limit = _crossing(grid.walks[:used] * scales, values - values[best] - _LIMIT)
+        if not grid.walks[best]:
+            return 0.0, limit
+        ratios = grid.walks[best] * _FINER
+        variances = grid.rest[best] + ratios[:, None] * grid.walk
+        values, scales = self._restricted(1 / variances, np.sum(np.log(variances), axis=1), courses)
+        finer = int(np.argmin(values))
+        found = float(ratios[finer] * scales[finer])
+        return found, max(limit, found)
+
+    def _restricted(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
+        """Return −2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
+        squares, free = weights @ self.z**2, self.z.size - len(courses)
+        if len(courses):
+            gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
+            cross = weights @ (courses * self.z).T
+            squares = squares - np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
+            logs = logs + np.linalg.slogdet(gram)[1]
+        squares = np.maximum(squares, np.finfo(float).tiny)
+        return free * np.log(squares) + logs, squares / free
+
+    def coefficient(self, model: int, course: Vector) -> float:
+        """Return the coefficient of a transformed course for one noise model."""
+        weights = self.grid.weights[model]
+        return float(weights @ (course * self.z) / (weights @ course**2))
+
+    def _profile(self, squares: Matrix) -> Profile:
+        return Profile(self._minus2(squares, self.grid.logs[:, None]), squares)
+
+    def _minus2(self, squares: Matrix, logs: Matrix) -> Matrix:
+        # Differences that are all equal have no variance; log 0 would be −inf in every model.
+        return np.asarray(self.z.size * np.log(np.maximum(squares, np.finfo(float).tiny)) + logs)

@@ -1,0 +1,337 @@
+"""Find bursts of large wavelet coefficients: knocks and motion, as opposed to noise with heavy tails.
+
+Heavy tails also raise the classical wavelet variance above the robust one, but their large coefficients are scattered
+in time like all others. A knock lasts for some time. It makes many neighbouring coefficients large, with both signs,
+because the sensor returns to its old position. A burst is therefore a group of at least `FEWEST` coefficients of both
+signs that exceed `LARGE` local standard deviations, in which neighbours are at most `APART` coefficients apart. The
+coefficients that are used are half a scale apart. A single wrong sample then changes two of them, a jump of the mean
+one or two, and two wrong samples at most four. A simple pulse changes three or four coefficients. They are a burst if
+one of them is larger than heavy tails can explain (`HUGE`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector, as_rate, as_vector, freeze
+from gmwm.measuring.variance.panels import Panels, panel_length
+from gmwm.recording.resolution import Sample, step_of
+from gmwm.recording.signals import Signal
+
+LARGE = 5.0
+"""Size above which a coefficient is large, in local standard deviations. Pinned by docs/validation/tails.md, as are the
+next four constants."""
+FEWEST = 5
+"""Smallest number of large coefficients in a burst."""
+HUGE, FEW = 20.0, 3
+"""Size above which a coefficient is huge, in local standard deviations, and smallest number of large coefficients in a
+burst with a huge coefficient."""
+APART = 8
+"""Largest distance between neighbouring large coefficients of a burst, in half scales."""
+MATERIAL = 0.01
+"""Smallest share of the classical variance at which bursts matter. It changes a standard deviation by 0.5 %."""
+RARE = 0.15
+"""Largest share of the time in bursts. A longer change is a state of the sensor, not a disturbance."""
+LONGEST = 10.0
+"""Longest scale (s) at which bursts are searched. At longer scales, a warm-up looks like a burst."""
+NEIGHBOURHOOD = 60.0
+"""Time (s) over which a local standard deviation is measured. It is longer than knocks and shorter than changes of the
+noise."""
+_SMALL, _FALSE = 3.5, 1e-4
+"""For small bursts, the smallest size of a large coefficient (local standard deviations), and the expected number of
+false bursts in a panel."""
+_ALONE, _BESIDE = 1.5, 32
+"""For small bursts, the largest spread of the noise next to the burst, in local standard deviations, and the smallest
+number of coefficients from which this spread is estimated."""
+_PIECES = 64
+"""Smallest number of coefficients for a local standard deviation; its relative error is about 15 %."""
+Indices = NDArray[np.int64]
+Ranges = NDArray[np.int64]
+_QUARTILE = 0.6744897501960817
+_ROUNDING = 12**-0.5
+"""Standard deviation of the rounding error, in quantization steps."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bursts:
+    """Bursts of large wavelet coefficients at each of L levels.
+
+    Attributes
+    ----------
+    tau : (L,) array
+        Scales (s) at which bursts were searched, from level 1.
+    energy : (L,) array
+        Share of the classical wavelet variance that is due to large coefficients in bursts.
+    time : (L,) array
+        Share of the time in bursts.
+    count : int
+        Number of bursts at the level with the most bursts.
+    """
+
+    tau: Vector
+    energy: Vector
+    time: Vector
+    count: int
+
+    def __post_init__(self) -> None:
+        for name in ("tau", "energy", "time"):
+            freeze(getattr(self, name))
+
+    @property
+    def material(self) -> NDArray[np.bool_]:
+        """Whether rare bursts increase the variance of each level, an (L,) array."""
+        return np.asarray((self.energy >= MATERIAL) & (self.time <= RARE))
+
+    @property
+    def found(self) -> bool:
+        """Whether rare bursts increase the variance of at least one level."""
+        return bool(np.any(self.material))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain numbers and lists, ready for JSON."""
+        arrays = {name: getattr(self, name).tolist() for name in ("tau", "energy", "time")}
+        return {**arrays, "count": self.count}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Bursts:
+        """Restore a result from `values`, the output of `to_dict`."""
+        arrays = {name: np.array(values[name], dtype=np.float64) for name in ("tau", "energy", "time")}
+        return cls(**arrays, count=int(values["count"]))
+
+
+class BurstFinder:
+    """Find bursts in samples that arrive in chunks; see `find_bursts`.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate (Hz).
+    """
+
+    def __init__(self, rate: float) -> None:
+        self.rate = as_rate(rate)
+        self.panels = Panels(panel_length(self.rate))
+        self.levels = _levels(self.rate)
+        # Sums over all panels for each level: squares, squares in bursts, coefficients, coefficients in bursts, and
+        # bursts.
+        self._sums = np.zeros((5, self.levels))
+        self._sample = Sample()
+
+    def update(self, values: Vector) -> None:
+        """Add the next samples of the segment."""
+        self._sample.update(values)
+        for panel in self.panels.cut(values):
+            self._add(panel)
+
+    def gap(self) -> None:
+        """End the segment, because samples are missing before the next ones."""
+        for panel in self.panels.end():
+            self._add(panel)
+
+    def result(self) -> Bursts:
+        """Return the bursts of all samples."""
+        self.gap()
+        squares, within, count, occupied, bursts = self._sums
+        reach = int(np.count_nonzero(count >= _PIECES / 2))
+        energy = np.divide(within, squares, out=np.zeros(self.levels), where=squares > 0)[:reach]
+        return Bursts(
+            tau=np.ldexp(1.0, np.arange(1, reach + 1)) / self.rate,
+            energy=energy,
+            time=occupied[:reach] / count[:reach],
+            count=int(np.max(bursts[:reach], initial=0.0)),
+        )
+
+    def _add(self, panel: Vector) -> None:
+        step = step_of(self._sample.values()) or 0.0
+        for level in coefficients(panel, self.rate, step):
+            found = _bursts(level, small=False)
+            occupied, count = int(np.sum(found.last - found.first + 1)), found.first.size
+            sums = level.energy, float(found.energy.sum()), level.size, occupied, count
+            self._sums[:, level.number - 1] += sums
+
+
+def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
+    """Find bursts of large Haar wavelet coefficients in a signal.
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array
+        Finite samples.
+    rate : float, optional
+        Sampling rate (Hz); needed only if `x` is an array.
+
+    Returns
+    -------
+    Bursts
+
+    Raises
+    ------
+    DataError, OptionError
+        If the samples or the rate cannot be used.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).standard_t(5, size=100_000)
+    >>> find_bursts(x, rate=100.0).found
+    False
+    >>> x[50_000:50_050] *= 20.0
+    >>> find_bursts(x, rate=100.0).found
+    True
+    """
+    segments = x.segment_values() if isinstance(x, Signal) else [as_vector(x, "x")]
+    finder = BurstFinder(x.rate if isinstance(x, Signal) else as_rate(rate))
+    for segment in segments:
+        finder.update(segment)
+        finder.gap()
+    return finder.result()
+
+
+class Coefficients(NamedTuple):
+    """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst.
+
+    Attributes
+    ----------
+    number : int
+        The level.
+    path : (n + 2,) array
+        Sums of the samples up to each half scale. The coefficients are its second differences times `unit`.
+    unit : float
+    at, w : (k,) arrays
+        Indices and values of the coefficients that exceed `_SMALL` local standard deviations.
+    piece : int
+        Number of coefficients with the same local standard deviation.
+    spread : (m,) array
+        The local standard deviations.
+    energy : float
+        Sum of the squares of all coefficients.
+    """
+
+    number: int
+    path: Vector
+    unit: float
+    at: Indices
+    w: Vector
+    piece: int
+    spread: Vector
+    energy: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.path.size - 2
+
+    def limit(self, at: Indices) -> Vector:
+        """Return the local standard deviation at some coefficients."""
+        return np.asarray(self.spread[np.minimum(at // self.piece, self.spread.size - 1)])
+
+    def relative(self, first: int, last: int) -> Vector:
+        """Return the absolute values of consecutive coefficients, in local standard deviations."""
+        size = np.abs(np.diff(self.path[first : last + 2], 2)) * self.unit
+        return np.asarray(size / self.limit(np.arange(first, first + size.size)))
+
+
+def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficients]:
+    """Yield the coefficients of each level at which bursts are searched.
+
+    Parameters
+    ----------
+    panel : (N,) array
+        At most `panel_length` samples.
+    rate : float
+        Sampling rate (Hz).
+    step : float
+        Quantization step of the values, 0 if there is none.
+    """
+    path = _core.running_sum(panel)
+    for k in range(_levels(rate)):
+        if path.size - 2 < _PIECES // 2:
+            return
+        unit, piece = 0.5 ** (k + 1), max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k))
+        least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
+        at, w, spread, energy = _core.large_coefficients(path, unit, piece, least=least, limit=_SMALL)
+        yield Coefficients(
+            number=k + 1, path=path, unit=unit, at=at, w=w, piece=piece, spread=spread, energy=energy
+        )  # fmt: skip
+        path = np.ascontiguousarray(path[::2])
+
+
+def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
+    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap.
+
+    A burst is left out if it overlaps a burst of a finer level, at which its position is known better.
+
+    Parameters
+    ----------
+    levels : iterable of Coefficients
+        All coefficients of the panel.
+    small : bool
+        Whether to also find bursts of coefficients that are below `LARGE`, but large for this noise.
+    """
+    found = np.empty((0, 2), dtype=np.int64)
+    for level in levels:
+        bursts = _bursts(level, small)
+        new = np.stack([bursts.first << level.number - 1, (bursts.last + 2) << level.number - 1], axis=1)
+        new = new[np.searchsorted(found[:, 0], new[:, 1]) == np.searchsorted(found[:, 1], new[:, 0], side="right")]
+        found = np.concatenate([found, new])
+        found = found[np.argsort(found[:, 0])]
+    return found
+
+
+def _levels(rate: float) -> int:
+    """Return the number of levels at which bursts are searched."""
+    reach = int(np.floor(np.log2(max(LONGEST * rate, 2.0))))
+    return min(reach, int(np.log2(panel_length(rate) // _PIECES)))
+
+
+class _Found(NamedTuple):
+    """Bursts at one level of a panel: the indices of the first and the last large coefficient of each burst, and the
+    sum of the squares of its large coefficients."""
+
+    first: Indices
+    last: Indices
+    energy: Vector
+
+
+_NO_BURSTS = _Found(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
+
+
+def _bursts(level: Coefficients, small: bool) -> _Found:
+    """Return the bursts among the coefficients of one level of a panel."""
+    if level.at.size < FEW:
+        return _NO_BURSTS
+    at, w, ratio, large = level.at, level.w, np.abs(level.w) / level.limit(level.at), LARGE
+    if small:
+        # At this share of large coefficients, `FEWEST` of them are neighbours by chance in one panel of ten thousand.
+        share = (_FALSE / (level.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
+        ranked = np.append(np.sort(ratio)[::-1], _SMALL)
+        large = min(LARGE, float(np.interp(share * (level.size - 1), np.arange(ranked.size), ranked)))
+    kept = ratio > large
+    at, w, ratio = at[kept], w[kept], ratio[kept]
+    if at.size < FEW:
+        return _NO_BURSTS
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
+    counts = np.diff(np.append(begins, at.size))
+    positive = np.add.reduceat((w > 0).astype(np.int64), begins)
+    huge = np.maximum.reduceat(ratio, begins) > HUGE
+    kept = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
+    if small:
+        for k in np.flatnonzero(kept).tolist():
+            kept[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
+    energy = np.add.reduceat(w**2, begins)
+    return _Found(at[begins[kept]], at[(begins + counts - 1)[kept]], energy[kept])
+
+
+def _is_alone(level: Coefficients, first: int, last: int) -> bool:
+    """Return whether the noise next to a burst is not larger than usual. If the variance of the noise varies, it
+    usually is larger next to large coefficients."""
+    margin = max(last - first, APART)
+    length = max(margin, _BESIDE)
+    beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
+    relative = [level.relative(max(a, 0), max(b, 0)) for a, b in beside]
+    return all(float(np.median(part)) < _ALONE * _QUARTILE for part in relative if part.size >= APART)

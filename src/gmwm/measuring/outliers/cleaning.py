@@ -1,0 +1,161 @@
+"""Replace samples of a sensor at rest that are certainly wrong: isolated samples and knocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.time_base import times_of
+from gmwm.measuring.outliers.bursts import Ranges, burst_ranges, coefficients
+from gmwm.measuring.outliers.screening import Replaced
+from gmwm.measuring.outliers.spikes import find_spikes, repaired
+from gmwm.measuring.variance.panels import panel_length
+from gmwm.recording.gaps import drawn
+from gmwm.recording.resolution import lsb
+from gmwm.recording.signals import Signal
+
+MARGIN, LEAST = 1.0, 8
+"""Margin that is replaced before and after a knock, where the knock is too weak to be detected: as a multiple of the
+length of the knock, and its smallest number of samples. All constants here are measured in
+tests/outliers/test_cleaning.py."""
+LONGEST = 30.0
+"""Longest time (s) that is replaced, including the margins of the knock."""
+MOST = 0.1
+"""Largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance."""
+_PASSES = 6
+"""Number of searches. Each one follows the replacement of the knocks found so far, because the weak end of a knock is
+found last."""
+_BESIDE = 32
+"""Smallest number of samples on each side of a knock from which its samples are replaced during the search."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cleaned:
+    """A signal without its isolated wrong samples and knocks.
+
+    Attributes
+    ----------
+    signal : Signal
+        The signal in which outliers are replaced by draws from their conditional distribution given the other samples.
+    knocks : (k, 2) int array
+        Half-open index ranges of the samples that were replaced because of knocks.
+    replaced : Replaced
+        Number of wrong samples and knocks.
+    """
+
+    signal: Signal
+    knocks: Ranges
+    replaced: Replaced
+
+
+def cleaned(x: Signal) -> Cleaned:
+    """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds.
+
+    Knocks that last longer than 30 s are kept. If the other knocks make up more than 10 % of the samples, they are kept
+    too. Disturbances of this length are a state of the sensor.
+
+    Parameters
+    ----------
+    x : Signal
+
+    Returns
+    -------
+    Cleaned
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).normal(size=20_000)
+    >>> x[5_000:5_100] *= 30.0
+    >>> clean = cleaned(Signal(x, rate=100.0))
+    >>> len(clean.knocks), f"{x.std():.1f}, {clean.signal.values.std():.1f}"
+    (1, '2.4, 1.0')
+    """
+    spikes = find_spikes(x)
+    signal = repaired(x, spikes)
+    knocks = _knocks(signal.values, x.rate)
+    if knocks.size:
+        # Knocks hide the tails of the noise from the search for spikes.
+        spikes = find_spikes(replace(x, values=_mirrored(x.values, knocks)))
+        present = _outside(knocks, len(x))
+        present[spikes.indices] = False
+        signal = replace(x, values=drawn(x.values, present))
+    times = times_of(knocks.ravel(), x.rate, x.segments, x.starts).reshape(-1, 2)
+    return Cleaned(
+        signal=signal,
+        knocks=knocks,
+        replaced=Replaced(
+            spikes=len(spikes),
+            largest=spikes.largest,
+            knocks=tuple((start, stop) for start, stop in times.tolist()),
+            in_knocks=int(np.sum(knocks[:, 1] - knocks[:, 0])),
+        ),
+    )
+
+
+def _knocks(values: Vector, rate: float) -> Ranges:
+    """Return the index ranges of the knocks."""
+    step, length = lsb(values) or 0.0, panel_length(rate)
+    found = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
+    ranges = _joined(np.concatenate(found))
+    ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
+    return ranges if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size else ranges[:0]
+
+
+def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
+    """Return the index ranges of the knocks in consecutive samples that form one panel."""
+    levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
+    for small in [False, True]:
+        for _ in range(_PASSES):
+            found = burst_ranges(levels, small=small)
+            wider = _joined(np.concatenate([ranges, _widened(found, values.size)]))
+            if np.array_equal(wider, ranges):
+                break
+            ranges, levels = wider, list(coefficients(_mirrored(values, wider), rate, step))
+    return ranges
+
+
+def _mirrored(values: Vector, ranges: Ranges) -> Vector:
+    """Replace the samples of each range by the mirrored samples next to it, added to a straight line.
+
+    This is sufficient for the search for the weak parts of knocks.
+    """
+    out = values.copy()
+    for first, last in ranges.tolist():
+        size, half = last - first, (last - first) // 2
+        left = values[max(first - max(half, _BESIDE), 0) : first]
+        right = values[last : last + max(half, _BESIDE)]
+        if not left.size + right.size:
+            continue
+        left, right = (one if one.size else other for one, other in ((left, right), (right, left)))
+        line = np.linspace(np.median(left), np.median(right), size)
+        echoes = np.resize((left - np.median(left))[::-1], half), np.resize(right - np.median(right), size - half)[::-1]
+        out[first:last] = line + np.concatenate(echoes)
+    return out
+
+
+def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
+    """Return a mask of the samples, `size` in number, that are outside all ranges."""
+    outside = np.ones(size, dtype=np.bool_)
+    for first, last in ranges.tolist():
+        outside[first:last] = False
+    return outside
+
+
+def _widened(ranges: Ranges, size: int) -> Ranges:
+    """Extend each range by the margins in which the knock is weak."""
+    margin = np.maximum(LEAST, np.ceil(MARGIN * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
+    first, last = ranges[:, 0] - margin, ranges[:, 1] + margin
+    return np.stack([np.maximum(first, 0), np.minimum(last, size)], axis=1)
+
+
+def _joined(ranges: Ranges) -> Ranges:
+    """Return the union of the ranges, in order."""
+    if not ranges.size:
+        return ranges
+    ranges = ranges[np.argsort(ranges[:, 0])]
+    ends = np.maximum.accumulate(ranges[:, 1])
+    begins = np.flatnonzero(np.concatenate([[True], ranges[1:, 0] > ends[:-1]]))
+    return np.stack([ranges[begins, 0], ends[np.append(begins[1:], ranges.shape[0]) - 1]], axis=1)

@@ -1,0 +1,100 @@
+"""Test whether a robust wavelet variance depends on its efficiency by more than chance.
+
+If it does, the recording has too many outliers for the robust estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm.measuring.outliers.bursts import MATERIAL
+from gmwm.measuring.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from gmwm.measuring.outliers.ratio_test import Verdict
+
+LOW, HIGH = 0.6, 0.9
+"""Efficiencies that are compared: the default, and an efficiency that tolerates fewer and smaller outliers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dependence:
+    """Two robust variances of the same level that differ by more than chance explains.
+
+    Attributes
+    ----------
+    tau : float
+        Scale (s).
+    efficiency, value : float
+        Efficiency and robust variance of the curve that is fitted.
+    other_efficiency, other_value : float
+        Efficiency and robust variance of the curve that it is compared with.
+    """
+
+    tau: float
+    efficiency: float
+    value: float
+    other_efficiency: float
+    other_value: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain numbers, ready for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Dependence:
+        """Restore a result from `values`, the output of `to_dict`."""
+        return cls(**{name: float(value) for name, value in values.items()})
+
+
+def other_efficiency(efficiency: float) -> float:
+    """Return the efficiency of the robust curve with which a curve of the given efficiency is compared.
+
+    >>> other_efficiency(0.6), other_efficiency(0.95)
+    (0.9, 0.6)
+    """
+    return HIGH if efficiency < 0.5 * (LOW + HIGH) else LOW
+
+
+def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict) -> Dependence | None:
+    """Return the level at which two robust curves of a recording differ most, if this is more than chance; otherwise
+    None.
+
+    The estimation errors of both curves are expansions in the same Hermite polynomials. The log ratio of the curves
+    therefore has at most the variance of the log ratio of the classical curve to the less efficient one. A difference
+    of 1 % is tolerated.
+
+    Parameters
+    ----------
+    robust, other : WaveletVariance
+        The fitted curve, and a curve with `other_efficiency`.
+    verdict : Verdict
+        The test for outliers with `robust`; its standard errors are used.
+    """
+    from scipy.special import ndtri
+
+    assert robust.efficiency is not None
+    assert other.efficiency is not None
+    usable = verdict.tested & (robust.variance > 0) & (other.variance > 0)
+    if not np.any(usable):
+        return None
+    apart = np.abs(np.log(other.variance[usable] / robust.variance[usable]))
+    error = verdict.standard_errors[usable]
+    if other.efficiency < robust.efficiency:
+        # The standard errors of an efficient curve are smaller: 1 / e - 1 is the variance of uncorrelated coefficients.
+        error = error * np.sqrt((1 / other.efficiency - 1) / (1 / robust.efficiency - 1))
+    limit = MATERIAL - float(ndtri(verdict.size / (2 * apart.size * verdict.comparisons))) * error
+    if not np.any(apart > limit):
+        return None
+    k = int(np.flatnonzero(usable)[np.argmax(apart / limit)])
+    return Dependence(
+        tau=float(robust.tau[k]),
+        efficiency=robust.efficiency,
+        value=float(robust.variance[k]),
+        other_efficiency=other.efficiency,
+        other_value=float(other.variance[k]),
+    )

@@ -1,0 +1,135 @@
+"""Screen the samples of one axis in one pass for bursts, isolated wrong samples and heavy tails."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gmwm.base.arrays import Vector
+from gmwm.measuring.covariance.tails import TailSums
+from gmwm.measuring.outliers.bursts import BurstFinder, Bursts
+from gmwm.measuring.outliers.spikes import find_spikes
+from gmwm.recording.batches import feed
+from gmwm.recording.signals import Signal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replaced:
+    """Samples of one axis that were replaced before the measurement.
+
+    Attributes
+    ----------
+    spikes : int
+        Number of isolated wrong samples (spikes).
+    largest : float
+        Largest deviation of these samples, in local standard deviations.
+    knocks : tuple of (start, stop)
+        Begin and end (s) of the samples that were replaced because of each knock, counted like the option `skip` of
+        `read`.
+    in_knocks : int
+        Number of samples that were replaced because of knocks.
+    """
+
+    spikes: int = 0
+    largest: float = 0.0
+    knocks: tuple[tuple[float, float], ...] = ()
+    in_knocks: int = 0
+
+    def __add__(self, other: Replaced) -> Replaced:
+        return Replaced(
+            spikes=self.spikes + other.spikes,
+            largest=max(self.largest, other.largest),
+            knocks=self.knocks + other.knocks,
+            in_knocks=self.in_knocks + other.in_knocks,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain numbers and lists, ready for JSON."""
+        return {
+            "spikes": self.spikes,
+            "largest": self.largest,
+            "knocks": [list(times) for times in self.knocks],
+            "in_knocks": self.in_knocks,
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Replaced:
+        """Restore the result from `values`, the output of `to_dict`."""
+        knocks = tuple((float(start), float(stop)) for start, stop in values["knocks"])
+        return cls(
+            spikes=int(values["spikes"]), largest=values["largest"], knocks=knocks, in_knocks=int(values["in_knocks"])
+        )
+
+
+NOTHING_REPLACED = Replaced()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Screen:
+    """Results of the screening of one axis, which are used in addition to its wavelet variances.
+
+    Attributes
+    ----------
+    bursts : Bursts
+        Knocks and motion.
+    spikes : int
+        Number of isolated wrong samples that are in the data.
+    largest : float
+        Largest deviation of these samples, in local standard deviations.
+    replaced : Replaced
+        Samples that were replaced before the wavelet variance was measured.
+    tails : TailSums
+        Sums from which the additional covariance due to heavy tails is computed.
+    """
+
+    bursts: Bursts
+    spikes: int
+    largest: float
+    replaced: Replaced
+    tails: TailSums
+
+
+class Screening:
+    """Screen samples that arrive in chunks; the result does not depend on the chunks.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate (Hz).
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._bursts, self._tails = BurstFinder(rate), TailSums()
+
+    def update(self, values: Vector) -> None:
+        """Add the next samples of the segment."""
+        self._bursts.update(values)
+        self._tails.update(values)
+
+    def gap(self) -> None:
+        """End the segment, because samples are missing before the next ones."""
+        self._bursts.gap()
+        self._tails.gap()
+
+    def result(self, *, spikes: int = 0, largest: float = 0.0, replaced: Replaced = NOTHING_REPLACED) -> Screen:
+        """Return the results for all samples, with the isolated wrong samples that were found separately."""
+        self.gap()
+        bursts = self._bursts.result()
+        return Screen(bursts=bursts, spikes=spikes, largest=largest, replaced=replaced, tails=self._tails)
+
+
+def screened(x: Signal) -> Screen:
+    """Screen a signal without replacing samples.
+
+    Parameters
+    ----------
+    x : Signal
+
+    Returns
+    -------
+    Screen
+    """
+    screening, spikes = Screening(x.rate), find_spikes(x)
+    feed(screening, x)
+    return screening.result(spikes=len(spikes), largest=spikes.largest)

@@ -1,0 +1,358 @@
+"""Find isolated wrong samples (spikes), and replace them by samples predicted from the others.
+
+The residual of a sample is its distance from the median of its six neighbours, in local standard deviations. Residuals
+beyond a threshold θ are spikes under three conditions. First, there are many more of them than expected in N samples of
+a t distribution that is fitted to the bulk of the residuals. Second, they are separated from the other residuals:
+hardly more residuals exceed θ / 1.5 than θ, whereas in the tail of a distribution many more do. Third, they are
+isolated: the samples after them are normal again.
+
+A spike is replaced by a draw from its conditional distribution given the other samples, like a lost sample; see
+`gmwm.recording.gaps.drawing`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector, freeze, row_medians
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.outliers.bursts import NEIGHBOURHOOD
+from gmwm.recording.gaps import drawn
+from gmwm.recording.resolution import lsb
+from gmwm.recording.signals import Signal
+
+APART = 1.5
+"""Ratio of the threshold θ to a lower threshold. Residuals between the two must be rare. All constants here are pinned
+by docs/validation/tails.md and tests/outliers/test_spikes.py."""
+MORE = 1.6
+"""Largest ratio of the number of residuals beyond θ / 1.5 to the number beyond θ. For a tail with an infinite variance,
+it is 1.5² = 2.25."""
+CERTAIN = 1e-6
+"""Largest probability, under the bulk, of the number of residuals beyond θ."""
+FALSE = 0.1
+"""Largest expected share of correct samples among the residuals beyond θ. This expected number of residuals, chosen at
+random, is kept."""
+LEAST = 4.0
+"""Smallest threshold, in local standard deviations."""
+MOST = 0.1
+"""Largest share of spikes among the samples."""
+RUN = 3
+"""Largest number of neighbouring samples that can all be spikes. An encoder error, for example, changes two rates."""
+CROWD, NEAR = 6, 10
+"""Largest number of spikes within `NEAR` samples on either side. If there are more, they form a cluster, which is a
+knock."""
+CLEAR = 100
+"""Distance (samples) from a cluster within which no sample is treated as a spike."""
+_REACHES = (3, 12)
+"""Numbers of neighbours on each side. The nearest neighbours predict a sample best behind a low-pass filter; for white
+noise, the median of many neighbours has a smaller error."""
+_FEW = 12
+"""Number of spikes below which no residual may be between θ / 2 and θ."""
+_TAIL = APART**-3.0
+"""Share of the residuals beyond θ / 1.5 that are beyond θ, if their tail decays as θ⁻³ (infinite third moment)."""
+_BULK = 50_000
+"""Number of residuals from which the spread and the tails of the bulk are estimated."""
+_PRECISE = 500_000
+"""The same number for a recording with spikes. If 0.3 % of its samples are at 6 standard deviations, they add 10 % to
+the variance, and the tails of the bulk must be known more accurately than this."""
+_LOWEST = 3.0
+"""Smallest residual that can be replaced."""
+_BIN, _NONE = 0.25, 0.005
+_PASSES, _SETTLED = 5, 0.01
+"""Largest number of repetitions of the search, and relative change of the number of spikes at which they end."""
+_QUARTILE = 0.6744897501960817
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spikes:
+    """Isolated wrong samples.
+
+    Attributes
+    ----------
+    indices : (k,) int array
+        Indices of the spikes in the signal.
+    deviations : (k,) array
+        Absolute residuals of the spikes, in local standard deviations of the residuals.
+    """
+
+    indices: NDArray[np.int64]
+    deviations: Vector
+
+    def __post_init__(self) -> None:
+        freeze(self.indices)
+        freeze(self.deviations)
+
+    def __len__(self) -> int:
+        return int(self.indices.size)
+
+    @property
+    def largest(self) -> float:
+        """Largest deviation; 0 if there are no spikes."""
+        return float(np.max(self.deviations, initial=0.0))
+
+
+def find_spikes(x: Signal) -> Spikes:
+    """Find isolated samples of a signal that are certainly wrong, because the tails of its noise do not explain them.
+
+    Parameters
+    ----------
+    x : Signal
+
+    Returns
+    -------
+    Spikes
+
+    Raises
+    ------
+    OptionError
+        If `x` is not a Signal.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).normal(size=20_000)
+    >>> x[::400] += 12.0
+    >>> spikes = find_spikes(Signal(x, rate=100.0))
+    >>> len(spikes), spikes.indices[:3].tolist()
+    (50, [0, 400, 800])
+    """
+    if not isinstance(x, Signal):
+        raise OptionError(argument="x", expected="a Signal", got=x)
+    values = x.values
+    none = Spikes(indices=np.empty(0, dtype=np.int64), deviations=np.empty(0))
+    if values.size < 4 * _REACHES[-1]:
+        return none
+    step = lsb(values) or 0.0
+    scale, length, tail, _ = _bulk(values, x.rate, step, most=_BULK, right=None, reach=_REACHES[0])
+    if not scale.min() > 0:
+        return none
+    # A spike differs from the mean of its two neighbours by its size, or by half of its size next to another spike. The
+    # middle one of three equal spikes does not differ from its neighbours, so they are candidates too.
+    candidates = _core.bent_samples(values, 0.5 * LEAST * scale, length)
+    deviation = np.abs(_core.neighbour_residuals(values, values, candidates, _REACHES[0]))
+    deviation /= _at(candidates, scale, length)
+    threshold = _threshold(deviation, values.size, tail)
+    found = candidates[deviation >= threshold]
+    if not 0 < found.size <= MOST * values.size:
+        return none
+    # Repeat the search without the spikes. They shift the median of their neighbours, and make the tails of the bulk
+    # heavier.
+    for _ in range(_PASSES):
+        filled, right = _filled(values, found)
+        reach = _best_reach(filled, right)
+        scale, length, tail, usual = _bulk(filled, x.rate, step, most=_PRECISE, right=right, reach=reach)
+        if not scale.min() > 0:
+            return none
+        limit = _at(candidates, scale, length)
+        deviations = np.abs(_core.neighbour_residuals(values, filled, candidates, reach)) / limit
+        threshold = _threshold(deviations, values.size, tail, FALSE)
+        clear = np.flatnonzero(_clear(candidates, _crowded(candidates[deviations >= threshold], values.size)))
+        spiky = clear[_surplus(deviations[clear], threshold, values.size, usual)]
+        before, found, deviation, limit = found.size, candidates[spiky], deviations[spiky], limit[spiky]
+        if abs(found.size - before) <= _SETTLED * before:
+            break
+    kept = _returns(values, filled, found, np.minimum(threshold, deviation) * limit)
+    return Spikes(indices=found[kept], deviations=deviation[kept])
+
+
+def repaired(x: Signal, spikes: Spikes) -> Signal:
+    """Replace spikes by samples drawn from their conditional distribution given all other samples, with a fixed seed.
+
+    Parameters
+    ----------
+    x : Signal
+    spikes : Spikes
+        Result of `find_spikes`.
+
+    Returns
+    -------
+    Signal
+        The signal with its spikes replaced; `x` itself if there are none.
+
+    Raises
+    ------
+    DataError
+        If a spike is beyond the end of the signal.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).normal(size=20_000)
+    >>> x[::400] += 12.0
+    >>> signal = Signal(x, rate=100.0)
+    >>> clean = repaired(signal, find_spikes(signal))
+    >>> f"{x.std():.1f}, {clean.values.std():.1f}"
+    '1.2, 1.0'
+    """
+    if not len(spikes):
+        return x
+    if spikes.indices.max() >= len(x):
+        raise DataError(argument="spikes", expected="spikes of this signal", got=int(spikes.indices.max()))
+    right = np.ones(len(x), dtype=np.bool_)
+    right[spikes.indices] = False
+    return replace(x, values=drawn(x.values, right))
+
+
+# --- detection --------------------------------------------------------------------------------------------
+
+
+def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
+    """Return the number of neighbours on each side whose median predicts a sample best."""
+    places, _ = _sampled(values.size, _BULK)
+    places = places[right[places]]
+    errors = [np.median(np.abs(_core.neighbour_residuals(values, values, places, reach))) for reach in _REACHES]
+    return _REACHES[int(np.argmin(errors))]
+
+
+def _sampled(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
+    """Return positions at a regular distance (stride), about `most` of them, and this distance."""
+    stride = max(1, samples // most)
+    # Vary the offset within each stride, so that a period of the signal is not sampled at one phase.
+    places = np.arange(0, samples - stride + 1, stride)
+    return places + (places // stride * 7919) % stride, stride
+
+
+def _bulk(
+    values: Vector, rate: float, step: float, *, most: int, right: NDArray[np.bool_] | None, reach: int
+) -> tuple[Vector, int, float, float]:
+    """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
+    an estimate of the degrees of freedom of the tails.
+
+    At most about `most` residuals are used. The tails are estimated from the samples that are `right`.
+    """
+    places, stride = _sampled(values.size, most)
+    residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
+    piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
+    count = residual.size // piece
+    local = row_medians(residual[: count * piece].reshape(count, piece)) / _QUARTILE
+    local = np.maximum(local, np.maximum(np.median(local), step * 12**-0.5))
+    if not local.min() > 0:
+        return local, values.size, np.inf, np.inf
+    relative = residual[: count * piece] / np.repeat(local, piece)
+    if right is not None:
+        relative = relative[right[places[: count * piece]]]
+    return local, piece * stride, _freedom(relative, 3.0), _freedom(relative, 0.0)
+
+
+def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
+    """Return the standard deviation at some positions, from that of each block. The samples after the last block belong
+    to the last block."""
+    return np.asarray(scale[np.minimum(places // length, scale.size - 1)])
+
+
+def _freedom(relative: Vector, errors: float) -> float:
+    """Return the degrees of freedom of the t distribution whose ratio of the 90 % quantile to the median, for absolute
+    values, is the measured ratio plus `errors` standard errors."""
+    from scipy.special import stdtrit
+
+    grid = np.geomspace(1.0, 1000.0, 200)
+    expected = stdtrit(grid, 0.95) / stdtrit(grid, 0.75)
+    error = 1.5 / np.sqrt(relative.size)  # of the ratio; 1.2 for independent residuals of Gaussian noise
+    middle, high = np.quantile(relative, [0.5, 0.9])
+    ratio = float(high / middle) * (1 + errors * error) if middle > 0 else np.inf
+    return float(np.interp(-ratio, -expected, grid))
+
+
+def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
+    """Return the smallest θ beyond which at most the share `false` of the residuals is expected to be correct; infinity
+    if there are no spikes."""
+    # Not from scipy.stats, whose import takes as long as the search for spikes on six axes.
+    from scipy.special import bdtrc, ndtr, pdtrc
+
+    ordered = np.sort(deviation[deviation >= LEAST / 2])[::-1]
+    ks = np.arange(1, np.count_nonzero(ordered >= LEAST) + 1)
+    if not ks.size:
+        return np.inf
+    theta = ordered[ks - 1]
+    beyond = np.searchsorted(-ordered, -theta / APART, side="right")
+    double = np.searchsorted(-ordered, -theta / 2, side="right")
+    expected = samples * _beyond(theta, freedom)
+    # Residuals that Gaussian noise explains are not counted, because small spikes are among its tails.
+    own = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
+    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - own <= MORE * ks)
+    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - own.astype(np.int64), _TAIL) <= CERTAIN)
+    return float(theta[good][-1]) if np.any(good) else np.inf
+
+
+def _beyond(deviation: Vector, freedom: float) -> Vector:
+    """Return the probability that a residual of the bulk exceeds each of the deviations."""
+    from scipy.special import stdtr, stdtrit
+
+    return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / _QUARTILE)))
+
+
+def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
+    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk.
+
+    Near the threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations,
+    residuals are chosen at random, as many as exceed the number expected from the bulk. Far beyond the threshold, these
+    are all residuals. Bins below the threshold follow until one has no clear surplus. The choice has a fixed seed.
+    """
+    chosen = np.zeros(deviation.size, dtype=np.bool_)
+    if not np.isfinite(threshold):
+        return chosen
+    rng, high = np.random.default_rng(0), np.inf
+    low = threshold
+    while samples * _beyond(np.array([low]), freedom)[0] > _NONE:
+        low += _BIN
+    while low >= _LOWEST:
+        here = np.flatnonzero((deviation >= low) & (deviation < high))
+        expected = samples * float(np.subtract(*_beyond(np.array([low, high]), freedom)))
+        surplus = here.size - expected
+        if np.isinf(high) or surplus > 2 * np.sqrt(expected) + 1:
+            chosen[rng.permutation(here)[: round(surplus)]] = True
+        elif low < threshold or low == high:  # equal where a bin is below the resolution of the deviations
+            break
+        low, high = low - _BIN, low
+    return chosen
+
+
+def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
+    """Return those of the positions, which are in ascending order, that are in a cluster or in a long run."""
+    from scipy.special import bdtrc
+
+    if not at.size:
+        return at
+    # Clusters and runs up to these sizes can occur by chance: larger ones occur in one of a hundred recordings.
+    share, rare = at.size / samples, 0.01 / at.size
+    crowd = max(CROWD, int(np.argmax(bdtrc(np.arange(2 * NEAR + 1), 2 * NEAR, share) <= rare)))
+    run = max(RUN, int(np.ceil(np.log(rare) / np.log(share))))
+    near = np.searchsorted(at, at + NEAR, side="right") - np.searchsorted(at, at - NEAR) - 1
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > 1) + 1])
+    lengths = np.diff(np.append(begins, at.size))
+    return at[(near > crowd) | (np.repeat(lengths, lengths) > run)]
+
+
+def _clear(at: NDArray[np.int64], crowded: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return a mask of the positions that are far from every cluster."""
+    close = np.searchsorted(crowded, at + CLEAR, side="right") > np.searchsorted(crowded, at - CLEAR)
+    return np.asarray(~close)
+
+
+def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vector) -> NDArray[np.bool_]:
+    """Return whether the signal returns after each position. A spike differs from the samples before and after it, a
+    step only from those before it."""
+    last = values.size - 1
+    steps = np.arange(1, 6)
+    before = np.median(filled[np.maximum(at[:, None] - steps, 0)], axis=1)
+    after = np.median(filled[np.minimum(at[:, None] + steps, last)], axis=1)
+    apart = np.minimum(np.abs(values[at] - before), np.abs(values[at] - after))
+    return np.asarray(apart > 0.5 * limit)
+
+
+def _filled(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
+    """Interpolate the values at some positions, in ascending order, from all others. Return also a mask of the
+    others."""
+    good = np.ones(values.size, dtype=np.bool_)
+    good[at] = False
+    filled = values.copy()
+    # The nearest other sample on each side of a run of positions; at an end of the signal, the one on its other side.
+    begins = np.flatnonzero(np.diff(at, prepend=-2) > 1)
+    sizes = np.diff(np.append(begins, at.size))
+    before, after = at[begins] - 1, at[begins] + sizes
+    before, after = np.where(before < 0, after, before), np.where(after == values.size, before, after)
+    slope = (values[after] - values[before]) / np.maximum(after - before, 1)
+    filled[at] = np.repeat(slope, sizes) * (at - np.repeat(before, sizes)) + np.repeat(values[before], sizes)
+    return filled, good

@@ -1,0 +1,195 @@
+"""Parse the option `against`, which states the conditions for a regression as text or as arrays."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.errors import OptionError
+from gmwm.recording.signals import Signal
+
+AUTO, NONE = "auto", "none"
+TIME, WARM_UP, TEMPERATURE = "time", "warmup", "temperature"
+MOST_DEGREES = 5
+"""Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation."""
+MOST_KNOTS = 10
+"""Largest number of inner knots of a spline."""
+_EXPECTED = "text such as 'temperature:2,lag', 'time:3' or 'warmup', an array, or a mapping of names to arrays"
+_UNITS = {TEMPERATURE: "°C", TIME: "h"}
+
+Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
+"""Types that `against` accepts; see `gmwm.fit`."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One covariate of a regression, with the form of its effect.
+
+    Attributes
+    ----------
+    name : str
+        Name of the covariate. "time" and "warmup" are computed from the times of the samples.
+    degree : int
+        Degree of the polynomial; 1 is a straight line.
+    lag : bool
+        Whether the rate of change of the covariate is also a column, for a sensor that follows the covariate with a
+        delay.
+    knots : int
+        Number of inner knots of a natural cubic spline; 0 for a polynomial.
+    exact : bool
+        Whether the covariate is known without error at every sample. All scales are then used.
+    """
+
+    name: str
+    degree: int = 1
+    lag: bool = False
+    knots: int = 0
+    exact: bool = False
+
+    def __str__(self) -> str:
+        options = [str(self.degree)] if self.degree > 1 else []
+        options += [f"knots={self.knots}"] if self.knots else []
+        options += [word for word, on in (("lag", self.lag), ("exact", self.exact)) if on]
+        return self.name + (":" + ",".join(options) if options else "")
+
+    @property
+    def unit(self) -> str:
+        """Unit of the covariate; an empty string if it is unknown."""
+        return _UNITS.get(self.name, "")
+
+    @property
+    def measured(self) -> bool:
+        """Whether the covariate is measured data, in contrast to a function of time."""
+        return self.name not in (TIME, WARM_UP)
+
+    @classmethod
+    def parse(cls, text: str) -> Term:
+        """Parse a term such as ``temperature:2,lag``.
+
+        Raises
+        ------
+        OptionError
+            If the text is not a name with known options.
+
+        Examples
+        --------
+        >>> Term.parse("temperature:2,lag")
+        Term(name='temperature', degree=2, lag=True, knots=0, exact=False)
+        """
+        name, _, rest = text.strip().partition(":")
+        if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in (AUTO, NONE):
+            raise OptionError(argument="against", expected=_EXPECTED, got=text)
+        degree, knots, words = 1, 0, set()
+        for word in filter(None, (part.strip() for part in rest.split(","))):
+            if word.isdigit() and 1 <= int(word) <= MOST_DEGREES:
+                degree = int(word)
+            elif (found := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(found[1]) <= MOST_KNOTS:
+                knots = int(found[1])
+            elif word in ("lag", "exact"):
+                words.add(word)
+            else:
+                raise OptionError(
+                    argument="against",
+                    expected=f"a degree from 1 to {MOST_DEGREES}, knots=1 to {MOST_KNOTS}, lag or exact after {name!r}",
+                    got=word,
+                )
+        if (name == WARM_UP and rest) or (name == TIME and words) or (knots and degree > 1):
+            raise OptionError(
+                f"against: {text!r} has options that do not apply",
+                argument="against",
+                got=text,
+                advice="Write `warmup` alone, `time` with a degree or knots, and either a degree or knots.",
+            )
+        return cls(name, degree=degree, lag="lag" in words, knots=knots, exact="exact" in words)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A requested regression: its terms, and the arrays that the user passed.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+        The covariates.
+    arrays : mapping of name to (N,) array
+        Values of the covariates that are not part of the recording.
+    automatic : bool
+        Whether to use the temperature of the recording only if a test finds that the axis depends on it.
+    """
+
+    terms: tuple[Term, ...] = ()
+    arrays: Mapping[str, Vector] | None = None
+    automatic: bool = False
+
+    def __str__(self) -> str:
+        return AUTO if self.automatic else " + ".join(map(str, self.terms)) or NONE
+
+    @classmethod
+    def of(cls, against: Against | Asked) -> Asked:
+        """Check and convert the option `against`.
+
+        Raises
+        ------
+        OptionError, DataError
+            If the value cannot be interpreted.
+        """
+        if isinstance(against, Asked):
+            return against
+        if against is None:
+            return cls()
+        if isinstance(against, str):
+            text = against.strip()
+            if text == AUTO:
+                return cls(automatic=True)
+            if text == NONE:
+                return cls()
+            return cls(_distinct(Term.parse(part) for part in text.split("+")))
+        given = against if isinstance(against, Mapping) else {"covariate": against}
+        if not given:
+            raise OptionError(argument="against", expected=_EXPECTED, got="an empty mapping")
+        arrays, terms = {}, []
+        for text, values in given.items():
+            term = Term.parse(str(text))
+            if not term.measured:
+                raise OptionError(
+                    f"against: {term.name} is computed from the clock, and needs no array",
+                    argument="against",
+                    got=text,
+                    advice="Give the array another name.",
+                )
+            terms.append(term)
+            arrays[term.name] = values.values if isinstance(values, Signal) else as_vector(values, term.name)
+        return cls(_distinct(terms), arrays)
+
+
+def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
+    found = tuple(terms)
+    names = [term.name for term in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise OptionError(argument="against", expected="each covariate once", got=twice)
+    if TIME in names and WARM_UP in names and next(t for t in found if t.name == TIME).degree > 1:
+        raise OptionError(
+            "against: a curved trend in time and a warm-up describe the same course",
+            argument="against",
+            got=" + ".join(map(str, found)),
+            advice="Use one of them.",
+        )
+    return found
+
+
+def is_given(asked: Asked) -> bool:
+    """Return whether a regression or the automatic test of the temperature was requested."""
+    return asked.automatic or bool(asked.terms)
+
+
+def finite_or_none(values: Vector | None) -> Vector | None:
+    """Return the values of a covariate, or None if some are missing or all are equal."""
+    if values is None or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
+        return None
+    return values

@@ -1,0 +1,332 @@
+"""Regress one axis on the temperature, on time or on other conditions of the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.regression.against import WARM_UP, Asked
+from gmwm.measuring.regression.columns import HOUR
+from gmwm.measuring.regression.covariates import Covariates
+from gmwm.measuring.regression.least_squares import COLLINEAR, RegressionDesign, Weighted
+from gmwm.measuring.regression.noise import Noise
+from gmwm.measuring.regression.result import Points, Regression
+from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.biweight import EFFICIENCY
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
+
+FOLLOWS = 0.05
+"""With the automatic choice, the temperature is used if the p-value of its F test is below this level."""
+FURTHER = 0.01
+"""The automatic choice adds a column if the p-value of its t test is below this level."""
+DIFFERS = 4.0
+"""A remark is made if the coefficient from long scales and the coefficient from all scales differ by more than this
+number of standard errors of the former (tests/regression/test_reading_noise.py)."""
+OPTIMISM = 2.0
+"""The weights and the variances of the coefficients come from the same data. The estimated variances are therefore too
+small, by a factor of about 1 + OPTIMISM/(3 + degrees of freedom). The value was chosen in simulations with other seeds;
+docs/validation/regression.md states the resulting coverage of the intervals."""
+FEWEST = 2.0
+"""Smallest number of degrees of freedom of a standard error. The formula returns 1 if the data can neither show nor
+exclude a slow process, and an effect of five standard errors would then not be significant. The value was chosen in the
+same simulations."""
+_ROUNDS = 4
+"""Number of rounds in which noise, weights and coefficients are estimated in turn. The third round changes a standard
+error by less than 1 % (tests/regression)."""
+POINTS = 256
+"""Number of parts of the recording whose means are kept for a plot."""
+_TIMES = 24
+_LEAST_KEPT = 0.1
+
+
+def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
+    """Regress a signal on covariates that were prepared for a signal with the same times; see `regress_axis`."""
+    means = covariates.clock.means(signal.values, clipped=True)
+    return regress_axis(means, covariates, axis=signal.axis, unit=signal.unit, automatic=automatic)
+
+
+def regress_axis(
+    means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "", automatic: bool = False
+) -> Regression:
+    """Regress an axis on covariates by generalised least squares.
+
+    Each frequency is weighted by the inverse of the power spectral density of the noise, which is estimated from the
+    residuals together with the coefficients. The standard errors account for slow noise, so that two independent random
+    walks do not appear related.
+
+    Parameters
+    ----------
+    means : (n,) array
+        Means of the axis over the blocks of the covariates, with outlying samples clipped.
+    covariates : Covariates
+        Covariates that were prepared for the same recording.
+    axis, unit : str
+        Name and unit of the axis.
+    automatic : bool
+        Whether to test first whether the axis depends on the temperature. If it does, the square, the rate of change
+        and the cube of the temperature are added if they are significant at the 1 % level. If it does not, the
+        regression is marked as not applied.
+
+    Raises
+    ------
+    DataError
+        If the columns are collinear, or if the axis is constant.
+    """
+    found = regress_means(means, covariates, axis=axis, unit=unit)
+    if automatic:
+        found = replace(found, applied=False) if found.pvalue >= FOLLOWS else _extended(found, means, covariates)
+    return replace(found, coarse=_coarse(found, means, covariates.having(found.terms)))
+
+
+def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
+    """Return the first coefficient estimated from the longer half of the scales, its standard error, and the shortest
+    of these scales (s).
+
+    The result is None unless this coefficient is significantly farther from zero than the coefficient from all scales.
+
+    Reading errors of the covariate that are correlated in time are not detected as errors. They make the coefficient
+    too small at short scales.
+    """
+    if not found.terms[0].measured or found.terms[0].exact:
+        return None
+    clock = covariates.clock
+    levels = max(int(np.count_nonzero(clock.present())).bit_length() - 1, 0)
+    first = (covariates.unknown_levels + levels) // 2
+    try:
+        other = regress_means(means, replace(covariates, lowest=clock.length.bit_length() + first))
+    except DataError:
+        return None
+    (name, *_) = found
+    own, long = found[name], other[name]
+    # The coefficient from all scales is efficient, so the difference has a smaller variance than the other coefficient.
+    differ = abs(long.value - own.value) > DIFFERS * long.error
+    if not differ or abs(long.value) < abs(own.value):
+        return None
+    return long.value, long.error, clock.length * 2**first / clock.rate
+
+
+def _extended(found: Regression, means: Vector, covariates: Covariates) -> Regression:
+    """Add the square, the rate of change and the cube of the temperature if they are significant."""
+    for change in ({"degree": 2}, {"lag": True}, {"degree": 3}):
+        term = found.terms[0]
+        if change.get("degree") == 3 and term.degree != 2:
+            continue
+        larger = covariates.having((replace(term, **change),))
+        try:
+            wider = regress_means(means, larger, axis=found.axis, unit=found.unit)
+        except DataError:
+            continue
+        new = "temperature lag" if "lag" in change else f"temperature^{change['degree']}"
+        if wider[new].pvalue < FURTHER:
+            found = wider
+    return found
+
+
+def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "") -> Regression:
+    """Regress block means (n,) of an axis on covariates, without the automatic choice; see `regress_axis`."""
+    clock = covariates.clock
+    present = clock.present()
+    solved = _solved(means, covariates, present, clock.whole())
+    weighted, noise, design = solved.weighted, solved.noise, solved.weighted.design
+    beta, lags = weighted.estimate(means), noise.covariances(len(means))
+    parts = [weighted.covariances(own) for own in lags]
+    covariance = noise.average(parts)
+    freedoms = [max(noise.freedom_of([own[:, k, k] for own in parts]), FEWEST) for k in range(beta.size)]
+    factors = np.sqrt(1 + OPTIMISM / (3 + np.array(freedoms)))
+    covariance = covariance * np.outer(factors, factors)
+    inverse = np.linalg.pinv(covariance, hermitian=True)
+    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, own) for own in parts]), FEWEST)
+    statistic = float(beta @ inverse @ beta) / beta.size
+    residuals = means - covariates.removed(solved.tau) @ beta
+    raw, left = design.variances(means), design.variances(residuals)
+    counts = clock.counts()[present]
+    inside = clock.length.bit_length() - 1
+    name = covariates.basis.terms[0].name
+    at = covariates.means.get(name, clock.times / HOUR)
+    points = Points(at=_thinned(at[present]), before=_thinned(means[present]), after=_thinned(residuals[present]))
+    tau, tau_error = solved.tau, None
+    if tau is not None:
+        k = [column.name for column in covariates.basis.columns].index(WARM_UP)
+        tau_error = tau * float(np.sqrt(covariance[k + 1, k + 1]) / abs(beta[k])) if beta[k] else None
+    return Regression(
+        axis=axis, unit=unit, basis=covariates.basis, estimates=tuple(beta.tolist()), covariance=covariance,
+        freedoms=tuple(freedoms), statistic=statistic, freedom=freedom,
+        pvalue=_f_tail(statistic, beta.size, freedom), ranges=dict(covariates.ranges),
+        mean=float(np.average(residuals[present], weights=counts)), tau=tau, tau_error=tau_error,
+        block=covariates.block / clock.rate, rate=clock.rate, kept=np.concatenate([np.ones(inside), solved.kept]),
+        points=points, share=np.concatenate([np.zeros(inside), np.clip(1 - left / raw, 0.0, 1.0)]),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Result of the iteration between noise and weights.
+
+    Attributes
+    ----------
+    weighted : Weighted
+        The regression with its final weights.
+    noise : Noise
+        The estimated noise.
+    kept : (J,) array
+        Share of the noise that the regression leaves at each level.
+    tau : float or None
+        Time constant of a warm-up (s).
+    """
+
+    weighted: Weighted
+    noise: Noise
+    kept: Vector
+    tau: float | None
+
+
+def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
+    """Estimate noise, weights and coefficients in turn. The first noise estimate includes the effects of the
+    covariates."""
+    warm = any(term.name == WARM_UP for term in covariates.basis.terms)
+    times = covariates.clock.times[present]
+    tau = (times[-1] - times[0]) / 3 if warm else None
+    design = RegressionDesign(covariates.matrix(tau), present, whole)
+    # The pass band of level j is centred at the frequency 2^-(j + 1/2), in cycles per block.
+    unknown = covariates.unknown_levels
+    highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
+    scales = 2.0 ** np.arange(1, design.levels + 1)
+    freedom = np.maximum(design.counts / scales, 1.0)
+    kept, variances = np.ones(design.levels), design.variances(means)
+    for _ in range(_ROUNDS):
+        if not np.all(variances > 0):
+            raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
+        noise = Noise.of(variances / kept, freedom * kept, len(means))
+        weights = design.weights(noise.psd, highest)
+        if warm:
+            tau = _time_constant(means, covariates, design, weights)
+            design = RegressionDesign(covariates.matrix(tau), present, whole)
+        weighted = design.under(weights)
+        if weighted.condition > COLLINEAR:
+            names = ", ".join(column.name for column in covariates.basis.columns)
+            raise DataError(
+                f"the columns {names} describe nearly the same course in this recording, so that their effects cannot "
+                "be separated",
+                argument="against",
+                advice="Use fewer of them.",
+            )
+        beta = weighted.estimate(means)
+        spread = weighted.spread(noise.average(noise.covariances(len(means))))
+        kept = np.clip(1 - weighted.removed(spread) / noise.curve, _LEAST_KEPT, 1.0)
+        variances = design.variances(means - covariates.removed(tau) @ beta)
+    return _Solved(weighted, noise, kept, tau)
+
+
+def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesign, weights: Sequence[Vector]) -> float:
+    """Return the time constant (s) of the warm-up with the smallest weighted sum of squares.
+
+    It is searched on a grid, and then on a finer grid around the best value.
+    """
+    times = covariates.clock.times[design.present]
+    span, step = float(times[-1] - times[0]), covariates.clock.length / covariates.clock.rate
+    # Leave out the column of the derivative with respect to the time constant, which is constant during the search.
+    first = [column.name for column in covariates.basis.columns].index(f"{WARM_UP} tau")
+
+    def gain(tau: float) -> float:
+        columns: Matrix = np.delete(covariates.matrix(tau), first, axis=1)
+        under = RegressionDesign(columns, design.present, design.whole).under(weights)
+        beta = under.estimate(means)
+        return float(beta @ under.information @ beta)
+
+    grid = np.geomspace(4 * step, 1.5 * span, _TIMES)
+    best = int(np.argmax([gain(tau) for tau in grid]))
+    ratio = grid[1] / grid[0]
+    finer = grid[best] * np.geomspace(1 / ratio, ratio, 13)
+    return float(finer[int(np.argmax([gain(tau) for tau in finer]))])
+
+
+def regressed_variance(
+    data: WaveletVariance | Signal | ArrayLike,
+    rate: float | None,
+    asked: Asked,
+    *,
+    robust: bool = False,
+    efficiency: float = EFFICIENCY,
+) -> WaveletVariance:
+    """Estimate the wavelet variance of a signal after the effect of covariates is subtracted.
+
+    The attribute `regression` of the result contains the regression.
+
+    Raises
+    ------
+    OptionError, DataError
+        If a covariate cannot be used, or if `data` is a wavelet variance, which has no samples.
+    """
+    if isinstance(data, WaveletVariance):
+        raise OptionError(
+            "against needs the samples; got a WaveletVariance",
+            argument="against",
+            advice="Pass the signal, or leave {--against} out.",
+        )
+    if not isinstance(data, Signal):
+        data = Signal(as_vector(data, "data"), as_rate(rate))
+    if rate is not None and rate != data.rate:
+        raise OptionError(argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate)
+    covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), data)
+    found = regress(data, covariates)
+    rest = without(data, found, covariates)
+    return found.corrected(signal_wavelet_variance(rest, robust=robust, efficiency=efficiency))
+
+
+def restated(
+    found: Regression,
+    signal: Signal,
+    covariates: Covariates,
+    estimates: Vector,
+    *,
+    covariance: Matrix,
+    freedoms: tuple[float, ...],
+    freedom: float,
+) -> Regression:
+    """Return a copy of a regression with other estimates (p,), covariance (p, p) and degrees of freedom.
+
+    The joint test and the residuals are computed again.
+    """
+    clock = covariates.clock
+    present = clock.present()
+    means = clock.means(signal.values, clipped=True)
+    residuals = means - covariates.having(found.terms).removed(found.tau) @ estimates
+    statistic = float(estimates @ np.linalg.pinv(covariance, hermitian=True) @ estimates) / estimates.size
+    return replace(
+        found, estimates=tuple(estimates.tolist()), covariance=covariance, freedoms=freedoms, freedom=freedom,
+        statistic=statistic, pvalue=_f_tail(statistic, estimates.size, freedom),
+        mean=float(np.average(residuals[present], weights=clock.counts()[present])),
+        points=replace(found.points, after=_thinned(residuals[present])),
+    )  # fmt: skip
+
+
+def _thinned(values: Vector) -> Vector:
+    """Split values into up to `POINTS` consecutive parts of nearly equal length, and return the mean of each part."""
+    edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
+    return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
+
+
+def _f_tail(statistic: float, size: int, freedom: float) -> float:
+    from scipy.special import fdtrc
+
+    return float(fdtrc(size, freedom, statistic))
+
+
+def effect_of(found: Regression, covariates: Covariates, first: int, last: int) -> Vector:
+    """Return the effect of the covariates at the samples first … last − 1."""
+    return covariates.having(found.terms).effect(np.array(found.estimates), found.tau, first, last)
+
+
+def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
+    """Subtract the effect of the covariates from a part of the recording that begins at sample `first`.
+
+    The effect is zero at the reference values of the covariates.
+    """
+    values = signal.values - effect_of(found, covariates, first, first + len(signal))
+    return replace(signal, values=values)

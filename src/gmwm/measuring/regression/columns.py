@@ -1,0 +1,124 @@
+"""Compute the columns of a regression: powers, splines and rates of change of covariates, and functions of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.measuring.regression.against import TIME, WARM_UP, Term
+
+HOUR = 3600.0
+_SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a regression.
+
+    Attributes
+    ----------
+    name : str
+        Name of the column, such as "temperature", "temperature^2", "temperature lag", "temperature knot 1", "time",
+        "warmup" or "warmup tau".
+    term : str
+        Name of its covariate.
+    power : str
+        Unit of the column, such as "°C²"; an empty string if it is unknown or the column has no unit.
+    """
+
+    name: str
+    term: str
+    power: str = ""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """The terms of a regression, and the constants that their columns depend on.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+        The covariates, with the forms of their effects.
+    references : mapping of name to float
+        Value of each covariate at which its effect is zero. The unit of time is hours.
+    knots : mapping of name to tuple of float
+        Knots of the splines, including the outer knots.
+    """
+
+    terms: tuple[Term, ...]
+    references: Mapping[str, float]
+    knots: Mapping[str, tuple[float, ...]]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns, in the order of the terms."""
+        return tuple(column for term in self.terms for column in _columns(term))
+
+    def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None) -> Matrix:
+        """Return the columns (n, p) for values of the measured covariates, times (s), and the time constant of a
+        warm-up (s)."""
+        return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
+
+    def along(self, name: str, points: Vector) -> Matrix:
+        """Return the columns (m, p) for values of one covariate.
+
+        The columns of the other covariates and of rates of change are zero.
+        """
+        found = []
+        for term in self.terms:
+            if term.name == name:
+                points_or_times = points * HOUR if name == TIME else points
+                found.append(self._of_term(replace(term, lag=False), points_or_times, points, None))
+                found += [np.zeros((points.size, 1))] * term.lag
+            else:
+                found.append(np.zeros((points.size, len(_columns(term)))))
+        return np.hstack(found)
+
+    def _of_term(self, term: Term, values: Vector, times: Vector, tau: float | None) -> Matrix:
+        if term.name == WARM_UP:
+            assert tau is not None
+            decay = np.exp(-times / tau)
+            return np.column_stack([decay, times / tau * decay])
+        whole = values / HOUR if term.name == TIME else values
+        own = whole - self.references[term.name]
+        found = [own**power for power in range(1, term.degree + 1)]
+        if term.knots:
+            at_reference = _spline(np.array([self.references[term.name]]), self.knots[term.name])
+            curved = _spline(whole, self.knots[term.name])
+            found += [curve - zero for curve, zero in zip(curved, at_reference, strict=True)]
+        if term.lag:
+            found.append(np.gradient(values, times))
+        return np.column_stack(found)
+
+
+def _columns(term: Term) -> list[Column]:
+    name, unit = term.name, term.unit
+    if name == WARM_UP:
+        return [Column(name, name), Column(f"{name} tau", name)]
+    found = [Column(name, name, unit)]
+    found += [Column(f"{name}^{k}", name, unit and unit + _SIGNS[k]) for k in range(2, term.degree + 1)]
+    found += [Column(f"{name} knot {k}", name, unit) for k in range(1, term.knots + 1)]
+    if term.lag:
+        found.append(Column(f"{name} lag", name, unit and f"{unit}/s"))
+    return found
+
+
+def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:
+    """Return the nonlinear columns of a natural cubic spline, which is linear outside the outer knots.
+
+    The columns are divided so that they have the unit of the covariate.
+
+    Source: Hastie, Tibshirani and Friedman (2009), The Elements of Statistical Learning, eq. 5.4.
+    """
+    at, last = np.array(knots), knots[-1]
+    width = last - at[0]
+
+    def part(k: int) -> Vector:
+        cubes = np.maximum(values - at[k], 0.0) ** 3 - np.maximum(values - last, 0.0) ** 3
+        return np.asarray(cubes / (last - at[k]) / width)
+
+    end = part(len(knots) - 2)
+    return [part(k) - end for k in range(len(knots) - 2)]

@@ -1,0 +1,178 @@
+"""Regress all axes of a recording on its conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.axis_names import axis_quantity
+from gmwm.base.errors import DataError, GmwmError, OptionError
+from gmwm.base.threads import in_threads
+from gmwm.base.units import SI_UNIT
+from gmwm.measuring.regression.against import TEMPERATURE, Asked, Term
+from gmwm.measuring.regression.api import effect_of, regress_axis, without
+from gmwm.measuring.regression.blocks import Clock, usual_length
+from gmwm.measuring.regression.covariates import Covariates
+from gmwm.measuring.regression.result import Regression
+from gmwm.measuring.regression.seen import Seen
+from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.biweight import EFFICIENCY
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.batches import Batch, Streamed
+from gmwm.recording.signals import Imu, Signal
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """The conditions of a recording, with the regression of each axis on them.
+
+    Attributes
+    ----------
+    covariates : Covariates or None
+        Conditions in the form of covariates; None without a regression.
+    found : mapping of axis to Regression
+        Regression of each axis. This includes regressions that are not applied because the axis does not depend on the
+        temperature.
+    unknown : str
+        Reason why the temperature of the recording cannot be used; an empty string if it can, or if there is no
+        temperature.
+    raw : mapping of axis to WaveletVariance
+        Wavelet variances of the axes before the effect of the conditions is subtracted, for a recording that is not in
+        memory.
+    """
+
+    covariates: Covariates | None = None
+    found: Mapping[str, Regression] = field(default_factory=dict)
+    unknown: str = ""
+    raw: Mapping[str, WaveletVariance] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, signals: Mapping[str, Signal], asked: Asked, temperature: Vector | None, *, threads: int | None = None
+    ) -> Conditions:
+        """Regress the axes of a recording, which were sampled at the same times.
+
+        With the automatic choice, axes that cannot be regressed are left out.
+
+        Raises
+        ------
+        OptionError, DataError
+            If a requested covariate is missing or cannot be used.
+        """
+        if not signals or not _wanted(asked, temperature is not None):
+            return cls()
+        clock = next(iter(signals.values()))
+        units = {axis: signal.unit for axis, signal in signals.items()}
+
+        def means(clock: Clock) -> dict[str, Vector]:
+            return in_threads(lambda _, one: clock.means(one.values, clipped=True), signals, threads=threads)
+
+        return cls._of(clock, asked, temperature, means=means, units=units, threads=threads)
+
+    @classmethod
+    def of_recording(
+        cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None, curves: bool = False
+    ) -> Conditions:
+        """Regress all axes of a recording in memory or in a file; see `of`.
+
+        A recording in a file is read once, or twice if it has no time stamps or many lost samples. With `curves`, its
+        wavelet variances are measured while it is read the first time.
+
+        Raises
+        ------
+        OptionError
+            As for `of`, and if an exact covariate needs the samples of a recording that is not in memory.
+        """
+        if isinstance(recording, Imu):
+            return cls.of(recording.signals, asked, recording.temperature, threads=threads)
+        if not _wanted(asked, recording.has_temperature):
+            return cls()
+        exact = next((term for term in asked.terms if term.exact), None)
+        if exact is not None:
+            raise OptionError(
+                f"against={exact} needs the recording in memory; got a Stream",
+                argument="against",
+                advice="Read the recording with `gmwm.read(path)`, or with {--chunked=no}.",
+            )
+        seen = Seen.of(recording, usual_length(recording.rows, 0), curves=curves, threads=threads)
+        units = {axis: SI_UNIT[axis_quantity(axis)] for axis in recording.axes}
+        found = cls._of(seen.clock, asked, seen.temperature, means=seen.means, units=units, threads=threads)
+        return replace(found, raw=seen.curves)
+
+    @classmethod
+    def _of(
+        cls, clock: Signal, asked: Asked, temperature: Vector | None, *, means: Callable[[Clock], Mapping[str, Vector]],
+        units: Mapping[str, str], threads: int | None,
+    ) -> Conditions:  # fmt: skip
+        """Regress the block means of the axes. The function `means` returns the block means for a clock."""
+        if asked.automatic and temperature is not None and np.ptp(temperature) == 0:
+            return cls()  # a constant temperature has no effect
+        arrays = dict(asked.arrays or {})
+        if temperature is not None:
+            arrays.setdefault(TEMPERATURE, temperature)
+        terms = (Term(TEMPERATURE),) if asked.automatic else asked.terms
+        try:
+            covariates = Covariates.of(terms, arrays, clock)
+        except DataError as error:
+            if not asked.automatic:
+                raise
+            return cls(unknown=error.reason)
+
+        def work(axis: str, own: Vector) -> Regression | None:
+            try:
+                return regress_axis(own, covariates, axis=axis, unit=units[axis], automatic=asked.automatic)
+            except OptionError:
+                raise
+            except GmwmError:
+                if not asked.automatic:
+                    raise
+                return None
+
+        found = in_threads(work, means(covariates.clock), threads=threads)
+        return cls(covariates, {axis: one for axis, one in found.items() if one is not None})
+
+    def applied(self, axis: str) -> Regression | None:
+        """Return the regression of an axis if it is applied, otherwise None."""
+        found = self.found.get(axis)
+        return found if found is not None and found.applied else None
+
+    def without(self, axis: str, signal: Signal) -> Signal:
+        """Return the signal of an axis minus the effect of the conditions."""
+        found = self.applied(axis)
+        return signal if found is None or self.covariates is None else without(signal, found, self.covariates)
+
+    def batch(self, batch: Batch) -> Batch:
+        """Return the samples of a batch minus the effect of the conditions."""
+        if self.covariates is None or not any(found.applied for found in self.found.values()):
+            return batch
+        signals = {}
+        for axis, signal in batch.signals.items():
+            found = self.applied(axis)
+            signals[axis] = signal if found is None else without(signal, found, self.covariates, batch.first)
+        return replace(batch, signals=signals)
+
+    def curve(self, axis: str, signal: Signal, robust: bool = False, efficiency: float = EFFICIENCY) -> WaveletVariance:
+        """Return the wavelet variance of an axis after the effect of the conditions is subtracted."""
+        found = self.applied(axis)
+        wv = signal_wavelet_variance(self.without(axis, signal), robust=robust, efficiency=efficiency)
+        return wv if found is None else found.corrected(wv)
+
+    def effect(self, axis: str, indices: Sequence[int]) -> Vector:
+        """Return the effect of the conditions on an axis at the samples with the given indices."""
+        found = self.applied(axis)
+        if found is None or self.covariates is None:
+            return np.zeros(len(indices))
+        at = [effect_of(found, self.covariates, k, k + 1)[0] for k in indices]
+        return np.array(at, dtype=np.float64)
+
+
+def _wanted(asked: Asked, temperature: bool) -> bool:
+    """Return whether a regression is requested and, for the automatic choice, a temperature exists."""
+    return bool(asked.terms) or (asked.automatic and temperature)
+
+
+NOTHING = Conditions()
+"""Conditions of a recording without a regression."""

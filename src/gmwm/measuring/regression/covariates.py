@@ -1,0 +1,303 @@
+"""Prepare the covariates of a recording: block means, scales that are used, and regression columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.time_base import times_of
+from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, Term
+from gmwm.measuring.regression.blocks import Clock
+from gmwm.measuring.regression.columns import HOUR, Basis
+from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.recording.resolution import lsb
+from gmwm.recording.signals import Signal
+
+KNOWN = 10.0
+"""A scale is used if the wavelet variance of the covariate is at least this number times the wavelet variance of its
+reading error. The reading error makes a coefficient from this scale alone too small by at most 10 %, and a coefficient
+from all used scales by less than 1 % (docs/validation/regression.md)."""
+STEPS = 1 / 12
+"""Variance of the rounding error of a covariate with quantization step q, in units of q²."""
+LARGE_STEPS = 2.5
+"""A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale,
+because the rounding error depends on the covariate. If the covariate changes by four steps in the whole recording, a
+coefficient is too small by 4 % (docs/validation/regression.md)."""
+RETURNS = 0.3
+"""A quantized series is smoothed if at most this share of its changes go back to the previous value."""
+WINDOWS = 256
+"""The recording is divided into this number of windows. A quantized covariate is treated as dithered if it moves up and
+down in nearly all of them."""
+FEWEST_BLOCKS = 32
+"""Smallest number of blocks for a regression. They contain five scales."""
+FEWEST_KNOWN = 8
+"""A covariate needs at least this number of blocks of the shortest scale that is used. Two scales are then used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Covariates:
+    """The covariates of a regression on the blocks of a recording.
+
+    Attributes
+    ----------
+    basis : Basis
+        The terms and the constants of their columns.
+    clock : Clock
+        The blocks.
+    means : mapping of name to (n,) array
+        Block means of the measured covariates, interpolated where a block is empty.
+    smooth : mapping of name to (n,) array
+        Block means of the smoothed covariates, without quantization steps. The effect that is subtracted is computed
+        from them.
+    exact : mapping of name to (N,) array
+        Samples of the covariates that are known exactly.
+    ranges : mapping of name to (lowest, highest)
+        Range of the block means of each covariate. The unit of time is hours.
+    lowest : int
+        Finest wavelet level of the recording at which the reading errors of all covariates are small enough.
+    block : int
+        Length (samples) of the blocks over which the covariates are averaged. It can be longer than the blocks of the
+        clock.
+    """
+
+    basis: Basis
+    clock: Clock
+    means: Mapping[str, Vector]
+    smooth: Mapping[str, Vector]
+    exact: Mapping[str, Vector]
+    ranges: Mapping[str, tuple[float, float]]
+    lowest: int
+    block: int
+
+    @classmethod
+    def of(cls, terms: Sequence[Term], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
+        """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
+
+        Raises
+        ------
+        DataError
+            If a covariate is missing, is constant, has another length, or has too large reading errors at all scales.
+        """
+        usual = 1 if any(term.exact for term in terms) else None
+        clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
+        block, lowest, known, smooth = clock.length, 1, dict(arrays), dict(arrays)
+        for term in terms:
+            if term.measured:
+                values = _checked(term, known, signal)
+                if not term.exact:
+                    level, step = as_known(term.name, values, signal)
+                    # The mean over a block has a smaller reading error, but not if the error is a rounding error.
+                    least = 1 << max(level - (4 if step else 1), 0)
+                    if step or least > clock.length:
+                        lowest = max(lowest, level if step else level + 1)
+                    block = max(block, least)
+                    smooth[term.name] = without_steps(values, step) if step else values
+        coarse = replace(clock, length=block)
+        names = [term.name for term in terms if term.measured]
+        means = {name: coarse.onto(coarse.means(known[name]), clock) for name in names}
+        made = cls.on(clock, terms, means, known, lowest=lowest, block=block)
+        return replace(made, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
+
+    @classmethod
+    def slow(cls, term: Term, values: Vector, signal: Signal) -> Covariates:
+        """Prepare one covariate that changes slowly. Only its block means are used, even if it is known without error.
+
+        Raises
+        ------
+        DataError
+            As for `of`.
+        """
+        if not term.exact:
+            return cls.of([term], {term.name: values}, signal)
+        _checked(term, {term.name: values}, signal)
+        clock = Clock.of(signal.rate, signal.segments, signal.starts)
+        # An empty block gets an interpolated value.
+        means = {term.name: clock.onto(clock.means(values), clock)}
+        return cls.on(clock, [replace(term, exact=False)], means, {}, lowest=1, block=clock.length)
+
+    @classmethod
+    def on(
+        cls,
+        clock: Clock,
+        terms: Sequence[Term],
+        means: Mapping[str, Vector],
+        arrays: Mapping[str, Vector],
+        *,
+        lowest: int,
+        block: int,
+    ) -> Covariates:
+        """Prepare covariates from their block means. The attributes of the class describe `lowest` and `block`."""
+        present = clock.present()
+        if np.count_nonzero(present) < FEWEST_BLOCKS:
+            raise DataError(
+                f"a regression needs at least {FEWEST_BLOCKS} blocks of {clock.length / clock.rate:g} s; the recording "
+                f"has {int(np.count_nonzero(present))}",
+                argument="against",
+                advice="Record for longer, or use {--against=none}.",
+            )
+        at = clock.times
+        references, ranges = {}, {}
+        for term in terms:
+            own = means.get(term.name, at / HOUR if term.name == TIME else at)
+            low, high = float(np.min(own[present])), float(np.max(own[present]))
+            # The reference is rounded to three digits of the range, so that it is a short number in reports.
+            digits = 2 - int(np.floor(np.log10(high - low))) if high > low else 3
+            references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(own[present])), digits)
+            ranges[term.name] = (low, high)
+        exact = {term.name: arrays[term.name] for term in terms if term.exact}
+        bare = cls(
+            basis=Basis((), references, {}), clock=clock, means={name: freeze(own) for name, own in means.items()},
+            smooth=dict(means), exact=exact, ranges=ranges, lowest=lowest, block=block,
+        )  # fmt: skip
+        return bare.having(tuple(terms))
+
+    @property
+    def unknown_levels(self) -> int:
+        """Number of finest levels of the block means that are not used because of reading errors of the covariates."""
+        return max(self.lowest - self.clock.length.bit_length(), 0)
+
+    def having(self, terms: tuple[Term, ...]) -> Covariates:
+        """Return the same covariates with other terms (forms of their effects)."""
+        knots = {
+            term.name: tuple(np.linspace(*self.ranges[term.name], term.knots + 2).tolist())
+            for term in terms
+            if term.knots
+        }
+        return replace(self, basis=Basis(terms, self.basis.references, knots))
+
+    def matrix(self, tau: float | None = None) -> Matrix:
+        """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s)."""
+        return self.basis.matrix(self.means, self.clock.times, tau)
+
+    def removed(self, tau: float | None = None) -> Matrix:
+        """Return the columns (n, p) from smoothed covariates, from which the subtracted effect is computed."""
+        return self.basis.matrix(self.smooth, self.clock.times, tau)
+
+    def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
+        """Return the effect X β of coefficients β with the columns X at the samples first … last − 1."""
+        if not self.exact:
+            return self.clock.interpolated(self.removed(tau) @ coefficients, first, last)
+        clock = self.clock
+        starts = [place / clock.rate for place in clock.offsets]
+        times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
+        values = {
+            name: self.exact[name][first:last] if name in self.exact else clock.interpolated(own, first, last)
+            for name, own in self.smooth.items()
+        }
+        return np.asarray(self.basis.matrix(values, times, tau) @ coefficients)
+
+
+def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
+    values = arrays.get(term.name)
+    if values is None:
+        known = ", ".join([*arrays, TIME, WARM_UP])
+        raise OptionError(
+            f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {known}",
+            argument="against",
+            got=term.name,
+            advice="Pass the samples: `against={{{name}: values}}`." if term.name != TEMPERATURE else
+            "Name the column of the temperature with {--columns=temperature:…}, or use {--against=warmup}.",
+            name=repr(term.name),
+        )  # fmt: skip
+    if values.size != len(signal):
+        raise DataError(
+            f"{term.name} has {values.size} values for {len(signal)} samples", argument="against", got=values
+        )
+    bad = int(np.count_nonzero(~np.isfinite(values)))
+    if bad:
+        raise DataError(
+            f"{term.name} has {bad} values that are not finite, the first at index "
+            f"{int(np.argmax(~np.isfinite(values)))}",
+            argument="against",
+            advice="Interpolate them, or leave these times out with {--skip}.",
+        )
+    if not np.ptp(values) > 0:
+        raise DataError(f"{term.name} is constant, so that nothing can follow it", argument="against")
+    return values
+
+
+def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
+    """Return the finest wavelet level at which the reading error of a covariate is small, and its quantization step.
+
+    The step is 0 if noise makes a quantized reading jump up and down between values, because its means are then
+    accurate.
+
+    Raises
+    ------
+    DataError
+        If there is no such level, or if the recording has too few blocks of its scale.
+    """
+    step = lsb(values)
+    step = 0.0 if step is None or _dithered(values) else step
+    level = known_level(values, signal, step)
+    if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
+        raise DataError(
+            f"the covariate {name} changes by no more than its reading error at the scales of this recording",
+            argument="against",
+            advice="Use {--against=none}, or record over a larger range. If its values are exact, such as set points, "
+            "write `{name}:exact`.",
+            name=name,
+        )
+    return level, step
+
+
+def known_level(values: Vector, signal: Signal, step: float) -> int | None:
+    """Return the finest level at which the wavelet variance of a covariate is at least `KNOWN` times that of its
+    reading error.
+
+    Each reading may be held for several samples. At longer scales, the reading error is white, so its wavelet variance
+    decreases with the scale. The total variance decreases until the changes of the covariate dominate. Without noise,
+    the rounding error of quantization steps q has the variance q²/12, which is used at every scale.
+    """
+    curve = signal_wavelet_variance(_beside(signal, values)).variance
+    valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
+    while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
+        valley += 1
+    if np.max(curve) < LARGE_STEPS * step**2:
+        return None
+    at = np.arange(curve.size)
+    error = np.maximum(STEPS * step**2, curve[valley] * 2.0 ** (valley - at))
+    passed = (curve >= KNOWN * error) & (at > valley)
+    return int(np.argmax(passed)) + 1 if np.any(passed) else None
+
+
+def without_steps(values: Vector, step: float) -> Vector:
+    """Smooth a quantized series by a spline that passes halfway between two values when the series changes.
+
+    The result differs from the series by at most half a step. A series that often jumps up and down between two values
+    is returned unchanged.
+    """
+    from scipy.interpolate import CubicSpline
+
+    at = np.flatnonzero(values[1:] != values[:-1])
+    middle = (values[at] + values[at + 1]) / 2
+    if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > RETURNS * at.size:
+        return values
+    places = np.clip(np.arange(values.size, dtype=np.float64), at[0] + 0.5, at[-1] + 0.5)
+    return np.clip(CubicSpline(at + 0.5, middle)(places), values - step / 2, values + step / 2)
+
+
+def _dithered(values: Vector) -> bool:
+    """Return whether noise makes a quantized reading jump up and down in nearly the whole recording.
+
+    The mean of such a reading is not quantized.
+    """
+    changes = np.flatnonzero(values[1:] != values[:-1])
+    rises = values[changes + 1] > values[changes]
+    turns = changes[1:][rises[1:] != rises[:-1]]
+    windows = np.unique(turns * WINDOWS // values.size)
+    return windows.size >= 0.9 * WINDOWS
+
+
+def _beside(signal: Signal, values: Vector) -> Signal:
+    """Return values as a signal with the times of another signal."""
+    return replace(signal, values=values, unit="", axis="")
+
+
+def _usual_run(values: Vector) -> float:
+    """Return the mean number of consecutive samples with the same reading."""
+    return values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)

@@ -1,0 +1,220 @@
+"""Generalised least squares with a weight for each frequency.
+
+The module computes the estimate, its exact covariance, and the part of the noise that the regression removes.
+
+The model is y = X β + ε, where the noise ε has the covariance Σ and the power spectral density S(f). Let C be the
+orthonormal cosine transform (DCT-II) of a run of n consecutive values, without the coefficient of the mean. Its
+frequencies are f_k = k/2n, and the weights are w_k = 1/S(f_k). Then
+
+    U = Cᵀ diag(w) C X,   P = Xᵀ U,   β̂ = P⁻¹ Uᵀ y = B y,   Cov β̂ = B Σ Bᵀ,
+    E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂),
+
+where W_j computes the M_j Haar coefficients of level j, ν_j² is the wavelet variance of the noise, and D_j = W_j X. The
+transform diagonalises the covariance of white noise and of a random walk without its mean, so the estimate is the best
+linear unbiased one for their sum. It diagonalises other covariances approximately. The columns of U sum to zero in
+every run. Each run may therefore have its own offset, and Σ may be the generalised covariance of a random walk.
+docs/validation/regression.md compares the standard errors with those of generalised least squares with the true
+covariance matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector, runs_of
+
+COLLINEAR = 1e6
+"""Columns count as collinear if the condition number of P, scaled to unit diagonal, exceeds this value. The standard
+error of a coefficient is then up to 1000 times its standard error without the other columns."""
+GRID = 4096
+"""Largest number of frequencies at which the power spectral density is evaluated. Other weights are interpolated."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegressionDesign:
+    """A regression on p columns at n equally spaced times. Some values may be missing.
+
+    Attributes
+    ----------
+    columns : (n, p) array
+        X. Rows of missing values are ignored.
+    present : (n,) bool array
+        Mask of the times with a value.
+    whole : (n,) bool array
+        Mask of the times in `present` that are also used for the wavelet variance of the residuals.
+    """
+
+    columns: Matrix
+    present: np.ndarray
+    whole: np.ndarray
+
+    @cached_property
+    def levels(self) -> int:
+        """Number J of levels with at least one Haar coefficient."""
+        longest = max((last - first for first, last in self.runs), default=1)
+        return longest.bit_length() - 1
+
+    @cached_property
+    def used(self) -> list[np.ndarray]:
+        """For each level j, mask (n − 2^j + 1,) of the coefficients without missing values."""
+        return [_complete(self.present, 1 << j) for j in range(1, self.levels + 1)]
+
+    @cached_property
+    def counted(self) -> list[np.ndarray]:
+        """For each level, mask of the coefficients that are used for the wavelet variance of the residuals."""
+        return [_complete(self.whole, 1 << j) for j in range(1, self.levels + 1)]
+
+    @cached_property
+    def counts(self) -> Vector:
+        """Number (J,) of coefficients without missing values at each level."""
+        return np.array([np.count_nonzero(used) for used in self.used], dtype=np.float64)
+
+    @cached_property
+    def coefficients(self) -> list[Matrix]:
+        """Haar coefficients D_j of the columns at each level; 0 where a value is missing."""
+        return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.used, 1)]
+
+    def variances(self, values: Vector) -> Vector:
+        """Compute the mean squares of the Haar coefficients of values (n,) at each level (J,)."""
+        squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.used, 1)]
+        return np.asarray(np.array(squares) / self.counts)
+
+    @cached_property
+    def runs(self) -> list[tuple[int, int]]:
+        """Index ranges (first, end) of the runs of at least two values without a gap."""
+        return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
+
+    def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
+        """Compute, for each run, the weights 1/S(f) at the frequencies of its cosine transform.
+
+        Parameters
+        ----------
+        density : callable
+            S as a function of frequencies in cycles per value.
+        highest : float
+            Frequency above which weights are zero, because the errors of the columns are too large there.
+        """
+        found: dict[int, Vector] = {}
+        for size in {last - first for first, last in self.runs}:
+            at = np.arange(1, size) / (2 * size)
+            grid = at if size <= GRID else np.geomspace(at[0], at[-1], GRID)
+            inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
+            found[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
+        return [found[last - first] for first, last in self.runs]
+
+    def under(self, weights: Sequence[Vector]) -> Weighted:
+        """Return the regression with given weights for each run."""
+        return Weighted(self, weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighted:
+    """A regression with weights (n_r,) for the frequencies of each run of n_r values."""
+
+    design: RegressionDesign
+    weights: Sequence[Vector]
+
+    @cached_property
+    def whitened(self) -> Matrix:
+        """U (n, p): the columns after weighting each frequency of the cosine transform of each run."""
+        from scipy import fft
+
+        total = np.zeros_like(self.design.columns)
+        for (first, last), weights in zip(self.design.runs, self.weights, strict=True):
+            own = fft.dct(self.design.columns[first:last], axis=0, norm="ortho")
+            total[first:last] = fft.idct(weights[:, None] * own, axis=0, norm="ortho")
+        return total
+
+    @cached_property
+    def information(self) -> Matrix:
+        """Information matrix P (p, p)."""
+        product = self.design.columns.T @ self.whitened
+        return np.asarray((product + product.T) / 2)
+
+    @property
+    def condition(self) -> float:
+        """Condition number of P, scaled to unit diagonal; infinite if a column is constant."""
+        scale = np.sqrt(np.diag(self.information))
+        if not np.all(scale > 0):
+            return float("inf")
+        return float(np.linalg.cond(self.information / np.outer(scale, scale)))
+
+    @cached_property
+    def inverse(self) -> Matrix:
+        """Inverse P⁻¹ (p, p) of the information matrix."""
+        scale = 1 / np.sqrt(np.diag(self.information))
+        return np.asarray(np.linalg.inv(self.information * np.outer(scale, scale)) * np.outer(scale, scale))
+
+    @cached_property
+    def rows(self) -> Matrix:
+        """Bᵀ = U P⁻¹ (n, p), with B the matrix that computes the estimate from the values."""
+        return np.asarray(self.whitened @ self.inverse)
+
+    def estimate(self, values: Vector) -> Vector:
+        """Estimate β̂ (p,) from values (n,); values at missing times must be finite."""
+        return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
+
+    def spread(self, lags: Vector) -> Matrix:
+        """Compute Σ Bᵀ (n, p). `lags` is the generalised covariance of the noise at the lags 0 … n − 1, which
+        determines Σ."""
+        from scipy import fft
+
+        n = len(self.rows)
+        size = fft.next_fast_len(2 * n, real=True)
+        circle = np.zeros(size)
+        circle[:n], circle[size - n + 1 :] = lags, lags[1:][::-1]
+        product = fft.rfft(circle)[:, None] * fft.rfft(self.rows, size, axis=0)
+        return np.asarray(fft.irfft(product, size, axis=0)[:n])
+
+    @cached_property
+    def lag_products(self) -> Matrix:
+        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1, as an array (n,
+        p, p).
+
+        The first entry, for lag 0, is Σ_t B_at B_bt.
+        """
+        from scipy import fft
+
+        n = len(self.rows)
+        size = fft.next_fast_len(2 * n, real=True)
+        rows = fft.rfft(self.rows, size, axis=0)
+        cross = fft.irfft(np.conj(rows)[:, :, None] * rows[:, None, :], size, axis=0)
+        found = cross[:n].copy()
+        found[1:] += cross[size - n + 1 :][::-1]
+        return np.asarray((found + found.transpose(0, 2, 1)) / 2)
+
+    def covariances(self, lags: Matrix) -> Matrix:
+        """Compute Cov β̂ (K, p, p) for K processes with the generalised covariances `lags` (K, n)."""
+        return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
+
+    def removed(self, spread: Matrix) -> Vector:
+        """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes.
+
+        It is ν_j² minus the expected mean square of the Haar coefficients of the residuals. The mean is over the
+        coefficients that are used for the wavelet variance, or over all if a level has none of these.
+        """
+        covariance = self.rows.T @ spread
+        found = np.zeros(self.design.levels)
+        for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.counted, strict=True), 1):
+            wanted = counted if np.any(counted) else self.design.used[j - 1]
+            own = d[wanted]
+            cross = float(np.sum(own * haar(spread, j)[wanted]))
+            found[j - 1] = (2 * cross - float(np.sum((own.T @ own) * covariance))) / len(own)
+        return found
+
+
+def haar(values: Matrix, level: int) -> Matrix:
+    """Compute the Haar MODWT coefficients of a level at all times with 2^j values, along the first axis."""
+    half = 1 << (level - 1)
+    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    return np.asarray((sums[2 * half :] - 2 * sums[half:-half] + sums[: -2 * half]) / (2 * half))
+
+
+def _complete(present: np.ndarray, width: int) -> np.ndarray:
+    """Return the mask of the windows of `width` values that have no missing value."""
+    sums = np.concatenate([[0], np.cumsum(present)])
+    return np.asarray(sums[width:] - sums[:-width] == width)

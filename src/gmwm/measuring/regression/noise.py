@@ -1,0 +1,124 @@
+"""Estimate the noise of a series from its wavelet variance without choosing a model.
+
+The result is used for the weights and standard errors of a regression, and for the correction of its residuals.
+
+The coarsest levels have few degrees of freedom. They cannot distinguish a random walk from a Gauss-Markov process with
+a correlation time near the length of the recording. The noise is therefore an average over several mixtures of
+processes, with different limits for the correlation time, weighted by their likelihoods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.covariance.mixture import mixture
+from gmwm.theory.processes.base import Process
+
+LONGEST = (0.01, 0.03, 0.12, 0.5)
+"""Limits for the correlation time in the mixtures, relative to the length of the recording. Each mixture also includes
+a random walk."""
+SLOWER = 4.0
+"""Penalty that is added to −2 log L of all mixtures except the first one. An additional parameter decreases −2 log L by
+one to two by chance. Without the penalty, standard errors were too small by a quarter in simulations with a random
+walk. docs/validation/regression.md states the coverage of the intervals with the penalty."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """The mixture of processes with the highest likelihood, for correlation times up to a limit.
+
+    Attributes
+    ----------
+    processes : tuple of Process
+        The K processes with their values.
+    parts : (K, J) array
+        Wavelet variance of each process at each level.
+    weight : float
+        Weight of the mixture in the average.
+    """
+
+    processes: tuple[Process, ...]
+    parts: Matrix
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Weighted average of mixtures of processes that describe a wavelet variance.
+
+    Attributes
+    ----------
+    mixtures : tuple of Mixture
+        The mixtures.
+    curve : (J,) array
+        Wavelet variance ν_j² of the average.
+    freedom : (J,) array
+        Degrees of freedom of the measured wavelet variance from which the mixtures were estimated.
+    """
+
+    mixtures: tuple[Mixture, ...]
+    curve: Vector
+    freedom: Vector
+
+    @classmethod
+    def of(cls, variance: Vector, freedom: Vector, samples: int) -> Noise:
+        """Estimate the noise of a series of `samples` values with a wavelet variance (J,) and degrees of freedom
+        (J,)."""
+        design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
+        found = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
+        # −2 log L, with a Gamma distribution for the wavelet variance of each level.
+        loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in found])
+        loss[1:] += SLOWER
+        weights = np.exp(-(loss - loss.min()) / 2)
+        weights /= weights.sum()
+        mixtures = tuple(
+            Mixture(
+                model.processes, np.array([p.wavelet_variance(variance.size, 1.0) for p in model.processes]), float(w)
+            )
+            for (_, model), w in zip(found, weights, strict=True)
+        )
+        return cls(mixtures, sum(w * curve for (curve, _), w in zip(found, weights, strict=True)), freedom)
+
+    def covariances(self, lags: int) -> list[Matrix]:
+        """Return, for each mixture, the generalised covariances of its processes (K, n) at the lags 0 … n − 1."""
+        at = np.arange(lags)
+        return [np.array([p.generalised_covariance(at, 1.0) for p in one.processes]) for one in self.mixtures]
+
+    def psd(self, frequencies: Vector) -> Vector:
+        """Return the power spectral density of the average at frequencies in cycles per value."""
+        found = np.zeros(frequencies.shape)
+        for one in self.mixtures:
+            found += one.weight * sum(p.psd(frequencies, 1.0) for p in one.processes)
+        return found
+
+    def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
+        """Return the weighted average over the mixtures of sums over their processes.
+
+        `of_mixtures` contains an array for each mixture, whose first axis is the process.
+        """
+        return np.asarray(sum(m.weight * own.sum(axis=0) for m, own in zip(self.mixtures, of_mixtures, strict=True)))
+
+    def freedom_of(self, shares: Sequence[Vector]) -> float:
+        """Return the degrees of freedom 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation.
+
+        Parameters
+        ----------
+        shares : sequence of (K,) arrays
+            For each mixture, the contribution of each of its K processes to C. C is linear in the scales of the
+            processes.
+        """
+        totals = np.array([float(np.sum(own)) for own in shares])
+        weights = np.array([one.weight for one in self.mixtures])
+        mean = float(weights @ totals)
+        variance = float(weights @ (totals - mean) ** 2)
+        for one, own in zip(self.mixtures, shares, strict=True):
+            # The scales are treated as a weighted least-squares fit to independent levels with variance 2 ν⁴/η each.
+            rows = one.parts * np.sqrt(self.freedom / 2) / np.sum(one.parts, axis=0)
+            relative = np.linalg.pinv(rows @ rows.T, rcond=1e-10, hermitian=True)
+            variance += one.weight * float(own @ relative @ own)
+        return float(np.clip(2 * mean**2 / variance, 1.0, 1e6)) if variance > 0 else 1e6

@@ -1,0 +1,434 @@
+"""Result of a regression: coefficients with intervals, a joint test, and the effect on the wavelet variance."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Matrix, Vector, as_vector, freeze
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.text import Summarised, duration_text
+from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, Term
+from gmwm.measuring.regression.columns import Basis, Column
+from gmwm.measuring.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.showing.plots.view import UnitSystem
+
+LEFT = 0.5
+"""If the regression leaves less than this share of the noise at a level, this level and all coarser levels are dropped
+(docs/validation/regression.md)."""
+
+
+class Effect(NamedTuple):
+    """Effect of a covariate on an axis at given values of the covariate, with a confidence band.
+
+    Attributes
+    ----------
+    at : (m,) array
+        Values of the covariate.
+    value, lower, upper : (m,) arrays, in the unit of the axis
+        Effect relative to the reference value of the covariate, where it is zero, and the confidence limits.
+    """
+
+    at: Vector
+    value: Vector
+    lower: Vector
+    upper: Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Points:
+    """Means of an axis over parts of the recording, with the first covariate, for a plot.
+
+    Attributes
+    ----------
+    at : (m,) array
+        Means of the covariate. For time and for a warm-up, the unit is hours.
+    before, after : (m,) arrays
+        Means of the axis before and after the effect of all covariates is subtracted.
+    """
+
+    at: Vector
+    before: Vector
+    after: Vector
+
+    def __post_init__(self) -> None:
+        for name in ("at", "before", "after"):
+            freeze(getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coefficient:
+    """One coefficient of a regression.
+
+    Attributes
+    ----------
+    value, error : float
+        Estimate and standard error, in `unit`.
+    unit : str
+        Unit of the axis per unit of the column; an empty string if the axis has no unit.
+    freedom : float
+        Degrees of freedom of the standard error.
+    pvalue : float
+        Two-sided p-value of the t test that the coefficient is zero.
+    """
+
+    value: float
+    error: float
+    unit: str
+    freedom: float
+    pvalue: float
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Return the confidence interval from Student's t distribution.
+
+        Parameters
+        ----------
+        confidence : float
+            Confidence level.
+
+        Returns
+        -------
+        (low, high) : tuple of float
+            In `unit`.
+        """
+        from scipy.special import stdtrit
+
+        reach = float(stdtrit(self.freedom, (1 + confidence) / 2)) * self.error
+        return self.value - reach, self.value + reach
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Regression(Summarised, Mapping[str, Coefficient]):
+    """Regression of one axis on conditions: a mapping from the names of the columns to their coefficients.
+
+    Attributes
+    ----------
+    axis, unit : str
+        Name and unit of the axis.
+    basis : Basis
+        The covariates, their reference values (at which the effects are zero), and the knots of splines.
+    estimates : tuple of float
+        Estimates β̂ of the coefficients of the p columns.
+    covariance : (p, p) array
+        Covariance of β̂.
+    freedoms : tuple of float
+        Degrees of freedom of each standard error.
+    statistic, freedom, pvalue : float
+        Joint F test that all coefficients are zero: statistic, denominator degrees of freedom (the numerator has p) and
+        p-value.
+    ranges : mapping of covariate to (lowest, highest)
+        Range of each covariate in the recording. The unit of time is hours.
+    mean : float
+        Mean of the axis at the reference values of the covariates.
+    tau, tau_error : float or None
+        Time constant of a warm-up (s) and its standard error; None without a warm-up.
+    block : float
+        Length of the blocks over which the covariates were averaged (s).
+    rate : float
+        Sampling rate (Hz).
+    kept : (J,) array
+        Share of the noise that the regression leaves at each level of the wavelet variance.
+    share : (J,) array
+        Share of the wavelet variance of each level that the covariates explain.
+    points : Points
+        Means of up to 256 parts of the recording.
+    applied : bool
+        Whether the effect is subtracted from the axis.
+    coarse : tuple of three floats, or None
+        First coefficient and its standard error estimated from the longer half of the scales, and the shortest of these
+        scales (s). None unless this coefficient is significantly farther from zero than the coefficient from all
+        scales.
+    """
+
+    axis: str
+    unit: str
+    basis: Basis
+    estimates: tuple[float, ...]
+    covariance: Matrix
+    freedoms: tuple[float, ...]
+    statistic: float
+    freedom: float
+    pvalue: float
+    ranges: Mapping[str, tuple[float, float]]
+    mean: float
+    tau: float | None = None
+    tau_error: float | None = None
+    block: float
+    rate: float
+    kept: Vector
+    share: Vector
+    points: Points
+    applied: bool = True
+    coarse: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("covariance", "kept", "share"):
+            freeze(getattr(self, name))
+
+    def __getitem__(self, name: str) -> Coefficient:
+        from scipy.special import stdtr
+
+        names = list(self)
+        if name not in names:
+            raise DataError(argument="name", expected=f"one of {', '.join(names)}", got=name)
+        k = names.index(name)
+        value, error, freedom = self.estimates[k], float(np.sqrt(self.covariance[k, k])), self.freedoms[k]
+        pvalue = 2 * float(stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0
+        return Coefficient(
+            value=value, error=error, unit=per(self.unit, self.columns[k].power), freedom=freedom, pvalue=pvalue
+        )
+
+    def __iter__(self) -> Any:
+        return iter(column.name for column in self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns, in the order of the coefficients."""
+        return self.basis.columns
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The covariates, with the forms of their effects."""
+        return self.basis.terms
+
+    @property
+    def against(self) -> str:
+        """The covariates as text in the format of the option `against`."""
+        return " + ".join(map(str, self.terms))
+
+    @property
+    def references(self) -> Mapping[str, float]:
+        """Value of each covariate at which its effect is zero. The unit of time is hours."""
+        return self.basis.references
+
+    @property
+    def lag(self) -> dict[str, float]:
+        """Delay (s) of the axis behind each covariate that has a lag column."""
+        found = {}
+        for term in self.terms:
+            if term.lag and self[term.name].value:
+                found[term.name] = -self[f"{term.name} lag"].value / self[term.name].value
+        return found
+
+    def curve(self, at: ArrayLike, name: str | None = None, *, confidence: float = 0.95) -> Effect:
+        """Compute the effect of a covariate at given values, relative to its reference value.
+
+        Parameters
+        ----------
+        at : (m,) array
+            Values of the covariate, inside its range in the recording.
+        name : str, optional
+            The covariate; by default the first one.
+        confidence : float
+            Confidence level of the band at each point.
+
+        Raises
+        ------
+        OptionError
+            If the covariate is unknown, or a value is outside the range of the recording.
+        """
+        from scipy.special import stdtrit
+
+        wanted = self.terms[0].name if name is None else name
+        if wanted not in self.references or wanted == WARM_UP:
+            known = ", ".join(n for n in self.references if n != WARM_UP)
+            raise OptionError(argument="name", expected=f"one of {known or 'none'}", got=wanted)
+        points = as_vector(np.atleast_1d(np.asarray(at, dtype=np.float64)), "at")
+        low, high = self.ranges[wanted]
+        reach = 0.05 * (high - low)
+        if np.any(points < low - reach) or np.any(points > high + reach):
+            raise OptionError(
+                argument="at", expected=f"from {low:.4g} to {high:.4g}, the range of the recording", got=at,
+                advice="Record over a larger range; the curve is not known outside.",
+            )  # fmt: skip
+        rows = self.basis.along(wanted, points)
+        value = rows @ np.array(self.estimates)
+        error = np.sqrt(np.maximum(np.einsum("ma,ab,mb->m", rows, self.covariance, rows), 0.0))
+        width = float(stdtrit(min(self.freedoms), (1 + confidence) / 2)) * error
+        return Effect(points, value, value - width, value + width)
+
+    def polynomial(self, reference: float | None = None) -> Vector:
+        """Return the bias as a polynomial in (temperature − reference): its coefficients, starting with the constant.
+
+        Sensor drivers that subtract a temperature-dependent bias need this polynomial. PX4 has the parameters
+        TC_G0_X0_0 to TC_G0_X3_0 with the reference TC_G0_TREF. ArduPilot has INS_TCAL1_GYR1_X to GYR3_X; they are 10⁶
+        times the coefficients of degree 1 to 3 for the reference 35 °C.
+
+        Parameters
+        ----------
+        reference : float, optional
+            Reference temperature (°C); by default the reference of the regression.
+
+        Returns
+        -------
+        (degree + 1,) array, in the unit of the axis per °C^k
+
+        Raises
+        ------
+        OptionError
+            If the regression has no polynomial in the temperature.
+        """
+        term = next((t for t in self.terms if t.name == TEMPERATURE and not t.knots), None)
+        if term is None:
+            raise OptionError(
+                f"the regression of {self.axis or 'the axis'} has no polynomial in the temperature",
+                argument="reference",
+                advice="Use {--against=temperature:3}.",
+            )
+        own = [self.mean] + [self[c.name].value for c in self.columns if c.term == term.name and "lag" not in c.name]
+        at = self.references[TEMPERATURE]
+        away = 0.0 if reference is None else reference - at
+        shifted = np.polynomial.Polynomial(own)(np.polynomial.Polynomial([away, 1.0]))
+        found = np.zeros(len(own))
+        found[: shifted.coef.size] = shifted.coef
+        return found
+
+    def corrected(self, wv: WaveletVariance) -> WaveletVariance:
+        """Return the wavelet variance of the noise, computed from the wavelet variance of the residuals.
+
+        A regression also removes a share 1 − `kept` of the noise, mostly at the coarsest levels. The variance of each
+        level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
+        level on at which less than half of the noise is left, the levels are dropped.
+
+        Parameters
+        ----------
+        wv : WaveletVariance
+            Wavelet variance of the residuals.
+        """
+        kept = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
+        count = int(np.argmax(kept < LEFT)) if np.any(kept < LEFT) else kept.size
+        eta = wv.degrees_of_freedom[:count]
+        kept, excess = kept[:count], None if wv.excess is None else wv.excess[:count, :count]
+        lost = np.diag(2 / eta * (1 / kept - 1))
+        variance = wv.variance[:count] / kept
+        lower, upper = chi_square_limits(variance, np.maximum(eta * kept, 1.0), wv.confidence)
+        robust = {
+            name: list(value)[:count] if isinstance(value, Sequence) and len(value) == len(wv) else value
+            for name, value in wv.diagnostics.get("robust", {}).items()
+        }
+        return replace(
+            wv, levels=wv.levels[:count].copy(), variance=variance, lower=lower, upper=upper,
+            counts=wv.counts[:count].copy(), strides=wv.strides[:count],
+            diagnostics=dict(wv.diagnostics) | ({"robust": robust} if robust else {}),
+            excess=lost if excess is None else excess + lost, regression=self,
+        )  # fmt: skip
+
+    def plot(
+        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
+        band.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        ax : matplotlib Axes, optional
+            Axes to draw on; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.showing.plots.regression import plot_regression
+
+        return plot_regression(self, units=units, ax=ax, path=path)
+
+    def summary(self) -> str:
+        """Write the coefficients with 95 % confidence intervals, and the joint test."""
+        lines = [f"{self.axis or 'signal'} against {self.against}" + ("" if self.applied else " (not removed)")]
+        for name, one in self.items():
+            low, high = one.interval()
+            lines.append(f"  {name:<18} {one.value:12.5g} ± {one.error:.2g} {one.unit}  [{low:.5g}, {high:.5g}]")
+        if self.tau is not None:
+            spread = "" if self.tau_error is None else f" ± {duration_text(self.tau_error)}"
+            lines.append(f"  time constant      {duration_text(self.tau)}{spread}")
+        for name, lag in self.lag.items():
+            lines.append(f"  lag behind {name}: {'-' * (lag < 0)}{duration_text(abs(lag))}")
+        at = ", ".join(
+            f"{name} {value:g} {Term(name).unit}".rstrip() for name, value in self.references.items() if name != WARM_UP
+        )
+        lines.append(f"  F({len(self)}, {self.freedom:.0f}) = {self.statistic:.4g}, p = {self.pvalue:.2g}")
+        if at:
+            lines.append(f"  zero at {at}; blocks of {duration_text(self.block)}")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the regression as numbers, lists and strings for JSON."""
+        return {
+            "axis": self.axis, "unit": self.unit, "against": self.against,
+            "coefficients": {
+                name: {
+                    "value": one.value, "standard_error": one.error, "unit": one.unit, "df": one.freedom,
+                    "pvalue": one.pvalue, "interval": list(one.interval()),
+                }
+                for name, one in self.items()
+            },
+            "covariance": self.covariance.tolist(),
+            "statistic": self.statistic, "df": self.freedom, "pvalue": self.pvalue,
+            "references": dict(self.references), "ranges": {name: list(own) for name, own in self.ranges.items()},
+            "knots": {name: list(own) for name, own in self.basis.knots.items()},
+            "mean": self.mean, "tau": self.tau, "tau_error": self.tau_error, "block": self.block, "rate": self.rate,
+            "kept": self.kept.tolist(), "share": self.share.tolist(),
+            "points": {name: getattr(self.points, name).tolist() for name in ("at", "before", "after")},
+            "applied": self.applied,
+            "coarse": None if self.coarse is None else list(self.coarse),
+        }  # fmt: skip
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Regression:
+        """Create a regression from `content`, the result of `to_dict`."""
+        knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
+        terms = tuple(map(Term.parse, content["against"].split("+")))
+        own = list(content["coefficients"].values())
+        coarse = content["coarse"]
+        return cls(
+            axis=content["axis"], unit=content["unit"], basis=Basis(terms, content["references"], knots),
+            estimates=tuple(float(one["value"]) for one in own),
+            covariance=np.array(content["covariance"], dtype=np.float64),
+            freedoms=tuple(float(one["df"]) for one in own),
+            statistic=content["statistic"], freedom=content["df"], pvalue=content["pvalue"],
+            ranges={name: (float(low), float(high)) for name, (low, high) in content["ranges"].items()},
+            mean=content["mean"], tau=content["tau"], tau_error=content["tau_error"], block=content["block"],
+            rate=content["rate"],
+            kept=np.array(content["kept"], dtype=np.float64), share=np.array(content["share"], dtype=np.float64),
+            points=Points(
+                **{name: np.array(own, dtype=np.float64) for name, own in content["points"].items()},
+            ),
+            applied=content["applied"],
+            coarse=None if coarse is None else (float(coarse[0]), float(coarse[1]), float(coarse[2])),
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"Regression({self.axis or 'signal'} against {self.against}, p = {self.pvalue:.2g})"
+
+
+def per(unit: str, power: str) -> str:
+    """Return the unit of an axis per unit of a column, such as "(deg/s)/°C".
+
+    If one of the units is unknown, the unit of the axis is returned.
+    """
+    if not unit or not power:
+        return unit
+    return f"({unit})/({power})" if "/" in power else f"({unit})/{power}" if "/" in unit else f"{unit}/{power}"

@@ -1,0 +1,127 @@
+"""Search for narrow lines, which are peaks of a few bins above the level on both of their sides."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.measuring.spectrum.level import flanks, p_values
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
+from gmwm.measuring.spectrum.line_measurement import measured_line
+from gmwm.measuring.spectrum.shape import lorentz_fit
+from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
+
+if TYPE_CHECKING:
+    from gmwm.measuring.spectrum.result import PowerSpectrum
+
+FIRST_BIN = 2
+"""First bin that is used. The bins 0 and 1 are affected by the subtraction of the mean, because of the Hann window."""
+NEAR, FAR = 4, 19
+"""Distances (bins) at which the flanks of a line begin and end. A flank has 16 bins, outside the four bins over which
+the Hann window spreads a line."""
+LEAST_FLANK = 6
+"""Smallest number of bins of a flank. If there are fewer, the frequency is too close to zero for the test."""
+INNER, OUTER = 2, 8
+"""A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
+OUTSIDE_NOISE = 6.0
+"""Standard error of the summed excess at 3 to 8 bins on both sides, relative to the standard error of one density. The
+factors are √12 for 12 bins and √1.94 for the correlation of neighbours; the error of the level adds 12 times 0.3."""
+CORE = 3
+"""Number of bins on each side of a line. With a Hann window, they contain all of its power except a share of 7e-5."""
+
+
+def narrow_lines(
+    spectrum: PowerSpectrum, freedom: Vector, testable: NDArray[np.bool_], *, level: float
+) -> tuple[list[Line], list[Bump], NDArray[np.bool_]]:
+    """Return the significant narrow lines and bumps, and the bins that are free of them.
+
+    `level` is the significance level for all bins together, by Bonferroni's inequality. `freedom` are the degrees of
+    freedom of each density, and `testable` marks the bins in which peaks are searched. A peak of a few bins with the
+    shape of a resonance is a bump; other peaks are lines.
+    """
+    density, size = spectrum.density, spectrum.density.size - 1
+    free = testable.copy()
+    # The spectrum of a sampled signal is symmetric about half the rate, so a line close to it has flanks on both sides.
+    # The density at half the rate is not doubled in a one-sided spectrum and is left out.
+    shown = np.concatenate([density[FIRST_BIN:size], density[size - 1 : size - 1 - FAR : -1]])
+    of_each = np.concatenate([freedom[FIRST_BIN:size], freedom[size - 1 : size - 1 - FAR : -1]])
+    found = flanks(shown, of_each, NEAR, FAR, least=LEAST_FLANK)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = shown / found.level
+    tested = ~np.isnan(ratios) & (found.level > 0)
+    tested[size - FIRST_BIN :] = False
+    tested[: size - FIRST_BIN] &= testable[FIRST_BIN:size]
+    level /= max(int(np.count_nonzero(tested)), 1)
+    p = p_values(ratios, of_each, level)
+    (hits,) = np.nonzero(tested & (p < level))
+    lines: list[Line] = []
+    bumps: list[Bump] = []
+    for k in sorted(hits.tolist(), key=lambda k: -shown[k]):
+        if not free[k + FIRST_BIN]:
+            continue
+        between = float(found.between[k])
+        half = _half_width(shown, k, between, between * math.sqrt(2 / float(of_each[k])))
+        if half is None:
+            continue
+        ratio = float(shown[k] / between)
+        center = k + FIRST_BIN
+        first, last = max(center - half, FIRST_BIN), min(center + half, size - 1)
+        line = measured_line(
+            spectrum, first, last, level=between, freedom=float(of_each[k]), height=ratio, p_value=float(p[k])
+        )
+        width = _resonance_width(spectrum, line, freedom)
+        if width is not None:
+            bumps.append(
+                Bump(frequency=line.frequency, width=width, height=ratio, density=float(shown[k]), p_value=line.p_value)
+            )
+            # No further peak is searched within the resonance.
+            free[max(center - OUTER, 0) : center + OUTER + 1] = False
+            continue
+        lines.append(line)
+        # Outside `skirt` bins, the side lobes of the line are below a tenth of the level. They fall as 1 / π² x⁶.
+        skirt = max(half, math.ceil((10 * ratio / math.pi**2) ** (1 / 6)))
+        free[max(center - skirt, 0) : center + skirt + 1] = False
+    return lines, bumps, free
+
+
+def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> float | None:
+    """Return the width (Hz) of a resonance that is only a few bins wide; None if the peak is too narrow for a
+    resonance.
+
+    The Hann window broadens the Lorentz shape of width w to a Voigt shape, whose width is fitted. By Olivero and
+    Longbothum, the fitted width is 0.5346 w + √(0.2166 w² + v²), where v is the width of the window.
+    """
+    if line.narrow or line.frequency >= LEAST_QUALITY * line.width:
+        return None
+    spacing = spectrum.rate / spectrum.length
+    part = np.abs(spectrum.frequencies - line.frequency) <= FAR * spacing
+    part[:FIRST_BIN] = part[-1] = False
+    found = lorentz_fit(
+        spectrum.frequencies[part], spectrum.density[part], freedom[part], center=line.frequency, width=line.width
+    )
+    if found is None:
+        return None
+    seen, window = found[1], HALF_POWER_WIDTH * spacing
+    a = 0.5346**2 - 0.2166
+    b = 2 * 0.5346 * seen
+    width = (b - math.sqrt(max(b**2 - 4 * a * (seen**2 - window**2), 0.0))) / (2 * a)
+    return width if width > spacing and line.frequency < LEAST_QUALITY * width else None
+
+
+def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
+    """Return the number of bins on each side that contain the power of the peak at bin k; None if it is not narrow.
+
+    `noise` is the standard error of one density.
+    """
+    excess = density[max(k - OUTER, 0) : k + OUTER + 1] - level
+    distance = np.abs(np.arange(excess.size) - min(k, OUTER))
+    inside, outside = float(excess[distance <= INNER].sum()), float(excess[distance > INNER].sum())
+    if outside > inside / 2 + OUTSIDE_NOISE * noise:
+        return None
+    # The peak is wider than the core if the power outside the core exceeds what the window and the noise explain.
+    beyond = float(excess[distance > CORE].sum())
+    return OUTER if beyond > inside / 10 + OUTSIDE_NOISE * noise else CORE

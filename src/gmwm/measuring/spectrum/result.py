@@ -1,0 +1,269 @@
+"""Power spectral density of one signal."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.errors import DataError
+from gmwm.base.text import Summarised, counted
+from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.spectrum.line import Bump, Line
+from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
+from gmwm.recording.options import as_confidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
+
+    from gmwm.showing.plots.view import UnitSystem
+    from gmwm.theory.processes.model import ModelLike
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PowerSpectrum(Summarised):
+    """Power spectral density of a signal by Welch's method, with confidence limits, lines and bumps.
+
+    Attributes
+    ----------
+    frequencies : (n,) array
+        Frequencies (Hz), ascending, from 0 to half the rate.
+    density : (n,) array, in unit²/Hz
+        One-sided power spectral density, whose integral over the frequencies is the variance of the signal. The `psd`
+        of a model is two-sided and therefore half as large.
+    degrees_of_freedom : (n,) array
+        Equivalent degrees of freedom of each density.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Length of the signal, without the missing samples in gaps.
+    length, blocks : int
+        Length of the blocks (samples), and number of blocks.
+    unit, axis : str
+        Unit and name of the signal; "" if they are unknown.
+    confidence : float
+        Confidence level of the limits.
+    lines : tuple of Line
+        Lines, sorted by frequency. The probability of any false line or bump in a recording of noise is at most 1 %.
+    bumps : tuple of Bump
+        Broad peaks, sorted by frequency.
+
+    Examples
+    --------
+    >>> from gmwm import SIN, WN, psd
+    >>> model = WN(sigma2=1.0) + SIN(frequency=12.5, power=0.02)
+    >>> spectrum = psd(model.simulate(2**17, 100.0, rng=1), rate=100.0)
+    >>> spectrum
+    PowerSpectrum(unnamed, 15 blocks of 16384 samples, 131072 samples at 100 Hz, 1 line, 0 bumps)
+    >>> line = spectrum.lines[0]
+    >>> f"{line.frequency:.3f} Hz, {line.amplitude:.2f}"
+    '12.500 Hz, 0.20'
+    """
+
+    frequencies: Vector
+    density: Vector
+    degrees_of_freedom: Vector
+    rate: float
+    samples: int
+    length: int
+    blocks: int
+    unit: str = ""
+    axis: str = ""
+    confidence: float = 0.95
+    lines: tuple[Line, ...] = ()
+    bumps: tuple[Bump, ...] = ()
+
+    def __post_init__(self) -> None:
+        as_confidence(self.confidence)
+        for name in ("frequencies", "density", "degrees_of_freedom"):
+            freeze(getattr(self, name))
+        if not self.frequencies.shape == self.density.shape == self.degrees_of_freedom.shape:
+            raise DataError(
+                argument="density", expected=f"one value for each of {len(self)} frequencies", got=self.density
+            )
+
+    @cached_property
+    def _limits(self) -> tuple[Vector, Vector]:
+        return chi_square_limits(self.density, self.degrees_of_freedom, self.confidence)
+
+    @property
+    def lower(self) -> Vector:
+        """Lower confidence limits (n,), in unit²/Hz, by the chi-square distribution."""
+        return self._limits[0]
+
+    @property
+    def upper(self) -> Vector:
+        """Upper confidence limits (n,), in unit²/Hz."""
+        return self._limits[1]
+
+    @property
+    def resolution(self) -> float:
+        """Width (Hz), at half its power, of a sinusoid in this spectrum. Lines closer than this are not separated."""
+        return HALF_POWER_WIDTH * self.rate / self.length
+
+    @property
+    def extent(self) -> str:
+        """Number of blocks and samples, and the rate, as text."""
+        return f"{self.blocks} blocks of {self.length} samples, {self.samples} samples at {self.rate:g} Hz"
+
+    def __len__(self) -> int:
+        return int(self.frequencies.size)
+
+    def smoothed(self, per_octave: int = 24) -> PowerSpectrum:
+        """Return the spectrum with densities averaged over bins of constant relative width, except around lines.
+
+        At low frequencies, and within six bins of a line, every frequency is kept. The frequency 0, which contains the
+        mean of the signal, and the last frequency are left out. `Calibration` stores this spectrum, and plots show it.
+
+        Parameters
+        ----------
+        per_octave : int
+            Number of bins per octave, at least 1.
+        """
+        from gmwm.measuring.spectrum.smoothing import smoothed
+
+        return smoothed(self, per_octave)
+
+    def detectable_amplitude(self, frequency: ArrayLike, power: float = 0.9) -> Vector:
+        """Return the smallest amplitude (u) of a sinusoid that is found as a line with a given probability.
+
+        Parameters
+        ----------
+        frequency : float or array
+            Frequencies of sinusoids (Hz).
+        power : float
+            Probability of detection, from 0.5 to below 1.
+
+        Returns
+        -------
+        array
+            Amplitude for each frequency; NaN if a frequency is too close to 0 or above half the rate.
+
+        Raises
+        ------
+        DataError
+            If the spectrum is smoothed.
+
+        Examples
+        --------
+        >>> from gmwm import psd
+        >>> x = np.random.default_rng(1).normal(size=2**17)
+        >>> psd(x, rate=100.0).detectable_amplitude([1.0, 30.0]).round(3)
+        array([0.035, 0.036])
+        """
+        from gmwm.measuring.spectrum.detection import detectable_amplitude
+
+        return detectable_amplitude(self, frequency, power)
+
+    def plot(
+        self,
+        *,
+        model: ModelLike | None = None,
+        units: UnitSystem = "si",
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
+
+        The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
+        two-sided density N of a datasheet is drawn at √2 N.
+
+        Parameters
+        ----------
+        model : Model, Process or str, optional
+            Model with values, such as `fit.model`. Its density and the densities of its terms are drawn on top of the
+            spectrum. A cross marks the height of a sinusoid of the model in this spectrum.
+        units : "si" or "datasheet"
+            Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+        ax : matplotlib Axes, optional
+            Axes to draw on; by default the axes of a new figure.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If `units` is unknown, or is "datasheet" and the signal is neither an angular rate nor an acceleration.
+        """
+        from gmwm.showing.plots.spectrum import plot_spectrum
+
+        return plot_spectrum(self, model=model, units=units, ax=ax, path=path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain numbers, lists and strings for JSON."""
+        return {
+            "frequencies": self.frequencies.tolist(),
+            "density": self.density.tolist(),
+            "degrees_of_freedom": self.degrees_of_freedom.tolist(),
+            "rate": self.rate,
+            "samples": self.samples,
+            "length": self.length,
+            "blocks": self.blocks,
+            "resolution": self.resolution,
+            "unit": self.unit,
+            "axis": self.axis,
+            "confidence": self.confidence,
+            "lines": [asdict(line) for line in self.lines],
+            "bumps": [{**asdict(bump), "quality": bump.quality} for bump in self.bumps],
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> PowerSpectrum:
+        """Restore a spectrum from `values`, the output of `to_dict`."""
+        fields = {name: value for name, value in values.items() if name != "resolution"}
+        for name in ("frequencies", "density", "degrees_of_freedom"):
+            fields[name] = np.asarray(fields[name], dtype=np.float64)
+        fields["lines"] = tuple(Line(**line) for line in fields["lines"])
+        fields["bumps"] = tuple(
+            Bump(**{name: value for name, value in bump.items() if name != "quality"}) for bump in fields["bumps"]
+        )
+        return cls(**fields)
+
+    def to_frame(self) -> DataFrame:
+        """Return a Polars data frame with the columns frequency, density, lower, upper and degrees_of_freedom."""
+        from polars import DataFrame
+
+        return DataFrame(
+            {
+                "frequency": self.frequencies,
+                "density": self.density,
+                "lower": self.lower,
+                "upper": self.upper,
+                "degrees_of_freedom": self.degrees_of_freedom,
+            }
+        )
+
+    def summary(self) -> str:
+        """Format the root density in each octave, the lines and the bumps."""
+        unit = self.unit or "u"
+        lines = [
+            f"Power spectral density{' of ' + self.axis if self.axis else ''}: {self.extent}, "
+            f"resolution {self.resolution:.3g} Hz",
+            f"{'frequency [Hz]':>14} {f'root density [{unit}/√Hz]':>26} {'lower':>12} {'upper':>12}",
+        ]
+        octaves = self.smoothed(1) if self.frequencies[0] == 0 else self
+        rows = zip(octaves.frequencies, octaves.density, octaves.lower, octaves.upper, strict=True)
+        lines += [
+            f"{f:14.5g} {math.sqrt(d):26.4e} {math.sqrt(low):12.4e} {math.sqrt(high):12.4e}" for f, d, low, high in rows
+        ]
+        lines.append(f"limits: {100 * self.confidence:g} % chi-square")
+        lines += [f"line: {line.described(unit)}" for line in self.lines]
+        lines += [f"bump: {bump.described()}" for bump in self.bumps]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        found = f"{counted(len(self.lines), 'line')}, {counted(len(self.bumps), 'bump')}"
+        return f"PowerSpectrum({self.axis or 'unnamed'}, {self.extent}, {found})"

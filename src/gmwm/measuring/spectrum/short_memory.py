@@ -1,0 +1,442 @@
+"""Fit of the power spectral density of an ARMA process to a measured density, by least squares of logarithms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector, freeze
+
+STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
+"""Numbers of roots (p, q) that are added to the best process so far. They are sufficient for filters up to order 4,
+moving averages and resonances (tests/spectrum/test_short_memory.py)."""
+HIGHEST = 10
+"""Largest order p or q."""
+SURE = 0.05
+"""Largest accepted standard error of the logarithm of the density at the frequency 0. N, the square root of the
+density, then has a relative standard error of at most 2.5 %."""
+POLE, ZERO = 0.987, 1 - 1e-6
+"""Largest moduli of poles and of zeros. A pole of 0.987 has a width of 0.4 % of the sampling rate, 0.4 Hz at 100 Hz.
+Its memory is 2000 samples, the most that the covariance supports. A zero must be inside the unit circle."""
+FLAT = 0.25
+"""Largest absolute logarithm of the ratio of the density at the frequency 0 to the density at the lowest frequency of
+the data. A resonance at four times the lowest frequency changes it by 0.13, and the data cannot support a larger
+step."""
+ACCURACY = 0.005
+"""Relative error that is added to the error of every density, so that a few precise frequencies do not determine the
+shape."""
+FLOOR = 1e-4
+"""Density, relative to the density at low frequencies, below which a stop band is ignored. It is far below the noise
+that rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
+KNOWN = 2.0
+"""Prior standard deviation of the logarithm of the factor by which the known part is multiplied in the fit. The slow
+terms of the known part come from a fit without this shape, and may be wrong by a factor of several
+(docs/validation/sensors.md)."""
+LEAST_KNOWN = 1e-3
+"""Smallest known part that is assumed, relative to the density at low frequencies. It decreases with frequency in the
+same way as the density of a random walk."""
+LIKELY = 0.01
+"""Smallest weight for which a process of another order is reported in addition to the best process."""
+_ITERATIONS, _FIRST, _KEPT = 40, 6, 2
+_NEAR = 1e-4
+_SMOOTH = 5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Alternative:
+    """Process of another order that describes the density nearly as well as the best process.
+
+    Attributes
+    ----------
+    phi, theta : (p,), (q,) arrays
+        Coefficients, as in `SpectralShape`.
+    density : float
+        Density at the frequency 0 (unit² per cycle per sample).
+    weight : float
+        Posterior probability among all orders that were tried, by the Bayesian information criterion.
+    """
+
+    phi: Vector
+    theta: Vector
+    density: float
+    weight: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpectralShape:
+    """ARMA process whose power spectral density describes the measured density at high frequencies.
+
+    Attributes
+    ----------
+    phi, theta : (p,), (q,) arrays
+        Coefficients of the process X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}.
+    innovation : float
+        Variance of ε, in unit².
+    covariance : (p + q, p + q) array
+        Covariance of the errors of the coefficients.
+    misfit : float
+        Mean squared difference between the logarithms of the measured and the fitted density, relative to its
+        expectation; near 1 for a good fit.
+    alternatives : tuple of Alternative
+        Processes of other orders with a weight of at least 1 %.
+    """
+
+    phi: Vector
+    theta: Vector
+    innovation: float
+    covariance: Matrix
+    misfit: float
+    alternatives: tuple[Alternative, ...] = ()
+
+    def __post_init__(self) -> None:
+        for array in (self.phi, self.theta, self.covariance):
+            freeze(array)
+
+    @property
+    def density(self) -> float:
+        """Density at the frequency 0 (unit² per cycle per sample), which is σ² (1 + Σθ)² / (1 − Σφ)²."""
+        return self.innovation * (1 + float(self.theta.sum())) ** 2 / (1 - float(self.phi.sum())) ** 2
+
+
+def short_memory(
+    frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector
+) -> SpectralShape:
+    """Fit an ARMA process to the part of a power spectral density that other processes do not explain.
+
+    The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). The search starts with
+    white noise and adds one to four roots at a time, from several starting points near the largest residuals. It stops
+    when the sum of squares decreases by less than log(n) for each coefficient. At the end, the factor on the known part
+    is fitted too, for all orders that are nearly as good as the best one. A process whose density at the frequency 0 is
+    uncertain is not used.
+
+    Parameters
+    ----------
+    frequencies : (n,) array
+        Frequencies (Hz), ascending, without the frequencies of lines.
+    density : (n,) array
+        Measured two-sided density (unit² per cycle per sample), which is σ² for white noise.
+    degrees_of_freedom : (n,) array
+        Degrees of freedom η of each density.
+    rate : float
+        Sampling rate (Hz).
+    known : (n,) array
+        Density of the other processes, called the known part.
+
+    Returns
+    -------
+    SpectralShape
+
+    References
+    ----------
+    Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the likelihood that these least
+    squares approximate.
+    """
+    angles = 2 * math.pi * frequencies / rate
+    plateau = float(np.median(density[: max(density.size // 8, 3)]))
+    least = LEAST_KNOWN * plateau * (np.sin(angles[0] / 2) / np.sin(angles / 2)) ** 2
+    data = _Data.of(
+        angles, known=np.maximum(known, least), floor=FLOOR * plateau,
+        logs=np.log(density + FLOOR * plateau) - _log_bias(degrees_of_freedom),
+        weights=1 / (2 / degrees_of_freedom + ACCURACY**2),
+    )  # fmt: skip
+    white = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
+    price = math.log(density.size)
+    # At first the known part is fixed, because it could replace the shape of the filter. Then its factor is fitted too.
+    tried = _grown(data, white, price, free=False)
+    each, before = _best_of_each_order(tried), min(tried, key=lambda point: _score(point, price))
+    best = _freed(data, before)
+    moved = _score(before, price) - _score(best, price) > price
+    near = _score(before, price) - 2 * math.log(LIKELY)
+    others = [p for p in each if p is not before and (moved or _score(p, price) <= near)]
+    tried = _supported(data, (best, *(_freed(data, point) for point in others)))
+    if moved:
+        tried += _grown(data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True)
+    sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
+    if not sure:
+        # The best orders do not determine the density at 0; smaller orders do.
+        tried = _supported(data, (_freed(data, point) for point in each))
+        sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
+    chosen = min(sure, key=lambda point: _score(point, price), default=white)
+    return _reported(data, chosen, _alternatives(data, chosen, sure, price))
+
+
+def _supported(data: _Data, points: Iterable[_Point]) -> list[_Point]:
+    """Return the points whose density does not change much between the lowest frequency of the data and 0."""
+    return [point for point in points if abs(_bend(data, point)) <= FLAT]
+
+
+def _freed(data: _Data, point: _Point) -> _Point:
+    """Return the optimum from this point if the factor on the known part is also fitted."""
+    return _descend(data, point.a, point.b, point.scale, free=True)
+
+
+def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Point]:
+    """Add roots to the best process repeatedly; return all processes that were tried."""
+    tried = [best]
+    while True:
+        orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
+        found = [_best_start(data, best, more, free=free) for more in orders]
+        found = _supported(data, found)
+        tried += found
+        next_best = min(found, key=lambda point: _score(point, price), default=best)
+        if _score(next_best, price) >= _score(best, price):
+            return tried
+        best = next_best
+
+
+def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
+    """Return the optimum with more roots.
+
+    All starting points are improved by a few steps, and the best of them are then optimised completely.
+    """
+    # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
+    # at the same frequency.
+    distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
+    short = [_descend(data, a, b, best.scale, slow=best.slow, free=free, steps=_FIRST) for a, b in distinct]
+    first = sorted(short, key=lambda point: point.loss)[:_KEPT]
+    return min((_descend(data, p.a, p.b, p.scale, slow=p.slow, free=free) for p in first), key=lambda point: point.loss)
+
+
+def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
+    best: dict[tuple[int, int], _Point] = {}
+    for point in tried:
+        orders = (point.a.size, point.b.size)
+        if orders not in best or point.loss < best[orders].loss:
+            best[orders] = point
+    return list(best.values())
+
+
+def _log_bias(degrees_of_freedom: Vector) -> Vector:
+    """Return the mean (n,) of the logarithm of an estimate divided by its expectation.
+
+    For a chi-square estimate with η degrees of freedom it is about −1/η.
+    """
+    from scipy.special import digamma
+
+    half = degrees_of_freedom / 2
+    return np.asarray(digamma(half) - np.log(half))
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """The measured density at n frequencies.
+
+    `waves` (2, HIGHEST, n) are the real and the imaginary parts of exp(−i ω k). The `rows` (3, n) are the known part,
+    the logarithms of the density, and their weights.
+    """
+
+    waves: NDArray[np.float64]
+    angles: Vector
+    rows: Matrix
+    floor: float
+
+    @classmethod
+    def of(cls, angles: Vector, *, known: Vector, logs: Vector, weights: Vector, floor: float) -> _Data:
+        """Return the data at frequencies `angles`, in radians per sample."""
+        phases = np.outer(np.arange(1, HIGHEST + 1), angles)
+        return cls(np.array([np.cos(phases), -np.sin(phases)]), angles, np.array([known, logs, weights]), floor)
+
+    @property
+    def known(self) -> Vector:
+        """The known part."""
+        return np.asarray(self.rows[0])
+
+    @property
+    def logs(self) -> Vector:
+        """Logarithms of the density."""
+        return np.asarray(self.rows[1])
+
+    @property
+    def weights(self) -> Vector:
+        """Weights of the logarithms."""
+        return np.asarray(self.rows[2])
+
+    def polynomial(self, tail: Vector) -> NDArray[np.complex128]:
+        """Return the polynomial 1 + c₁z⁻¹ + … at each frequency."""
+        real, imaginary = tail @ self.waves[:, : tail.size]
+        return np.asarray(1 + real + 1j * imaginary)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Point:
+    """Process with the density e^scale |b|²/|a|², and its loss.
+
+    `a` and `b` are the coefficients of the two polynomials without the leading 1. `slow` is the logarithm of the factor
+    on the known part.
+    """
+
+    data: _Data
+    a: Vector
+    b: Vector
+    scale: float
+    slow: float
+
+    @property
+    def order(self) -> int:
+        """Number of coefficients."""
+        return self.a.size + self.b.size
+
+    @property
+    def density(self) -> float:
+        """Density at the frequency 0."""
+        return math.exp(self.scale) * (1 + float(self.b.sum())) ** 2 / (1 + float(self.a.sum())) ** 2
+
+    @cached_property
+    def parts(self) -> tuple[Vector, Vector, Vector]:
+        """The own density, the known part with its factor, and the total, at each frequency."""
+        below, above = self.data.polynomial(self.a), self.data.polynomial(self.b)
+        with np.errstate(all="ignore"):
+            own = np.exp(self.scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
+            beside = np.exp(self.slow) * self.data.known
+            return own, beside, own + beside + self.data.floor
+
+    @cached_property
+    def left(self) -> Vector:
+        """Logarithms of the measured density divided by the total."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self.data.logs - np.log(self.parts[2]))
+
+    @cached_property
+    def loss(self) -> float:
+        """Weighted sum of squares, with the prior of `slow`."""
+        loss = float(self.data.weights @ self.left**2) + (self.slow / KNOWN) ** 2
+        return loss if math.isfinite(loss) else math.inf
+
+    @cached_property
+    def jacobian(self) -> Matrix:
+        """Derivatives (n, 2 + p + q) of the logarithm of the density with respect to `scale`, `a`, `b` and `slow`."""
+        own, beside, total = self.parts
+        found = [own / total]
+        for tail, sign in ((self.a, -2), (self.b, 2)):
+            factor = sign * found[0] / self.data.polynomial(tail)
+            real, imaginary = self.data.waves[:, : tail.size]
+            found += list(real * factor.real - imaginary * factor.imag)
+        return np.array([*found, beside / total]).T
+
+
+def _descend(
+    data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
+) -> _Point:
+    """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
+
+    If `free`, the factor on the known part is fitted too.
+    """
+    found = np.concatenate([[scale], a, b, [slow]])
+    _core.spectral_descent(
+        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=_NEAR,
+        parameters=found,
+    )  # fmt: skip
+    (inner_a, gain_a), (inner_b, gain_b) = _inside(found[1 : 1 + a.size], POLE), _inside(found[1 + a.size : -1], ZERO)
+    scale, slow = float(found[0]) - gain_a + gain_b, float(found[-1])
+    return _Point(data=data, a=inner_a, b=inner_b, scale=scale, slow=slow)
+
+
+def _score(point: _Point, price: float, spread: float = 1.0) -> float:
+    return point.loss / spread + price * point.order
+
+
+def _error_at_zero(point: _Point, data: _Data) -> float:
+    """Return the standard error of the logarithm of the density at frequency 0."""
+    slopes = np.concatenate([
+        [1.0], -2 / (1 + point.a.sum()) * np.ones(point.a.size), 2 / (1 + point.b.sum()) * np.ones(point.b.size), [0.0]
+    ])  # fmt: skip
+    return math.sqrt(max(float(slopes @ _scatter(point, data) @ slopes), 0.0))
+
+
+def _scatter(point: _Point, data: _Data) -> Matrix:
+    """Return the covariance (2 + p + q, 2 + p + q) of the errors of `scale`, `a`, `b` and `slow`."""
+    root = np.sqrt(data.weights)[:, None] * point.jacobian
+    root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / KNOWN)])
+    length = np.linalg.norm(root, axis=0)
+    length[length == 0] = 1.0
+    # Roots that cancel make the normal equations singular; the pseudo-inverse leaves these directions out.
+    inverse = np.linalg.pinv((root / length).T @ (root / length), rcond=1e-10, hermitian=True) / np.outer(
+        length, length
+    )
+    return np.asarray(max(point.loss / max(data.logs.size - length.size, 1), 1.0) * inverse)
+
+
+def _bend(data: _Data, point: _Point) -> float:
+    """Return the logarithm of the ratio of the density at the frequency 0 to the density at the lowest frequency of the
+    data."""
+    below, above = (abs(data.polynomial(tail)[0]) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b))
+    return 2 * math.log(below / above)
+
+
+def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
+    """Return the coefficients of the polynomial 1 + c₁z⁻¹ + … after its roots are moved inside the unit circle.
+
+    The second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle.
+    """
+    if _core.roots_inside(tail, most):
+        return tail, 0.0
+    roots = np.roots(np.concatenate([[1.0], tail]))
+    outside = np.abs(roots) > 1
+    gain = 2 * float(np.sum(np.log(np.abs(roots[outside]))))
+    roots[outside] = 1 / np.conj(roots[outside])
+    size = np.abs(roots)
+    roots = np.where(size > most, roots * most / np.maximum(size, 1e-300), roots)
+    return np.real(np.poly(roots))[1:], gain
+
+
+def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
+    """Yield starting points, which are the best process so far with additional roots.
+
+    The additional roots are at the frequencies of the largest residuals, and at high and low frequencies.
+    """
+    scaled = np.sqrt(data.weights) * best.left
+    smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
+    for residual in (smooth, scaled):
+        worst = int(np.argmax(np.abs(residual)))
+        for radii in ((0.97, 0.9), (0.8, 0.6)):
+            above, below = radii if residual[worst] > 0 else radii[::-1]
+            yield (
+                _widened(best.a, more[0], data.angles[worst], above),
+                _widened(best.b, more[1], data.angles[worst], below),
+            )
+    yield _widened(best.a, more[0], math.pi, 0.6), _widened(best.b, more[1], math.pi, 0.6)
+    if sum(more) <= 2:
+        yield _widened(best.a, more[0], 0.5, 0.6), _widened(best.b, more[1], 0.5, 0.5)
+
+
+def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
+    """Return the coefficients of the polynomial with `count` additional roots at a radius and an angle."""
+    whole = np.concatenate([[1.0], tail])
+    for _ in range(count // 2):
+        whole = np.convolve(whole, [1.0, -2 * radius * math.cos(angle), radius**2])
+    if count % 2:
+        whole = np.convolve(whole, [1.0, -math.copysign(radius, math.cos(angle))])
+    return whole[1:]
+
+
+def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
+    """Return the best process of each other order that has a weight of at least `LIKELY`.
+
+    The weight is proportional to exp(−d/2), where d is the information criterion minus its value for the chosen
+    process. All weights sum to 1.
+    """
+    best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
+    spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
+    own = _score(chosen, price, spread)
+    weights = {at: math.exp(min(own - _score(point, price, spread), 0.0) / 2) for at, point in best.items()}
+    total = sum(weights.values())
+    return tuple(
+        Alternative(phi=-point.a, theta=point.b.copy(), density=point.density, weight=weights[at] / total)
+        for at, point in best.items()
+        if point is not chosen and weights[at] >= LIKELY * total
+    )
+
+
+def _reported(data: _Data, point: _Point, alternatives: tuple[Alternative, ...]) -> SpectralShape:
+    sign = np.concatenate([-np.ones(point.a.size), np.ones(point.b.size)])
+    return SpectralShape(
+        phi=-point.a, theta=point.b.copy(), innovation=math.exp(point.scale),
+        covariance=_scatter(point, data)[1:-1, 1:-1] * np.outer(sign, sign),
+        misfit=point.loss / max(data.logs.size - point.jacobian.shape[1], 1), alternatives=alternatives,
+    )  # fmt: skip

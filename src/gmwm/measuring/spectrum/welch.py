@@ -1,0 +1,161 @@
+"""Welch's method, with sums of the windowed periodograms of overlapping blocks and the degrees of freedom of their
+mean."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector, freeze
+
+Detrend = Literal["constant", "linear"]
+"""Trend that is subtracted from each block: the mean, or the least-squares line."""
+OVERLAP_CORRELATION = (1 / 6) ** 2
+"""Correlation of the periodograms of two Hann blocks that overlap by one half: (Σ w_t w_{t+L/2} / Σ w_t²)² in the
+limit of long blocks (Percival and Walden 1993, chapter 6.17)."""
+ENERGY_WIDTH = 1.5
+"""Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
+HALF_POWER_WIDTH = 1.44
+"""Width of a line at half its power with a Hann window, in bins (Harris 1978, table 1)."""
+BATCH = 1 << 17
+"""Number of samples that are transformed at once. They take 1 MB and stay in the cache of the processor."""
+ROUNDING = 8 * float(np.finfo(np.float64).eps)
+"""Largest relative rounding error of the mean of a constant block, with a safety factor of eight."""
+TINY = 1e-300
+"""Smallest value of the periodogram whose logarithm is used. The periodogram of a constant signal is 0."""
+
+
+@lru_cache(maxsize=16)
+def hann(length: int) -> Vector:
+    """Return the periodic Hann window (length,), which equals `scipy.signal.get_window("hann", length)`."""
+    return freeze(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))
+
+
+class Periodograms(NamedTuple):
+    """Sums over the periodograms of blocks of one length.
+
+    Attributes
+    ----------
+    total : (length/2 + 1,) array
+        Σ |FFT(w · block)|² over the blocks, with the Hann window w.
+    levels, squares : (bands,) arrays
+        Sums over the blocks of the geometric mean of the periodogram in each band, and of its square. They show whether
+        the noise has the same power in all blocks, because lines hardly change a geometric mean.
+    blocks : int
+        Number of blocks.
+    """
+
+    total: Vector
+    levels: Vector
+    squares: Vector
+    blocks: int
+
+    @classmethod
+    def none(cls, length: int) -> Periodograms:
+        """Return the sums over no blocks of this length."""
+        bands = len(band_edges(length))
+        return cls(np.zeros(length // 2 + 1), np.zeros(bands), np.zeros(bands), 0)
+
+    def plus(self, other: Periodograms) -> Periodograms:
+        """Return the sums over the blocks of `self` and `other`."""
+        return Periodograms(
+            total=self.total + other.total,
+            levels=self.levels + other.levels,
+            squares=self.squares + other.squares,
+            blocks=self.blocks + other.blocks,
+        )
+
+
+@lru_cache(maxsize=16)
+def band_edges(length: int) -> NDArray[np.int64]:
+    """Return the first bin of each band. The first band has the bins 2 to 31, and the others are octaves.
+
+    The bins 0 and 1 are left out, because they contain a part of the mean.
+    """
+    octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
+    return np.array([min(2, length // 2), *octaves], dtype=np.int64)
+
+
+def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
+    """Return the sums over all blocks of `values` that begin at multiples of length / 2."""
+    from scipy.fft import rfft
+
+    found = Periodograms.none(length)
+    if values.size < length:
+        return found
+    blocks, window = sliding_window_view(values, length)[:: length // 2], hann(length)
+    edges = band_edges(length)
+    sizes = np.diff(np.append(edges, length // 2 + 1))
+    total, levels, squares = found[:3]
+    step = max(1, BATCH // length)
+    for first in range(0, len(blocks), step):
+        some = blocks[first : first + step]
+        mean = some.mean(axis=1, keepdims=True)
+        some = some - mean
+        # For a constant block, only the rounding error of the mean remains. It is set to zero.
+        some[np.abs(some).max(axis=1) <= ROUNDING * np.abs(mean[:, 0])] = 0.0
+        if detrend == "linear":
+            line = _centred_time(length)
+            some -= (some @ line)[:, None] * line
+        some *= window
+        parts = rfft(some, axis=1, overwrite_x=True).view(np.float64)
+        np.multiply(parts, parts, out=parts)
+        power = parts[:, ::2] + parts[:, 1::2]
+        total += power.sum(axis=0)
+        logs = np.log(np.maximum(power, TINY, out=power), out=power)
+        means = np.exp(np.add.reduceat(logs, edges, axis=1) / sizes)
+        levels += means.sum(axis=0)
+        squares += (means**2).sum(axis=0)
+    return Periodograms(total, levels, squares, len(blocks))
+
+
+@lru_cache(maxsize=4)
+def _centred_time(length: int) -> Vector:
+    """Return equidistant times (length,), shifted and scaled to mean 0 and norm 1."""
+    time = np.arange(length) - (length - 1) / 2
+    return freeze(time / np.linalg.norm(time))
+
+
+def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
+    """Compute the one-sided power spectral density (u²/Hz) from the sums over all blocks."""
+    density = sums.total / (sums.blocks * rate * float(np.sum(hann(length) ** 2)))
+    density[1:-1] *= 2
+    return density
+
+
+def nominal_freedom(blocks: int, pairs: int) -> float:
+    """Return the equivalent degrees of freedom of the mean of K periodograms of stationary noise.
+
+    They are 2 K² / (K + 2 P r) for K blocks and P pairs of overlapping blocks, where r is the correlation of the
+    periodograms of such a pair (Welch 1967).
+    """
+    return 2 * blocks**2 / (blocks + 2 * pairs * OVERLAP_CORRELATION)
+
+
+def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
+    """Return the equivalent degrees of freedom (length/2 + 1,) of the mean periodogram at each frequency.
+
+    If the power of the noise differs between the blocks, they are divided by 1 + c², where c² is the squared
+    coefficient of variation of the power of the blocks, minus the value expected for stationary noise. The first and
+    the last frequency have half as many degrees of freedom, because their Fourier coefficients are real.
+    """
+    blocks, edges = sums.blocks, band_edges(length)
+    sizes = np.diff(np.append(edges, length // 2 + 1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        variation = np.nan_to_num(blocks * sums.squares / sums.levels**2 - 1)
+    # The logarithm of a periodogram has the variance π²/6. Its mean over m bins has 1.94/m of this variance, because a
+    # Hann window correlates neighbouring bins. The variance of K values has a relative standard error of √(2/K), and
+    # three standard errors are allowed.
+    stationary = np.expm1(np.pi**2 / 6 * 1.94 / sizes) * (1 + 3 * math.sqrt(2 / blocks))
+    reduction = 1 + np.maximum(variation - stationary, 0.0)
+    freedom = np.empty(length // 2 + 1)
+    for first, size, factor in zip(edges, sizes, reduction, strict=True):
+        freedom[first : first + size] = nominal_freedom(blocks, pairs) / factor
+    freedom[: edges[0]] = freedom[edges[0]]
+    freedom[[0, -1]] /= 2
+    return np.maximum(freedom, 1.0)

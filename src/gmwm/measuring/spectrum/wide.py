@@ -1,0 +1,250 @@
+"""Search for wide peaks on grids of constant relative resolution: bumps, and lines of varying frequency."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.measuring.spectrum.level import flanks, p_values, pooled_freedom
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
+from gmwm.measuring.spectrum.line_measurement import measured_line
+from gmwm.measuring.spectrum.narrow import FIRST_BIN
+from gmwm.measuring.spectrum.shape import lorentz_fit
+
+if TYPE_CHECKING:
+    from gmwm.measuring.spectrum.result import PowerSpectrum
+
+RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
+"""Number of bins per octave of each grid, the finest grid first. The grids find widths from 0.02 % to 50 % of the
+frequency."""
+LEAST_BINS = 2
+"""Smallest number of frequencies of the spectrum in a bin of a grid."""
+NEAR, FAR = 4, 11
+"""Distances, in bins of the grid, at which the flanks begin and end. A flank has 8 bins."""
+LEAST_FLANK = 3
+"""Smallest number of bins of a flank at the ends of the grid."""
+INNER, OUTER = 1, 5
+"""Distances, in bins of the grid, for the test whether a grid is coarse enough for a peak. The excess of the peak at
+distances of 2 to 5 bins must be less than half of its excess within one bin, so that the flanks are outside the
+peak."""
+SHARP = 3.0
+"""Smallest Q factor of a resonance whose frequency and width are fitted with a Lorentz shape."""
+AROUND, PER_WIDTH = 3.0, 6.0
+"""The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
+LEAST_HEIGHT = 1.25
+"""Smallest ratio of the density of a bump to the level on both sides. Ripples in the response of the filter of a sensor
+are smaller and are not reported."""
+
+
+class Grid(NamedTuple):
+    """Means of the density over bins of a constant relative width; NaN in bins that contain only lines."""
+
+    frequencies: Vector
+    density: Vector
+    freedom: Vector
+    per_octave: int
+
+
+class WidePeak(NamedTuple):
+    """Significant peak on a grid.
+
+    `compact` tells whether the grid is coarse enough for the peak; the other attributes are as in `Bump`.
+    """
+
+    frequency: float
+    width: float
+    density: float
+    level: float
+    freedom: float
+    p_value: float
+    compact: bool
+
+    @property
+    def height(self) -> float:
+        """Ratio of the density at the peak to the level on both sides of it."""
+        return self.density / self.level
+
+
+def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> Grid:
+    """Return the means of the density over bins of 1 / per_octave octaves, each with at least two frequencies."""
+    size = spectrum.density.size - 1
+    lowest = max(FIRST_BIN, math.ceil(LEAST_BINS * per_octave / math.log(2)))
+    count = int(per_octave * math.log2(size / lowest)) + 1 if lowest < size else 0
+    edges = np.round(lowest * 2.0 ** (np.arange(count + 1) / per_octave)).astype(np.int64)
+    edges = edges[(np.diff(edges, prepend=0) > 0) & (edges <= size)]
+    if edges.size < 2:
+        empty = np.empty(0)
+        return Grid(empty, empty, empty, per_octave)
+    sums = [
+        np.add.reduceat(np.where(free, values, 0.0)[: edges[-1]], edges[:-1])
+        for values in (spectrum.density, spectrum.frequencies, freedom, np.ones(free.size))
+    ]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        density, frequencies, own = (one / sums[3] for one in sums[:3])
+        freedom = pooled_freedom(own, sums[3])
+    return Grid(frequencies, density, freedom, per_octave)
+
+
+def wide_peaks(
+    spectrum: PowerSpectrum,
+    freedom: Vector,
+    free: NDArray[np.bool_],
+    *,
+    narrow: tuple[Sequence[Line], Sequence[Bump]],
+    level: float,
+) -> tuple[list[Line], list[Bump]]:
+    """Return the significant wide lines and bumps.
+
+    `level` is the significance level for all bins of all grids together, by Bonferroni's inequality. `freedom` are the
+    degrees of freedom of each density, and `free` marks the bins without a narrow peak. `narrow` has the lines and
+    bumps that `narrow_lines` found. A broad base of such a line or bump is not reported as another peak.
+    """
+    grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
+    tests = max(1, sum(grid.density.size for grid in grids))
+    found: list[WidePeak] = []
+    wider: list[WidePeak] = []
+    for grid in grids:
+        for peak in _peaks(grid, level / tests):
+            if _is_known(peak, *narrow) or any(_overlap(peak, one, grid) for one in found):
+                continue
+            (found if peak.compact else wider).append(peak)
+    # The remaining peaks are so close to an end of the spectrum that no coarser grid can measure them.
+    for peak in reversed(wider):
+        if not any(_overlap(peak, one, None) for one in found):
+            found.append(peak)
+    found = [_fitted(peak, grids) for peak in found]
+    lines = [_line(spectrum, peak) for peak in found if peak.frequency >= LEAST_QUALITY * peak.width]
+    bumps = [
+        Bump(
+            frequency=peak.frequency, width=peak.width, height=peak.height, density=peak.density, p_value=peak.p_value
+        )
+        for peak in found
+        if peak.frequency < LEAST_QUALITY * peak.width
+    ]  # fmt: skip
+    return lines, bumps
+
+
+def _peaks(grid: Grid, level: float) -> list[WidePeak]:
+    """Return the significant peaks of one grid, the most significant first."""
+    if grid.density.size < 2 * NEAR:
+        return []
+    with np.errstate(invalid="ignore", divide="ignore"):
+        beside = flanks(grid.density, grid.freedom, NEAR, FAR, least=LEAST_FLANK)
+        ratio = grid.density / beside.level
+        p = p_values(ratio, grid.freedom, level)
+    top = np.ones(ratio.size, dtype=bool)
+    top[1:] &= ~(grid.density[1:] < grid.density[:-1])
+    top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
+    (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= LEAST_HEIGHT))
+    found = []
+    for k in sorted(hits.tolist(), key=lambda k: -ratio[k]):
+        between = float(beside.between[k])
+        width = _width(grid, k, (float(grid.density[k]) + between) / 2)
+        if width is not None:
+            found.append(
+                WidePeak(
+                    frequency=_summit(grid, k),
+                    width=width,
+                    density=float(grid.density[k]),
+                    level=between,
+                    freedom=float(grid.freedom[k]),
+                    p_value=float(p[k]),
+                    compact=_is_compact(grid, k, between),
+                )
+            )
+    return found
+
+
+def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
+    """Return the peak with the frequency and the width of a fitted Lorentz shape; a peak with a low Q is unchanged."""
+    if peak.frequency < SHARP * peak.width:
+        return peak
+    fine = [grid for grid in grids if peak.frequency * math.log(2) / grid.per_octave <= peak.width / PER_WIDTH]
+    # The coarsest of the fine grids that reach down to the peak is used, or else the finest grid that reaches it.
+    reaching = [grid for grid in grids if grid.density.size and grid.frequencies[0] < peak.frequency - peak.width]
+    usable = [grid for grid in fine if any(grid is other for other in reaching)] or reaching[:1]
+    if not usable:
+        return peak
+    grid = usable[-1]
+    part = (np.abs(grid.frequencies - peak.frequency) < AROUND * peak.width) & (grid.density > 0)
+    found = lorentz_fit(
+        grid.frequencies[part], grid.density[part], grid.freedom[part], center=peak.frequency, width=peak.width
+    )
+    return peak if found is None else peak._replace(frequency=found[0], width=found[1])
+
+
+def _width(grid: Grid, k: int, half: float) -> float | None:
+    """Return the width (Hz) of the peak at bin k, measured where its density falls to `half`.
+
+    The width of the bins is subtracted in quadrature. The result is None if the density does not fall to `half` on one
+    side.
+    """
+    ends = []
+    for step in (-1, 1):
+        j = k
+        while 0 <= j + step < grid.density.size and not grid.density[j + step] < half:
+            j += step
+        if not 0 <= j + step < grid.density.size or math.isnan(grid.density[j]):
+            return None
+        inside, outside = grid.density[j], grid.density[j + step]
+        share = (inside - half) / (inside - outside)
+        ends.append(grid.frequencies[j] + share * (grid.frequencies[j + step] - grid.frequencies[j]))
+    width, own = ends[1] - ends[0], grid.frequencies[k] * math.log(2) / grid.per_octave
+    return float(math.sqrt(max(width**2 - own**2, own**2 / 4)))
+
+
+def _summit(grid: Grid, k: int) -> float:
+    """Return the frequency (Hz) of the peak at bin k, by a parabola through the logarithms of three bins."""
+    with np.errstate(divide="ignore"):
+        left, top, right = np.log(grid.density[k - 1 : k + 2])
+    curve = left - 2 * top + right
+    shift = 0.5 * (left - right) / curve if np.isfinite(curve) and curve < 0 else 0.0
+    return float(grid.frequencies[k] * 2 ** (np.clip(shift, -0.5, 0.5) / grid.per_octave))
+
+
+def _is_compact(grid: Grid, k: int, level: float) -> bool:
+    """Return whether most of the excess of the peak at bin k over `level` is within one bin."""
+    first = max(k - OUTER, 0)
+    excess = np.nan_to_num(grid.density[first : k + OUTER + 1] - level)
+    near = np.abs(np.arange(excess.size) - (k - first)) <= INNER
+    return float(excess[~near].sum()) <= float(excess[near].sum()) / 2
+
+
+def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
+    """Return whether two peaks count as the same peak.
+
+    They do if they are closer than the width of the wider peak, or closer than two bins of `grid`.
+    """
+    bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
+    return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
+
+
+def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:
+    """Return whether a peak is the flank of a narrow bump, or the broad base of a line whose phase is not steady.
+
+    Such a base has less than half the power of the line in it.
+    """
+    if any(abs(bump.frequency - peak.frequency) <= 4 * bump.width + peak.width for bump in bumps):
+        return True
+    # The power of a Lorentz shape is π/2 times its height and its width.
+    power = np.pi / 2 * (peak.density - peak.level) * peak.width
+    return any(abs(line.frequency - peak.frequency) <= peak.width and power < line.amplitude**2 / 4 for line in lines)
+
+
+def _line(spectrum: PowerSpectrum, peak: WidePeak) -> Line:
+    """Measure a wide peak that is narrow enough to be a line."""
+    spacing = spectrum.rate / spectrum.length
+    reach = 1.5 * peak.width
+    first = max(FIRST_BIN, round((peak.frequency - reach) / spacing))
+    last = min(spectrum.density.size - 2, round((peak.frequency + reach) / spacing))
+    line = measured_line(
+        spectrum, first, last, level=peak.level, freedom=float(spectrum.degrees_of_freedom[first]),
+        height=peak.height, p_value=peak.p_value,
+    )  # fmt: skip
+    return replace(line, width=peak.width)

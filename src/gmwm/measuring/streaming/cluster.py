@@ -1,0 +1,303 @@
+"""Compute the wavelet variance of one long recording in parts, on the workers of a Dask cluster, and merge the
+parts."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import pickle
+import queue
+import zlib
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
+
+from gmwm.base.errors import GmwmError
+from gmwm.base.threads import INTERRUPT_CHECK
+from gmwm.files.readers.builder import RowSummary
+from gmwm.files.readers.parts import Part, PartReader
+from gmwm.files.readers.streams import FileRows, Stream
+from gmwm.measuring.streaming.passes import AxisCurves, Change, measure
+from gmwm.measuring.streaming.scheduling import connected, library
+from gmwm.measuring.variance.accumulate import WaveletAccumulator
+from gmwm.measuring.variance.open_segments import SegmentedAccumulator, exact_levels
+from gmwm.measuring.variance.second_pass import SecondPass
+from gmwm.recording.batches import Batch, gathered
+from gmwm.recording.gaps import is_short
+from gmwm.recording.signals import Signal
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+A_THREAD = 4
+"""Default number of parts for each thread of the cluster. With several parts, a slow worker does not delay the others
+much."""
+PART_MEMORY = 64 << 20
+"""Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
+END_BYTES = 16
+"""Bytes of a result for each of 2^exact samples. The result contains the samples at both ends of the part."""
+PART_BYTES = 4 << 30
+"""Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
+RETRIES = 2
+"""Number of retries of a part after an error that is not caused by the content of the file."""
+AHEAD = 2
+"""Number of parts for each thread that are submitted at once."""
+
+G = TypeVar("G", WaveletAccumulator, SecondPass)
+
+
+def part_levels(axes: int) -> int:
+    """Return the default number of exact levels, for which the result of a worker for a part has at most `PART_MEMORY`
+    bytes."""
+    return exact_levels(axes, PART_MEMORY, END_BYTES)
+
+
+def spread(
+    stream: Stream,
+    curves: Mapping[str, AxisCurves],
+    *,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    parts: int | None = None,
+    done: Callable[[int], None] | None = None,
+    prepare: Callable[[Batch], Batch] | None = None,
+) -> None:
+    """Measure the curves of a recording in one or two passes, in several processes or on several machines.
+
+    The result is the same as in one process. Each worker reads its parts of the file directly. The size of its result
+    does not grow with the length of the parts. If a worker is lost, another one reads its part again.
+
+    Parameters
+    ----------
+    stream : Stream
+        The recording. The workers must be able to read its file under the same path.
+    curves : mapping of axis to AxisCurves
+        Empty curves, to which all samples are added.
+    scheduler : str, distributed.Client or None
+        Address of a Dask scheduler, or a client of one; None to start worker processes on this machine.
+    workers : int, optional
+        Number of processes to start if no scheduler is given.
+    parts : int, optional
+        Number of parts of the recording; by default four for each thread of the workers.
+    done : callable, optional
+        Function that is called in the calling thread with the number of samples so far, after each part. In a second
+        pass the count continues, up to twice the number of samples.
+    prepare : callable, optional
+        Function that is applied to each batch before it is measured. It can be pickled.
+
+    Raises
+    ------
+    ReadError, DataError
+        In the same cases as `gmwm.read`. The error describes the first problem in the file.
+    OptionError
+        If an option has an invalid value, or the scheduler does not answer.
+    MissingDependencyError
+        If Dask is not installed.
+    GmwmError
+        If workers die repeatedly on the same part, or the connection to the scheduler is lost.
+    """
+    with connected(scheduler, workers) as client:
+        crew = _Crew(
+            client, stream, {axis: one.change for axis, one in curves.items()}, parts=parts, done=done, prepare=prepare
+        )
+        first = crew.measure({axis: partial(_beginning, one.first) for axis, one in curves.items()})
+        for axis, one in curves.items():
+            one.first = first[axis]
+        # A part that is the whole recording may need no second pass.
+        again = {axis: one for axis, one in curves.items() if one.begin_again()}
+        second = crew.measure({axis: one.second.part for axis, one in again.items() if one.second is not None})
+        for axis, one in again.items():
+            one.second = second[axis]
+    stream._ended(crew.summary, stacklevel=6)
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured(Generic[G]):
+    """Result of a worker for a part: an accumulator for each axis, and a summary of the rows."""
+
+    axes: Mapping[str, G]
+    summary: RowSummary
+
+    def has_short_gaps(self, rate: float) -> bool:
+        """Return whether the part has a gap that may be filled, or follows one. Sample numbers then differ from row
+        numbers."""
+        lost = np.array([seconds * rate - 1 for _, seconds in self.summary.gaps])
+        return bool(np.any(is_short(np.rint(lost))))
+
+    def followed_by(self, later: _Measured[G]) -> _Measured[G]:
+        """Merge the results of this part and the next one, with a gap between them if the recording has one there."""
+        axes: dict[str, G] = {}
+        for axis, one in self.axes.items():
+            if later.summary.parted:
+                one.gap()
+            axes[axis] = one.merge(later.axes[axis])
+        return _Measured(axes, self.summary.followed_by(later.summary))
+
+
+@dataclass(frozen=True, eq=False)
+class _Begin(Generic[G]):
+    """For each axis, a function that creates the accumulator of a part from the number of its first sample.
+
+    It is a class and not a dict, because Dask would treat each entry of a dict separately.
+    """
+
+    axes: Mapping[str, Callable[[int], G]]
+    changes: Mapping[str, Change | None]
+    prepare: Callable[[Batch], Batch] | None
+
+
+def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
+    """Return an empty accumulator with the options of another one, for a part that begins with sample `start`."""
+    return WaveletAccumulator(
+        one.rate, levels=one.levels, exact=one.exact, start=start, unit=one.unit, axis=one.axis, robust=one.robust
+    )
+
+
+def _unpacked(packed: bytes) -> Any:
+    """Restore an object that `_held` compressed."""
+    return pickle.loads(zlib.decompress(packed))
+
+
+@dataclass(frozen=True, eq=False)
+class _PartMeasurement:
+    """The measurement of one axis of a part, in one of the two passes."""
+
+    one: SegmentedAccumulator
+    change: Change | None
+
+    def clean(self, signal: Signal) -> Signal:
+        """Apply the change to the samples of a batch."""
+        return signal if self.change is None else self.change(signal)
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add samples."""
+        self.one.feed(signal, continues)
+
+
+def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
+    """Measure a part in a worker. An error in the file is returned and not raised, because Dask would repeat the
+    work."""
+    reader = PartReader(part)
+    axes = {axis: made(part.first) for axis, made in begin.axes.items()}
+    try:
+        measured = {axis: _PartMeasurement(one, begin.changes[axis]) for axis, one in axes.items()}
+        batches = gathered(reader.samples(), tuple(axes), part.found.rate)
+        measure(batches if begin.prepare is None else map(begin.prepare, batches), measured, threads=1)
+    except GmwmError as error:
+        return error
+    return _Measured(axes, reader.summary)
+
+
+class _Crew:
+    """Distributes the parts of a recording over the workers of a cluster, at most a few for each worker at once."""
+
+    summary: RowSummary
+
+    def __init__(
+        self, client: Any, stream: Stream, changes: Mapping[str, Change | None], *, parts: int | None,
+        done: Callable[[int], None] | None, prepare: Callable[[Batch], Batch] | None,
+    ) -> None:  # fmt: skip
+        self._client, self._done, self._changes, self._prepare, self._samples = client, done, changes, prepare, 0
+        self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
+        if parts is None:
+            path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
+            parts = max(A_THREAD * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
+        self._parts: tuple[Part, ...] = stream.parts(parts)
+        self._whole: tuple[Part, ...] = stream.parts(1)
+
+    def measure(self, axes: Mapping[str, Callable[[int], G]]) -> Mapping[str, G]:
+        """Measure all parts and merge them in order; raise the first error in the file.
+
+        `axes` has, for each axis, a function that creates an accumulator from the number of the first sample. Parts
+        number their samples by the rows of the file. If rows are lost, or gaps may be filled, the recording is
+        measured again as one part.
+        """
+        if not axes:
+            return {}
+        found = self._measured(axes)
+        if found is None:
+            self._parts, self._samples = self._whole, 0
+            found = self._measured(axes)
+        assert found is not None
+        self.summary = found.summary
+        return found.axes
+
+    def _measured(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
+        """Measure all parts and merge them in order; None if they cannot be measured one by one."""
+        arrived: queue.SimpleQueue[int] = queue.SimpleQueue()
+        running: dict[int, Any] = {}
+        found: dict[int, _Measured[G] | GmwmError] = {}
+        joined: _Measured[G] | None = None
+        asked = merged = 0
+        rate = self._whole[0].found.rate
+        begin = self._held(_Begin(axes, self._changes, self._prepare))
+        try:
+            while joined is None or merged < len(self._parts):
+                while asked < min(len(self._parts), merged + AHEAD * self._threads()):
+                    running[asked] = self._ask(asked, begin, arrived)
+                    asked += 1
+                k = _next(arrived)
+                found[k] = self._answer(k, running.pop(k))
+                while merged in found:
+                    part = found.pop(merged)
+                    if isinstance(part, GmwmError):
+                        raise part
+                    ends = joined.summary.stop if joined is not None else 0
+                    if len(self._parts) > 1 and (part.has_short_gaps(rate) or ends != self._parts[merged].first):
+                        return None
+                    joined = part if joined is None else joined.followed_by(part)
+                    merged += 1
+        finally:
+            with suppress(Exception):  # the scheduler may be gone
+                self._client.cancel([*running.values(), begin], force=True)
+        return joined
+
+    def _threads(self) -> int:
+        """Return the current number of threads of all workers. More workers may connect later."""
+        return max(1, int(sum(self._client.nthreads().values())))
+
+    def _held(self, begin: _Begin[G]) -> Any:
+        """Send the functions that create accumulators to the cluster once, for all parts.
+
+        They are the result of a separate task, which Dask repeats if the worker that holds it is lost.
+        """
+        packed = zlib.compress(pickle.dumps(begin), 1)
+        with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
+            return self._client.submit(_unpacked, packed, pure=False, retries=RETRIES)
+
+    def _ask(self, k: int, begin: Any, arrived: queue.SimpleQueue[int]) -> Any:
+        future = self._client.submit(_measure, self._parts[k], begin, pure=False, retries=RETRIES)
+        future.add_done_callback(lambda _: arrived.put(k))
+        return future
+
+    def _answer(self, k: int, future: Any) -> Any:
+        """Return the result of a worker. Raise an error if the workers died or the scheduler is lost."""
+        lost = (asyncio.CancelledError, concurrent.futures.CancelledError, self._distributed.comm.CommClosedError)
+        try:
+            answer = future.result()
+        except self._distributed.KilledWorker as error:
+            raise GmwmError(
+                f"{self._source}: several workers died while reading {self._parts[k]!r}, possibly for lack of memory",
+                advice="Start fewer workers per machine, or give `gmwm.stream` a smaller chunk.",
+            ) from error
+        except lost as error:
+            raise GmwmError(
+                f"{self._source}: the connection to the Dask scheduler was lost", advice="Start again."
+            ) from error
+        if isinstance(answer, _Measured):
+            self._samples += answer.summary.stop - answer.summary.first
+            if self._done is not None:
+                self._done(self._samples)
+        return answer
+
+
+def _next(arrived: queue.SimpleQueue[int]) -> int:
+    """Wait for the next finished part; Ctrl-C interrupts the wait."""
+    while True:
+        with suppress(queue.Empty):
+            return arrived.get(timeout=INTERRUPT_CHECK)

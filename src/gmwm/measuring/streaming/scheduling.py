@@ -1,0 +1,153 @@
+"""Connect to a Dask scheduler, or start worker processes on this machine."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+from gmwm.base.errors import GmwmError, GmwmWarning, MissingDependencyError, OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.threads import processors
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+PATIENCE = 10
+"""Time (s) within which a scheduler must answer. It is a choice, longer than the delay of any network."""
+_DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent process may end the
+workers."""
+
+
+@contextmanager
+def connected(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
+    """Connect to a Dask scheduler, or to worker processes that are started on this machine.
+
+    Processes that are started here end with the block. A client that is passed is not closed.
+
+    Parameters
+    ----------
+    scheduler : str, distributed.Client or None
+        Address of a scheduler, such as tcp://10.0.0.5:8786, or a client; None to start worker processes here. These
+        import the script that runs, which must have its work under `if __name__ == "__main__":`.
+    workers : int, optional
+        Number of worker processes with one thread each; by default the number of processors.
+
+    Raises
+    ------
+    MissingDependencyError
+        If distributed is not installed.
+    OptionError
+        If no scheduler answers, or both `scheduler` and `workers` are given.
+    GmwmError
+        If worker processes do not start.
+
+    Warns
+    -----
+    GmwmWarning
+        If a scheduler has no workers yet.
+
+    Examples
+    --------
+    >>> with connected("127.0.0.1") as client:
+    ...     client.submit(sum, [1, 2]).result()
+    Traceback (most recent call last):
+    gmwm.base.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'
+    """
+    distributed = library()
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+        raise OptionError(argument="workers", expected="a whole number of processes, 1 or more", got=workers)
+    if scheduler is not None and workers is not None:
+        raise OptionError(
+            "a scheduler has its own workers, so their number cannot be given",
+            argument="workers",
+            advice="Pass either {--scheduler} or {--workers}.",
+        )
+    if isinstance(scheduler, distributed.Client):
+        yield scheduler
+        return
+    with ExitStack() as stack:
+        if scheduler is None:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="gmwm-", ignore_cleanup_errors=True))
+            stack.enter_context(_quiet())
+            cluster = stack.enter_context(_processes(distributed, workers or processors(), folder))
+            yield stack.enter_context(distributed.Client(cluster, set_as_default=False))
+        else:
+            yield stack.enter_context(_client(distributed, scheduler))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Suppress asyncio's messages about tasks that Ctrl-C interrupts while workers start."""
+    logger = logging.getLogger("asyncio")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
+def library() -> Any:
+    """Import the package distributed.
+
+    Raises
+    ------
+    MissingDependencyError
+        If the package is not installed.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        raise MissingDependencyError(
+            "several processes or machines need Dask, which is not installed",
+            advice="Install it with `pip install 'gmwm[dask]'`.",
+        ) from error
+    return distributed
+
+
+def _processes(distributed: Any, workers: int, folder: str) -> Any:
+    """Start a scheduler in this process, and worker processes with one thread each, which limits Polars to one thread
+    too."""
+    try:
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",  # any port, because another cluster may use the default one
+            silence_logs=logging.CRITICAL,
+            local_directory=folder,
+            env={"POLARS_MAX_THREADS": "1"},
+            preload=[_DEAF],
+        )
+    except RuntimeError as error:
+        raise GmwmError(
+            f"worker processes did not start ({error})",
+            advice='They import the script that runs: put its work under `if __name__ == "__main__":`.',
+        ) from error
+
+
+def _client(distributed: Any, address: object) -> Any:
+    """Connect to the scheduler at an address.
+
+    Raises
+    ------
+    OptionError
+        If `address` has another form, or no scheduler answers.
+    """
+    if not isinstance(address, str) or not address.partition("://")[2]:
+        raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise OptionError(
+            f"the scheduler at {address} does not answer ({error})",
+            argument="scheduler",
+            advice="Start one with `dask scheduler`, workers with `dask worker ADDRESS`, or leave {--scheduler} out.",
+        ) from error
+    if not client.scheduler_info(n_workers=-1)["workers"]:
+        warnings.warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
+    return client

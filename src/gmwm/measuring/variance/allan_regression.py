@@ -1,0 +1,320 @@
+"""Allan variance linear regression: estimate Q, N, B, K and R from lines of fixed slope in an Allan deviation."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark, texts
+from gmwm.base.text import Summarised, with_article
+from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.clusters import ClusterVariance
+from gmwm.measuring.variance.phase import contradicting_rate
+from gmwm.measuring.variance.slope_line import LAWS, SlopeLine, Term, coefficient_unit
+from gmwm.recording.signals import Signal
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.showing.plots.view import UnitSystem
+
+_Reason = Literal["slope", "chance", "few", "rising"]
+"""Reason why a term is not found."""
+OCTAVE = 1.9
+"""Smallest ratio of neighbouring averaging times for which a slope is computed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class AllanRegression(Summarised):
+    """Noise coefficients from the slopes of an Allan deviation, with the fitted lines.
+
+    Attributes
+    ----------
+    allan : ClusterVariance
+        Allan deviation to which the lines are fitted.
+    lines : tuple of SlopeLine
+        Fitted lines, one for each term that was found.
+    remarks : tuple of Remark
+        One remark for each term that was not found. The subject of the remark is the term, and its fact `reason` is
+        "slope", "chance", "few" or "rising".
+    """
+
+    allan: ClusterVariance
+    lines: tuple[SlopeLine, ...]
+    remarks: tuple[Remark, ...] = ()
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Coefficient of each term that was found, in the unit of the data and seconds."""
+        return {line.term: line.coefficient for line in self.lines}
+
+    def __getitem__(self, term: str) -> SlopeLine:
+        for line in self.lines:
+            if line.term == term:
+                return line
+        if any(remark.subject == term for remark in self.remarks):
+            raise OptionError(
+                argument="term",
+                expected=f"one of the terms found ({', '.join(self.coefficients) or 'none'})",
+                got=term,
+                advice="`remarks` has the reason why a term is not found.",
+            )
+        raise OptionError(argument="term", expected=f"one of {', '.join(LAWS)}", got=term)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain numbers, lists and strings for JSON."""
+        unit = self.allan.unit
+        lines = [
+            {**asdict(line), "slope": line.slope, "name": line.name, "unit": coefficient_unit(line.term, unit)[0],
+             "si": line.coefficient * coefficient_unit(line.term, unit)[1]}
+            for line in self.lines
+        ]  # fmt: skip
+        return {"allan": self.allan.to_dict(), "lines": lines, "remarks": [one.to_dict() for one in self.remarks]}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
+        """Restore a result from `values`, the output of `to_dict`."""
+        names = ("term", "coefficient", "first", "last", "points", "bound")
+        lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
+        remarks = tuple(map(Remark.from_dict, values["remarks"]))
+        return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, remarks=remarks)
+
+    def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
+        """Format a table of the coefficients, their units ("si" or "datasheet") and the averaging times of the fits."""
+        of = f" of {self.allan.axis}" if self.allan.axis else ""
+        title = self.allan.title[0].lower() + self.allan.title[1:]
+        rows = [f"Slopes of the {title}{of}: {self.allan.samples} samples at {self.allan.rate:g} Hz"]
+        for line in self.lines:
+            unit, factor = coefficient_unit(line.term, self.allan.unit, units)
+            sign = "<=" if line.bound else "="
+            span = f"{line.points} values from {line.first:g} to {line.last:g} s"
+            where = span if line.points > 1 else f"at {line.first:g} s"
+            rows.append(
+                f"{line.term} {sign:>2} {factor * line.coefficient:<11.5g} {unit:<11} {line.name:<30} "
+                f"slope {line.slope:+.1f}, {where}"
+            )
+        rows += texts(self.remarks)
+        rows.append("a graphical method: inconsistent where several terms share the range; see avlr")
+        return "\n".join(rows)
+
+    def plot(
+        self,
+        *,
+        units: UnitSystem = "si",
+        guides: bool = True,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
+        guides : bool
+            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+            (ramp).
+        ax : matplotlib Axes, optional
+            Axes to draw on; by default the axes of a new figure.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.showing.plots.allan import plot_avlr
+
+        return plot_avlr(self, units=units, guides=guides, ax=ax, path=path)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{term}={value:.4g}" for term, value in self.coefficients.items())
+        return f"AllanRegression({self.allan.axis or 'unnamed'}: {values or 'nothing found'})"
+
+
+def avlr(
+    x: ClusterVariance | Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    terms: Iterable[Term] = ("Q", "N", "B", "K", "R"),
+    ranges: Mapping[Term, tuple[float, float]] | None = None,
+    tolerance: float = 0.2,
+    least_freedom: float = 5.0,
+) -> AllanRegression:
+    """Estimate noise coefficients by regression on the slopes of the Allan deviation.
+
+    This is the classical method, which gmwm includes for comparison. In the logarithmic plot of the Allan deviation σ
+    over the averaging time τ, each term is a straight line: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3) and R τ/√2. A line is
+    fitted to the longest range in which the curve has about the slope of the line, by the mean of log σ − slope · log
+    τ. Q is the value of its line at τ = √3 s, N at 1 s, K at 3 s, and R at √2 s. B follows from the minimum of the
+    curve.
+
+    The estimator is inconsistent: on any range all other terms add to the curve, and more data do not remove this
+    bias. A Gauss-Markov process produces slopes that belong to none of the terms. Use `gmwm.fit` for consistent
+    estimates. At the sampling rate f, the coefficients correspond to the parameters σ² = N² f of white noise, γ² = K²/f
+    of a random walk, ω = R/f of a drift, and Q² f² of quantization noise.
+
+    Parameters
+    ----------
+    x : ClusterVariance, Signal, or (N,) array
+        Allan or total deviation, or a signal whose Allan deviation is computed at octaves. If averaging times are
+        closer than an octave, only some of them are used.
+    rate : float
+        Sampling rate (Hz), required if `x` is an array.
+    terms : sequence
+        Terms to estimate.
+    ranges : mapping of term to (first, last), optional
+        Range of averaging times (s) to which a term is fitted, whatever the slope of the curve is there.
+    tolerance : float
+        Largest difference between the local slope of the curve and the slope of the term.
+    least_freedom : float
+        Smallest number of degrees of freedom of the values that are used.
+
+    Returns
+    -------
+    AllanRegression
+        Lines, coefficients, and a remark for each term that was not found.
+
+    Raises
+    ------
+    DataError
+        If the Allan variance of the signal cannot be computed.
+    OptionError
+        If an option is invalid, or the curve is a modified or a Hadamard deviation, whose lines have other factors.
+
+    References
+    ----------
+    IEEE Std 952, annex C; Guerrier, S., Molinari, R. and Stebler, Y. (2016), Theoretical limitations of Allan
+    variance-based regression for time series model estimation, IEEE Signal Processing Letters 23, 597-601.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.random.default_rng(1).normal(size=40000)
+    >>> found = avlr(x, rate=100.0)
+    >>> bool(abs(found["N"].coefficient - 0.1) < 0.002)
+    True
+    """
+    allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
+    if allan.family == "hadamard" or allan.kind == "modified":
+        raise OptionError(
+            f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}",
+            argument="x",
+            got=x,
+            advice="Use `gmwm.allan_variance`.",
+        )
+    if isinstance(x, ClusterVariance) and rate is not None and rate != allan.rate:
+        raise contradicting_rate(rate, allan.rate, "curve")
+    wanted = list(terms)
+    for term in (*wanted, *(ranges or {})):
+        if term not in LAWS:
+            raise OptionError(argument="terms", expected=f"among {', '.join(LAWS)}", got=term)
+    if not 0 < tolerance <= 0.5:
+        raise OptionError(argument="tolerance", expected="greater than 0 and at most 0.5", got=tolerance)
+    used = _octaves(allan.tau, (allan.variance > 0) & (allan.degrees_of_freedom >= least_freedom))
+    tau, deviation = allan.tau[used], allan.deviation[used]
+    lines: list[SlopeLine] = []
+    remarks: list[Remark] = []
+    for term in (term for term in LAWS if term in wanted):
+        if ranges and term in ranges:
+            found = _line(term, tau, deviation, _inside(term, ranges[term], tau))
+        elif term == "B":
+            found = _minimum(tau, deviation)
+        else:
+            found = _line(
+                term, tau, deviation, _fitted_range(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance)
+            )
+        if isinstance(found, SlopeLine) and not (ranges and term in ranges) and _contradicted(found, allan):
+            found = "chance"
+        if isinstance(found, SlopeLine):
+            lines.append(found)
+        else:
+            remarks.append(Remark.of("slope-line-missing", term, reason=found, slope=LAWS[term].slope))
+    return AllanRegression(allan=allan, lines=tuple(lines), remarks=tuple(remarks))
+
+
+def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
+    """Return whether the line exceeds 1.5 times the upper confidence limit of the curve at some averaging time."""
+    return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
+
+
+def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
+    """Return indices of usable values that are about an octave apart; slopes between closer values are too noisy."""
+    kept: list[int] = []
+    for k in np.flatnonzero(usable).tolist():
+        if not kept or tau[k] >= OCTAVE * tau[kept[-1]]:
+            kept.append(k)
+    return kept
+
+
+def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.bool_]:
+    inside = (tau >= bounds[0]) & (tau <= bounds[1])
+    if not inside.any():
+        span = f"{tau[0]:g} … {tau[-1]:g} s" if tau.size else "no averaging time"
+        raise OptionError(
+            f"the range of {term} contains no usable averaging time; the usable ones are {span}",
+            argument="ranges",
+            got=bounds,
+        )
+    return np.asarray(inside)
+
+
+def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
+    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`.
+
+    No value is marked if there is no such run.
+    """
+    chosen = np.zeros(log_tau.size, dtype=bool)
+    near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
+    length, start = 0.0, None
+    for k in range(near.size + 1):
+        inside = k < near.size and bool(near[k])
+        if inside and start is None:
+            start = k
+        elif not inside and start is not None:
+            if log_tau[k] - log_tau[start] > length:
+                length = log_tau[k] - log_tau[start]
+                chosen[:] = False
+                chosen[start : k + 1] = True
+            start = None
+    return chosen
+
+
+def _line(term: Term, tau: Vector, deviation: Vector, chosen: NDArray[np.bool_]) -> SlopeLine | _Reason:
+    law = LAWS[term]
+    if not chosen.any():
+        return "slope"
+    t, heights = tau[chosen], np.log(deviation[chosen]) - law.slope * np.log(tau[chosen])
+    coefficient = math.exp(float(heights.mean())) / law.factor
+    return SlopeLine(term=term, coefficient=coefficient, first=float(t[0]), last=float(t[-1]), points=int(t.size))
+
+
+def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | _Reason:
+    if tau.size < 2:
+        return "few"
+    k = int(np.argmin(deviation))
+    if k == 0:
+        return "rising"
+    at = float(tau[k])
+    return SlopeLine(
+        term="B",
+        coefficient=float(deviation[k]) / LAWS["B"].factor,
+        first=at,
+        last=at,
+        points=1,
+        bound=k == tau.size - 1,
+    )

@@ -1,0 +1,223 @@
+"""Block sums of a segment of samples, from which the coefficients of large scales are computed; 64 blocks per scale.
+
+Block k of a step s contains the samples k s … (k + 1) s − 1, counted from the beginning of the whole recording.
+Therefore two consecutive segments have the same blocks as their union.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.measuring.variance.coefficients import haar_resolution
+from gmwm.measuring.variance.statistics_protocol import LevelStatistic, StatisticsCollector
+
+STEPS = 64
+"""Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample."""
+_KEPT = STEPS - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Blocks of one step in a segment of samples, with the sum of the squared coefficients.
+
+    Attributes
+    ----------
+    step : int
+        Number of samples in a block, τ/64.
+    first, last : int
+        Index of the first complete block, and one past the index of the last complete block. last < first if no
+        multiple of the step lies inside the segment or at its ends.
+    before, after : float
+        Sums of the samples before the first and after the last complete block. If last < first, `before` is the sum of
+        all samples.
+    heads, tails : arrays
+        Sums of the samples in the first and the last 63 blocks.
+    squares, count : float, int
+        Sum of (sum of 32 blocks − sum of the 32 preceding blocks)², and the number of terms.
+    total, moment : float
+        Σ b_k and Σ (k − first) b_k over all complete blocks with the sums b_k.
+    part, resolution : LevelStatistic or None, float
+        Further statistics of the coefficients W, and the largest |W| that can be a rounding error.
+    """
+
+    step: int
+    first: int
+    last: int
+    before: float
+    after: float = 0.0
+    heads: Vector = field(default_factory=lambda: np.empty(0))
+    tails: Vector = field(default_factory=lambda: np.empty(0))
+    squares: float = 0.0
+    count: int = 0
+    total: float = 0.0
+    moment: float = 0.0
+    part: LevelStatistic | None = None
+    resolution: float = 0.0
+
+    @property
+    def open(self) -> bool:
+        """Whether the segment contains no multiple of the step."""
+        return self.last < self.first
+
+    def followed_by(self, later: Blocks, collector: StatisticsCollector | None = None) -> Blocks:
+        """Combine the blocks of this segment and the segment that directly follows it."""
+        if later.open:
+            if self.open:
+                return replace(self, before=self.before + later.before)
+            return replace(self, after=self.after + later.before)
+        if self.open:
+            return replace(later, before=self.before + later.before)
+        # If the boundary is not a multiple of the step, the remainders before and after it form one block.
+        middle = [] if self.last == later.first else [self.after + later.before]
+        joint = np.concatenate([self.tails, middle, later.heads])
+        squares, count, part, resolution = measured(joint, self.step, collector)
+        if part is not None and self.part is not None and later.part is not None:
+            part = self.part.merge(later.part).merge(part)
+        heads, tails = self.heads, later.tails
+        if heads.size < _KEPT:
+            heads = np.concatenate([heads, middle, later.heads])[:_KEPT]
+        if tails.size < _KEPT:
+            tails = np.concatenate([self.tails, middle, tails])[-_KEPT:]
+        return Blocks(
+            step=self.step,
+            first=self.first,
+            last=later.last,
+            before=self.before,
+            after=later.after,
+            heads=heads,
+            tails=tails,
+            squares=self.squares + later.squares + squares,
+            count=self.count + later.count + count,
+            total=self.total + sum(middle) + later.total,
+            moment=self.moment
+            + sum(middle) * (self.last - self.first)
+            + later.moment
+            + later.total * (later.first - self.first),
+            part=part,
+            resolution=max(self.resolution, later.resolution, resolution),
+        )
+
+    @property
+    def rise(self) -> float | None:
+        """Least-squares estimate of the rise per sample from the block means; None for fewer than two blocks."""
+        n = self.last - self.first
+        if n < 2:
+            return None
+        about = self.moment - 0.5 * (n - 1) * self.total
+        return about / (n * (n * n - 1.0) / 12.0) / self.step**2
+
+    def numbers(self) -> list[float]:
+        """Return the numbers that `restored` needs besides the sums of the blocks."""
+        return [
+            self.first, self.last, self.before, self.after, self.squares, self.count, self.total, self.moment,
+            self.heads.size,
+        ]  # fmt: skip
+
+    @classmethod
+    def restored(cls, step: int, numbers: list[float], heads: Vector, tails: Vector) -> Blocks:
+        """Restore the blocks from the output of `numbers` and the sums of the first and last blocks."""
+        first, last, before, after, squares, count, total, moment, _ = numbers
+        return cls(
+            step=step,
+            first=int(first),
+            last=int(last),
+            before=before,
+            after=after,
+            heads=heads.copy(),
+            tails=tails.copy(),
+            squares=squares,
+            count=int(count),
+            total=total,
+            moment=moment,
+        )
+
+    def raised(self, offset: float, start: int, stop: int) -> Blocks:
+        """Return the blocks of the segment from `start` to `stop` with `offset` added to every sample."""
+        if self.open:
+            return replace(self, before=self.before + offset * (stop - start))
+        s, n = self.step, self.last - self.first
+        return replace(
+            self,
+            before=self.before + offset * (self.first * s - start),
+            after=self.after + offset * (stop - self.last * s),
+            heads=self.heads + offset * s,
+            tails=self.tails + offset * s,
+            total=self.total + offset * s * n,
+            moment=self.moment + offset * s * (n * (n - 1) / 2),
+        )
+
+
+def measured(
+    blocks: Vector, step: int, collector: StatisticsCollector | None
+) -> tuple[float, int, LevelStatistic | None, float]:
+    """Compute `squares`, `count`, `part` and `resolution` of `Blocks` from the sums of consecutive blocks."""
+    count = blocks.size - STEPS + 1
+    if count < 1:
+        return 0.0, 0, _empty(collector, step), 0.0
+    half = STEPS // 2
+    sums = np.concatenate([[0.0], np.cumsum(blocks - blocks.mean())])
+    w = sums[STEPS:] - 2.0 * sums[half:-half] + sums[:-STEPS]
+    if collector is None:
+        return float(w @ w), count, None, 0.0
+    level = _level(step)
+    # The same bound as for a running sum of samples of which only the last value of each block is known.
+    resolution = haar_resolution(float(np.abs(sums).max()), level)
+    return float(w @ w), count, collector.values(np.ldexp(w, -level), level), resolution
+
+
+def _level(step: int) -> int:
+    return (STEPS * step).bit_length() - 1
+
+
+def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic | None:
+    return None if collector is None else collector.values(np.empty(0), _level(step))
+
+
+def blocks_of(
+    sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
+) -> list[Blocks]:
+    """Build the blocks of the samples `start` … `stop` − 1, for each step.
+
+    `sums` are the sums of all samples before each multiple of the first step, and of all samples. The other steps are
+    powers of two times the first step.
+    """
+    base, first, total = steps[0], -(-start // steps[0]), float(sums[-1])
+    marks = sums[:-1]
+    return [
+        _of(
+            step,
+            start,
+            stop=stop,
+            marks=marks[(-first) % (step // base) :: step // base],
+            total=total,
+            collector=collector,
+        )
+        for step in steps
+    ]
+
+
+def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:
+    """Build the blocks of one step from `marks`, the sums of all samples before each multiple of the step."""
+    first, last = -(-start // step), stop // step
+    if first > last:
+        return Blocks(step, first, last, total, part=_empty(collector, step))
+    blocks = np.diff(marks)
+    squares, count, part, resolution = measured(blocks, step, collector)
+    return Blocks(
+        step=step,
+        first=first,
+        last=last,
+        before=float(marks[0]),
+        after=total - float(marks[-1]),
+        heads=blocks[:_KEPT].copy(),
+        tails=blocks[-_KEPT:].copy(),
+        squares=squares,
+        count=count,
+        total=float(blocks.sum()),
+        moment=float(np.arange(blocks.size) @ blocks),
+        part=part,
+        resolution=resolution,
+    )

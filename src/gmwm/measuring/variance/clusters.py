@@ -1,0 +1,212 @@
+"""Result of an Allan, Hadamard or total variance, with confidence limits and noise types."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.errors import OptionError
+from gmwm.base.text import Summarised
+from gmwm.measuring.variance.noise_type import noise_type
+from gmwm.measuring.variance.phase import Data
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.showing.plots.view import UnitSystem
+
+Family: TypeAlias = Literal["allan", "hadamard", "total"]
+Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
+
+_TITLES = {
+    ("allan", "overlapping"): "Overlapping Allan",
+    ("allan", "nonoverlapping"): "Allan",
+    ("allan", "modified"): "Modified Allan",
+    ("hadamard", "overlapping"): "Overlapping Hadamard",
+    ("hadamard", "nonoverlapping"): "Hadamard",
+    ("total", "overlapping"): "Total Allan",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ClusterVariance(Summarised):
+    """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
+
+    Attributes
+    ----------
+    family : "allan", "hadamard" or "total"
+        Family of the variance.
+    kind : "overlapping", "nonoverlapping" or "modified"
+        Kind of the variance, as for `allan_variance`.
+    clusters : (J,) int array
+        Cluster sizes n (samples), ascending.
+    variance, lower, upper : (J,) arrays, in unit²
+        Estimate and limits at `confidence`.
+    counts : (J,) int array
+        Number of squared differences that each estimate averages.
+    degrees_of_freedom : (J,) array
+        Equivalent degrees of freedom under the identified noise.
+    noise : tuple of J str
+        Dominant noise at each cluster size, such as "white FM"; `noise_terms` has the names used for inertial sensors.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Number of input values. A recording of N intervals has N values of the rate, or N + 1 values of the phase.
+    unit : str
+        Unit of the rate, and therefore of the deviation.
+    axis : str
+        Name of the axis.
+    confidence : float
+        Confidence level of the limits.
+    data : "rate" or "phase"
+        Kind of the input values.
+    """
+
+    family: Family
+    kind: Kind
+    clusters: NDArray[np.int64]
+    variance: Vector
+    lower: Vector
+    upper: Vector
+    counts: NDArray[np.int64]
+    degrees_of_freedom: Vector
+    noise: tuple[str, ...]
+    rate: float
+    samples: int
+    unit: str = ""
+    axis: str = ""
+    confidence: float = 0.95
+    data: Data = "rate"
+
+    def __post_init__(self) -> None:
+        if (self.family, self.kind) not in _TITLES:
+            raise OptionError(f"the family {self.family!r} has no kind {self.kind!r}", argument="kind", got=self.kind)
+        for name in ("clusters", "variance", "lower", "upper", "counts", "degrees_of_freedom"):
+            freeze(getattr(self, name))
+
+    @property
+    def tau(self) -> Vector:
+        """Averaging times τ = n Δt (s)."""
+        return self.clusters / self.rate
+
+    @property
+    def deviation(self) -> Vector:
+        """Square root of the variance (unit)."""
+        return np.sqrt(self.variance)
+
+    @property
+    def lower_deviation(self) -> Vector:
+        """Square root of the lower limit (unit)."""
+        return np.sqrt(self.lower)
+
+    @property
+    def upper_deviation(self) -> Vector:
+        """Square root of the upper limit (unit)."""
+        return np.sqrt(self.upper)
+
+    @property
+    def noise_terms(self) -> tuple[str, ...]:
+        """Name for inertial sensors of the dominant noise at each cluster size; "" if there is none."""
+        return tuple(noise_type(name).term for name in self.noise)
+
+    @property
+    def title(self) -> str:
+        """Name of the quantity, such as "Overlapping Allan deviation"."""
+        return f"{_TITLES[self.family, self.kind]} deviation"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields, τ and the deviations as plain numbers, lists and strings for JSON."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name in ("tau", "deviation", "lower_deviation", "upper_deviation", "noise_terms"):
+            values[name] = getattr(self, name)
+        return {name: _plain(value) for name, value in values.items()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> ClusterVariance:
+        """Restore a result from `values`, the output of `to_dict`."""
+        known = {field.name: values[field.name] for field in fields(cls)}
+        for name in ("clusters", "counts"):
+            known[name] = np.asarray(known[name], dtype=np.int64)
+        for name in ("variance", "lower", "upper", "degrees_of_freedom"):
+            known[name] = np.asarray(known[name], dtype=np.float64)
+        return cls(**(known | {"noise": tuple(known["noise"])}))
+
+    def summary(self) -> str:
+        """Format a table with one row for each cluster size.
+
+        A row has the averaging time, the deviation with its limits, the degrees of freedom and the noise type.
+        """
+        unit = f" ({self.unit})" if self.unit else ""
+        of = f" of {self.axis}" if self.axis else ""
+        lines = [
+            f"{self.title}{of}{unit}: {self.samples} samples of the {self.data} at {self.rate:g} Hz",
+            f"{'cluster':>9} {'tau [s]':>12} {'deviation':>12} {'lower':>12} {'upper':>12} {'edf':>9}  noise",
+        ]
+        columns = (
+            self.clusters, self.tau, self.deviation, self.lower_deviation, self.upper_deviation,
+            self.degrees_of_freedom, self.noise, self.noise_terms,
+        )  # fmt: skip
+        for n, tau, value, low, high, freedom, name, term in zip(*columns, strict=True):
+            words = f"{name} ({term})" if term else name
+            lines.append(f"{n:9d} {tau:12.6g} {value:12.5e} {low:12.4e} {high:12.4e} {freedom:9.1f}  {words}")
+        lines.append(f"limits: {100 * self.confidence:g} % chi-square")
+        return "\n".join(lines)
+
+    def __len__(self) -> int:
+        return int(self.clusters.size)
+
+    def plot(
+        self,
+        *,
+        units: UnitSystem = "si",
+        guides: bool = True,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
+
+        A variance of zero is marked at the lower edge of the plot.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            Units of the plot: rad/s and m/s², or deg/h and mg.
+        guides : bool
+            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+            (ramp).
+        ax : matplotlib Axes, optional
+            Axes to draw on; by default the axes of a new figure.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.showing.plots.allan import plot_allan
+
+        return plot_allan(self, units=units, guides=guides, ax=ax, path=path)
+
+    def __repr__(self) -> str:
+        return (
+            f"ClusterVariance({self.axis or 'unnamed'}, {self.title.removesuffix(' deviation')}, {len(self)} "
+            f"cluster sizes, {self.samples} samples at {self.rate:g} Hz)"
+        )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,218 @@
+"""Sources of wavelet coefficients with a common interface.
+
+The coefficients are computed from a running sum, stored as one array per level, or combined from several segments.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import MISSING_SAMPLES, Vector
+from gmwm.base.errors import DataError
+
+
+class Coefficients(Protocol):
+    """Interface to the wavelet coefficients W of all levels, independent of how they are stored.
+
+    The index k stands for level k + 1. `counts` has the number of coefficients of each level.
+    """
+
+    counts: NDArray[np.int64]
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Return Σ v q³, Σ v q⁴ and the number of terms for each level, with v = min(W²/limit, 1) and q = 1 − v.
+
+        `limits` has (cσ)² for each level; levels with a limit of 0 are skipped. If `every` is larger than 1, only about
+        one in `every` coefficients is used.
+        """
+
+    def sample(self, k: int, size: int) -> Vector:
+        """Return |W| at `size` evenly spread positions, or all |W| if the level has no more than `size`."""
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """Return the number of |W| ≤ `low`, and the values with `low` < |W| ≤ `high`."""
+
+    def median(self, k: int) -> float:
+        """Return the median of |W|."""
+
+    def resolution(self, k: int) -> float:
+        """Return the largest |W| that can be a rounding error."""
+
+
+SAMPLE = 2048
+"""Number of coefficients of a level that are used for the first search for the root and for the median."""
+
+
+def selected_median(source: Coefficients, k: int) -> float:
+    """Compute the exact median of |W| at level k + 1. Only the values near the median of a sample are stored."""
+    count = int(source.counts[k])
+    sample = np.sort(source.sample(k, SAMPLE))
+    if sample.size < count:
+        around = 3 * math.isqrt(sample.size)
+        low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
+        below, kept = source.between(k, low, high)
+        first, last = (count - 1) // 2 - below, count // 2 - below
+        if first >= 0 and last < kept.size:
+            middle = np.partition(kept, (first, last))
+            return float(middle[first] + middle[last]) / 2
+        sample = source.sample(k, count)
+    return float(np.median(sample))
+
+
+def haar_resolution(peak: float, level: int) -> float:
+    """Return the largest rounding error of |W| at `level` for a running sum whose largest absolute value is `peak`."""
+    return float(np.finfo(float).eps * peak * (4 + 2 ** (level / 2)) / 2**level)
+
+
+LARGEST = 2.0**38
+"""Largest distance of a value from the median, relative to the median of these distances. With larger values, the
+rounding error of the running sum exceeds 1e-4 of a typical coefficient."""
+
+
+def require_digits(x: Vector) -> None:
+    """Check that no value is so large that the running sum loses the digits of the other values.
+
+    Raises
+    ------
+    DataError
+        If there is such a value. The message states the value and its index.
+    """
+    some = x[:: max(1, x.size // SAMPLE)]
+    middle = float(np.median(some))
+    largest = max(float(x.max()) - middle, middle - float(x.min()))
+    sizes = np.abs(some - middle)
+    if not sizes.any():
+        sizes = np.abs(x - middle)
+    typical = float(np.median(sizes[sizes > 0])) if largest > 0 else 0.0
+    if largest <= LARGEST * typical:
+        return
+    index = int(np.argmax(np.abs(x - middle)))
+    raise DataError(
+        f"the value {x[index]:.3g} at index {index} is more than {LARGEST:.0e} times as large as the others differ, so "
+        "that they have no digits beside it in double precision",
+        got=float(x[index]),
+        advice=MISSING_SAMPLES,
+    )
+
+
+class HaarCoefficients:
+    """Haar MODWT coefficients, computed from one running sum of the signal."""
+
+    def __init__(self, x: Vector, levels: int) -> None:
+        require_digits(x)
+        self.sum = _core.running_sum(x)
+        self.counts = x.size - (np.int64(1) << np.arange(1, levels + 1, dtype=np.int64)) + 1
+        self._peak = max(float(self.sum.max()), -float(self.sum.min()))
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Compute the sums of all levels in one pass over the running sum."""
+        return _core.haar_biweight_sums(self.sum, limits, every)
+
+    def sample(self, k: int, size: int) -> Vector:
+        """Compute |W| at evenly spread positions."""
+        return _core.haar_sample(self.sum, k + 1, size)
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """Count the |W| up to `low`, and return the values between `low` and `high`."""
+        return _core.haar_between(self.sum, k + 1, low, high)
+
+    def median(self, k: int) -> float:
+        """Select the exact median."""
+        return selected_median(self, k)
+
+    def resolution(self, k: int) -> float:
+        """Return the largest |W| that can be a rounding error of the running sum."""
+        return haar_resolution(self._peak, k + 1)
+
+
+class PlainCoefficients:
+    """Coefficients stored as one array per level."""
+
+    def __init__(self, levels: Sequence[Vector], resolutions: Sequence[float]) -> None:
+        self.levels = levels
+        self.counts = np.array([w.size for w in levels], dtype=np.int64)
+        self._resolutions = resolutions
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Compute the sums level by level."""
+        sums = np.zeros((3, len(self.levels)))
+        for k, limit in enumerate(limits.tolist()):
+            if limit > 0:
+                w = np.ascontiguousarray(self.levels[k][::every])
+                sums[:, k] = *_core.biweight_sums(w, limit), w.size
+        return sums[0], sums[1], sums[2]
+
+    def sample(self, k: int, size: int) -> Vector:
+        """Return one |W| from each of `size` equal intervals, or all |W|.
+
+        The positions within the intervals follow the golden ratio, so that a periodic W does not alias.
+        """
+        w = self.levels[k]
+        if size >= w.size:
+            return np.abs(w)
+        cells = np.arange(size)
+        places = ((cells + (cells * 0.6180339887498949) % 1) * (w.size / size)).astype(np.int64)
+        return np.abs(w[np.minimum(places, w.size - 1)])
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """Count the |W| up to `low`, and return the values between `low` and `high`."""
+        size = np.abs(self.levels[k])
+        return int(np.count_nonzero(size <= low)), size[(size > low) & (size <= high)]
+
+    def median(self, k: int) -> float:
+        """Select the exact median."""
+        return selected_median(self, k)
+
+    def resolution(self, k: int) -> float:
+        """Return the stored resolution."""
+        return self._resolutions[k]
+
+
+class PooledCoefficients:
+    """Coefficients of several segments, which can have different numbers of levels."""
+
+    def __init__(self, sources: Sequence[Coefficients]) -> None:
+        self.sources = sources
+        self.counts = np.zeros(max(len(source.counts) for source in sources), dtype=np.int64)
+        for source in sources:
+            self.counts[: len(source.counts)] += source.counts
+
+    def _reaching(self, k: int) -> list[Coefficients]:
+        return [source for source in self.sources if len(source.counts) > k]
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Add up the sums of the segments."""
+        total = np.zeros((3, limits.size))
+        for source in self.sources:
+            reach = len(source.counts)
+            if np.any(limits[:reach] > 0):
+                total[:, :reach] += source.sums(np.ascontiguousarray(limits[:reach]), every)
+        return total[0], total[1], total[2]
+
+    def sample(self, k: int, size: int) -> Vector:
+        """Sample each segment in proportion to its number of coefficients."""
+        sources, count = self._reaching(k), int(self.counts[k])
+        ends = np.cumsum([0, *(int(source.counts[k]) for source in sources)])
+        # Rounding the cumulative counts, and not each share, keeps the total and does not omit all short segments.
+        shares = np.diff(ends if size >= count else ends * size // count).tolist()
+        parts = [source.sample(k, share) for source, share in zip(sources, shares, strict=True) if share]
+        return np.concatenate(parts)
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """Combine the counts and values of all segments."""
+        found = [source.between(k, low, high) for source in self._reaching(k)]
+        return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
+
+    def median(self, k: int) -> float:
+        """Select the exact median."""
+        return selected_median(self, k)
+
+    def resolution(self, k: int) -> float:
+        """Return the largest resolution of the segments."""
+        return max(source.resolution(k) for source in self._reaching(k))

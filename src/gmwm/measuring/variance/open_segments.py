@@ -1,0 +1,313 @@
+"""Sums over the wavelet coefficients of samples that arrive in chunks, with gaps between segments."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.errors import OptionError
+from gmwm.base.locks import OneAtATime, one_at_a_time
+from gmwm.base.text import with_article
+from gmwm.measuring.variance.held_samples import HeldSamples
+from gmwm.measuring.variance.rise import RiseSums
+from gmwm.measuring.variance.segment_state import SegmentState
+from gmwm.measuring.variance.statistics_protocol import Statistics, StatisticsCollector
+from gmwm.recording.batches import feed
+from gmwm.recording.signals import Signal
+
+EXACT = 14
+"""Default number of levels at which an accumulator uses every coefficient."""
+LEAST_EXACT = 6
+"""Smallest number of exact levels. Up to a scale τ of 64 samples, every τ/64-th coefficient means every coefficient."""
+MOST_EXACT = 24
+"""Largest number of exact levels."""
+SAMPLE_BYTES = 40
+"""Memory (bytes) of an accumulator for each of 2^exact samples: the first and last samples of a segment, and the
+results computed from a panel and the samples before it."""
+DEEPEST = 44
+"""Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
+MEMORY = 1 << 29
+"""Default limit (bytes) of the memory of the accumulators of all axes of a recording. For six axes, 8.4 million samples
+are stored, which is 23 h at 100 Hz or 2.3 h at 1 kHz. For more samples, 21 levels are exact."""
+HELD_BYTES = 8
+"""Memory (bytes) of an accumulator for each sample that is stored."""
+PANEL = 1 << 20
+"""Largest number of samples that are processed together."""
+LARGE = 1 << 18
+"""Number of samples from which a chunk is processed without a copy."""
+
+
+class SegmentedAccumulator(OneAtATime):
+    """Sums over the wavelet coefficients of a recording that arrives in chunks.
+
+    The result does not depend on the sizes of the chunks. Several threads may use one accumulator: one call runs at a
+    time, and samples are in the order of the calls. Up to `held` samples are stored unprocessed. With more samples,
+    they are processed in panels, and only sums are kept.
+
+    Parameters
+    ----------
+    levels : int
+        Largest number of levels J.
+    exact : int
+        Number of levels at which every coefficient is used.
+    start : int
+        Index of the first sample in the recording.
+    collector : StatisticsCollector or None
+        Collector of further statistics of the coefficients, besides their squares.
+    held : int, optional
+        Largest number of samples that are stored unprocessed; by default 2^exact − 1, for which all levels are exact.
+    """
+
+    def __init__(
+        self, levels: int, exact: int, start: int, collector: StatisticsCollector | None, held: int | None = None
+    ) -> None:
+        self.exact = whole(exact, "exact", LEAST_EXACT, MOST_EXACT)
+        self.levels = whole(levels, "levels", 1, DEEPEST)
+        self.start = whole(start, "start", 0, 1 << 62)
+        self.held = (1 << self.exact) - 1 if held is None else whole(held, "held", 0, 1 << 62)
+        # `_first` is the first segment after a gap has closed it, `_last` is the open segment, and `_squares`,
+        # `_counts`, `_statistics`, `_lengths` and `_rises` are sums over the segments between them.
+        self._first: SegmentState | None = None
+        self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
+        self._collector = collector
+        self._statistics: Statistics | None = None if collector is None else collector.empty()
+        self._lengths: list[int] = []
+        self._rises = 0.0
+        self.filled, self._line = 0, RiseSums()
+        self._last: SegmentState | None = None
+        self._held, self._panel = HeldSamples(), np.empty(0)
+        self._usual = False  # whether a small chunk needs no other checks and fits into the panel
+        self._count = 0  # samples in the sums
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "_panel": np.empty(0), "_usual": False}  # no segment uses the panel
+
+    @one_at_a_time
+    def __len__(self) -> int:
+        """Return the number of samples so far."""
+        return self._count + len(self._held)
+
+    @property
+    def stop(self) -> int:
+        """Index of the next sample in the recording; missing samples in gaps are not counted."""
+        return self.start + len(self)
+
+    @property
+    @one_at_a_time
+    def lengths(self) -> tuple[int, ...]:
+        """Lengths of the segments between gaps so far."""
+        first = () if self._first is None else (self._first.count,)
+        open_part = 0 if self._last is None else self._last.count
+        held = self._held.lengths
+        going = (open_part + held[0], *held[1:])
+        return (*first, *self._lengths, *(length for length in going if length))
+
+    @property
+    def holds_all(self) -> bool:
+        """Whether all samples so far are stored. The result is then computed as in `wavelet_variance`."""
+        return self._first is None and self._last is None and not self._lengths
+
+    def update(self, chunk: ArrayLike) -> None:
+        """Add the next samples (n,), one or more.
+
+        Raises
+        ------
+        DataError
+            If a value is NaN or infinite, or if, in a robust accumulator, it is so large that double precision loses
+            the other values. The chunk is rejected, and the earlier samples are kept.
+        """
+        with self._lock:
+            # The checks of a small chunk in Python take three times as long as its sums.
+            if not (self._usual and self._held.inbox.append(chunk, LARGE - 1)):
+                self._add(chunk)
+
+    @one_at_a_time
+    def feed(self, signal: Signal, continues: bool = False) -> None:
+        """Add a signal, which may have filled samples. If `continues`, its first segment extends the open segment."""
+        feed(self, signal, continues)
+        self.filled += signal.filled
+        self._line = self._line.followed_by(RiseSums.of(signal))
+
+    @property
+    @one_at_a_time
+    def rise(self) -> float | None:
+        """Mean rise per sample over all segments; None if there is one segment or a gap has an unknown length."""
+        return self._line.slope() if len(self.lengths) > 1 and self._line.number == len(self) else None
+
+    @one_at_a_time
+    def gap(self) -> None:
+        """Mark a gap where samples are missing, so that the next sample begins a new segment."""
+        if len(self._held):
+            self._held.gap()
+        else:
+            self._end_segment()
+
+    # --- private methods ------------------------------------------------------------------------------
+
+    def _require_following(self, following: object, *alike: str) -> None:
+        """Raise OptionError unless `following` begins where this part ends and has equal attributes `alike`."""
+        if not isinstance(following, type(self)):
+            raise OptionError(argument="following", expected=with_article(type(self).__name__), got=following)
+        for name in alike:
+            if getattr(self, name) != getattr(following, name):
+                raise OptionError(
+                    f"both parts must have the same {name}; got {getattr(self, name)!r} and "
+                    f"{getattr(following, name)!r}",
+                    argument=name,
+                    got=getattr(following, name),
+                )
+        if following.start != self.stop:
+            raise OptionError(
+                f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
+                f"sample {following.start}",
+                argument="start",
+                got=following.start,
+                advice="Pass {--start} when the part is made.",
+            )
+
+    def _take_state(self, other: Self) -> None:
+        """Copy the state of another accumulator; segments are immutable, so both can share them."""
+        other._fold()
+        self._first, self._last, self._rises = other._first, other._last, other._rises
+        self.filled, self._line = other.filled, other._line
+        self._count = other._count
+        self._squares, self._counts = other._squares.copy(), other._counts.copy()
+        self._lengths, self._statistics = list(other._lengths), other._statistics
+
+    def _append(self, following: Self) -> None:
+        """Append a part of the recording that directly follows this part."""
+        self.filled += following.filled
+        self._line = self._line.followed_by(following._line)
+        following._fold()
+        self._count += following._count
+        for part, ended in ((following._first, True), (following._last, False)):
+            if part is not None:
+                self._last = part if self._last is None else self._last.followed_by(part, self._collector)
+            if ended and following._first is not None:
+                self._end_segment()
+                self._squares += following._squares
+                self._counts += following._counts
+                if self._statistics is not None:
+                    self._statistics = self._statistics.merge(following._statistics)
+                self._lengths += following._lengths
+                self._rises += following._rises
+
+    def _open(self) -> list[SegmentState]:
+        """Return the first and the last segment, to which another part can still be joined."""
+        return [part for part in (self._first, self._last) if part is not None]
+
+    def _sums(self) -> tuple[Vector, NDArray[np.int64]]:
+        """Return Σ W² and the number of coefficients of all levels (J,)."""
+        squares, counts = self._squares.copy(), self._counts.copy()
+        for part in self._open():
+            own = part.sums(self.levels)
+            squares, counts = squares + own[0], counts + own[1]
+        return squares, counts
+
+    def _all_statistics(self) -> Any:
+        """Return the collected statistics of all segments."""
+        statistics = self._statistics
+        for part in self._open():
+            assert statistics is not None
+            assert self._collector is not None
+            statistics = statistics.merge(part.all_statistics(self._collector))
+        return statistics
+
+    def _require_usable(self, x: Vector) -> None:
+        """Raise an error if these samples cannot be used. By default, all finite samples can be used."""
+
+    def _add(self, chunk: ArrayLike) -> None:
+        """Add samples after all checks."""
+        x = as_vector(chunk, "chunk", at_least=0)
+        self._require_usable(x)
+        room = self.held if self.holds_all else PANEL
+        if len(self._held) + x.size > room:
+            self._fold()
+        if x.size > room or (x.size >= LARGE and not self.holds_all):
+            self._grow(x)
+        elif x.size:
+            self._held.add(x)
+
+    def _fold(self) -> None:
+        """Process the samples that are stored, and store them no longer."""
+        parts = self._held.joined()
+        for values in parts:
+            self._require_usable(values)
+        if not self._panel.size:
+            self._panel = np.empty(PANEL)
+        self._usual = self._collector is None
+        held, self._held = self._held, HeldSamples(self._panel)  # a segment keeps no sample of the panel
+        for k, values in enumerate(parts):
+            if k:
+                self._end_segment()
+            self._grow(values)
+        if held.ended:
+            self._end_segment()
+
+    def _end_segment(self) -> None:
+        """Close the open segment."""
+        if self._last is None:
+            return
+        if self._first is None and not self._lengths:
+            self._first = self._last
+        else:
+            self._close(self._last)
+        self._last = None
+
+    def _grow(self, x: Vector) -> None:
+        """Add samples to the open segment."""
+        for k in range(0, x.size, PANEL):
+            part = x[k : k + PANEL]
+            if self._last is None:
+                self._last = SegmentState.of(
+                    part, self.stop, exact=self.exact, levels=self.levels, collector=self._collector
+                )
+            else:
+                self._last = self._last.grown(part, self._collector)
+            self._count += part.size
+
+    def _close(self, segment: SegmentState) -> None:
+        """Add the sums of a closed segment to the sums over all closed segments."""
+        squares, counts = segment.sums(self.levels)
+        self._squares += squares
+        self._counts += counts
+        if self._statistics is not None and self._collector is not None:
+            self._statistics = self._statistics.merge(segment.all_statistics(self._collector))
+        self._lengths.append(segment.count)
+        self._rises += float(segment.count) ** 2 * segment.rise
+
+
+def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYTES) -> int:
+    """Return the largest number of exact levels for which the accumulators of all axes need at most `memory` bytes.
+
+    The number depends neither on the recording nor on the computer.
+
+    >>> exact_levels(6), exact_levels(1)
+    (21, 23)
+    """
+    return min(max((memory // (sample_bytes * axes)).bit_length() - 1, LEAST_EXACT), MOST_EXACT)
+
+
+def held_samples(axes: int) -> int:
+    """Return the number of samples of each axis that are stored by default in a recording of `axes` axes.
+
+    >>> held_samples(6)
+    8388608
+    """
+    return 1 << ((MEMORY // (HELD_BYTES * axes)).bit_length() - 1)
+
+
+def whole(value: int, name: str, least: int, most: int) -> int:
+    """Check that `value` is an integer in its range, and return it as an int.
+
+    Raises
+    ------
+    OptionError
+        If `value` is not an integer from `least` to `most`.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise OptionError(argument=name, expected=f"a whole number from {least} to {most}", got=value)
+    return int(value)

@@ -1,0 +1,222 @@
+"""Common parts of the Allan, Hadamard and total variances: the phase of a signal and the cluster sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector, as_rate, as_vector, require_finite
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.units import find_unit
+from gmwm.recording.options import one_of
+from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
+
+Clusters: TypeAlias = Literal["octave", "decade", "all"]
+"""Name of a choice of cluster sizes. They are 1, 2, 4, 8, … for "octave", 1, 2, 4, 10, 20, 40, 100, … for "decade", and
+every size for "all"."""
+Data: TypeAlias = Literal["rate", "phase"]
+"""Kind of the samples: the rate (as from an IMU), or its integral, the phase."""
+Progress: TypeAlias = Callable[[int, int], object]
+"""Function that is called with the number of finished cluster sizes and the number of all cluster sizes."""
+
+
+TOO_LARGE = "the signal is too large: its squares and sums overflow double precision"
+SCALE_DOWN = "Pass the signal in a larger unit."
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """Phase of a recording. It is in the unit of the rate, because time is measured in samples.
+
+    The mean rate over n samples is the phase difference over n samples divided by n.
+
+    Parameters
+    ----------
+    values : (intervals + 1,) array
+        Phase from which a straight line was subtracted.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Number of input values.
+    unit, axis : str
+        Unit of the rate, and name of the axis.
+    octaves : (j,) array, optional
+        Sums of squared second differences at 1, 2, 4, … samples, if they were computed together with the phase.
+    """
+
+    values: Vector
+    rate: float
+    samples: int
+    unit: str = ""
+    axis: str = ""
+    octaves: Vector | None = None
+
+    @property
+    def intervals(self) -> int:
+        """Number of sampling intervals of the recording, one less than the number of phase values."""
+        return int(self.values.size) - 1
+
+
+def phase_of(
+    x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
+) -> Phase:
+    """Compute the phase of a signal.
+
+    It is the running sum of the rate after its mean is subtracted, or the given phase after a straight line is
+    subtracted.
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array
+        At least 8 finite samples, without a gap that cannot be filled.
+    rate : float
+        Sampling rate (Hz); a Signal has its own rate.
+    data : "rate" or "phase"
+        Whether `x` contains the rate or the phase.
+    straighten : bool
+        Whether to subtract a straight line from the rate. Third differences of the phase remove it anyway, but
+        subtracting it first reduces rounding errors.
+    octaves : bool
+        Whether to compute the sums of squared second differences at octaves in the same pass, which saves time.
+
+    Raises
+    ------
+    DataError
+        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
+    OptionError
+        If `data` is unknown, or `rate` contradicts the rate of the Signal.
+    """
+    one_of(data, "data", ("rate", "phase"))
+    if isinstance(x, Signal):
+        if rate is not None and rate != x.rate:
+            raise contradicting_rate(rate, x.rate, "signal")
+        values, rate, unit, axis = x.fill_gaps().whole(), x.rate, x.unit, x.axis
+    else:
+        values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), as_rate(rate), "", ""
+    if values.size < MINIMUM_SAMPLES:
+        raise DataError(
+            f"the signal must have at least {MINIMUM_SAMPLES} samples; got {values.size}", argument="x", got=values.size
+        )
+    sums = None
+    with np.errstate(over="ignore", invalid="ignore"):
+        if data == "phase":
+            unit = _rate_unit(unit)
+            phase = _without_line((values - values[0]) * rate)
+        elif octaves:
+            phase, sums = _core.octave_second_differences(values, values.size.bit_length() - 1)
+        else:
+            phase = _core.running_sum(_without_slope(values) if straighten else values)
+    if not np.isfinite(phase[-1]):
+        require_finite(values, "x")
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
+    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, octaves=sums)
+
+
+def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
+    """Return the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
+    return OptionError(
+        f"the rate of {rate:g} Hz contradicts the {owner}, which has {known:g} Hz",
+        argument="rate",
+        got=rate,
+        advice="Leave {--rate} out.",
+    )
+
+
+def _rate_unit(unit: str) -> str:
+    """Return the unit of the rate that corresponds to a unit of the phase."""
+    if not unit:
+        return ""
+    known = find_unit(f"{unit}/s")
+    return known.name if known else f"{unit}/s"
+
+
+def _without_line(phase: Vector) -> Vector:
+    """Subtract from the phase the straight line through its first and last values; the first value is 0."""
+    return np.asarray(phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1)))
+
+
+def _without_slope(values: Vector) -> Vector:
+    """Subtract from the rate its mean and its least-squares slope; a constant rate becomes exactly zero."""
+    n = values.size
+    centred = values - _core.mean(values)
+    time = np.arange(n, dtype=np.float64)
+    time -= (n - 1) / 2
+    # Σ time² = n (n² − 1)/12.
+    time *= inner_product(time, centred) * 12 / (n * (float(n) * n - 1))
+    centred -= time
+    return centred
+
+
+def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | None = None) -> NDArray[np.int64]:
+    """Return the requested cluster sizes in ascending order.
+
+    Parameters
+    ----------
+    clusters : "octave", "decade", "all", or (n,) array of integers
+        Requested sizes (samples).
+    largest : int
+        Largest size for which the variance is defined.
+    usual : int, optional
+        Largest size that "octave", "decade" and "all" include; by default `largest`.
+
+    >>> cluster_sizes("decade", 300)
+    array([  1,   2,   4,  10,  20,  40, 100, 200])
+    """
+    if isinstance(clusters, str):
+        top = largest if usual is None else usual
+        if clusters == "all":
+            return np.arange(1, top + 1, dtype=np.int64)
+        if clusters == "octave":
+            return np.int64(1) << np.arange(top.bit_length(), dtype=np.int64)
+        if clusters == "decade":
+            each = [m * 10**e for e in range(len(str(top))) for m in (1, 2, 4)]
+            return np.array([n for n in each if n <= top], dtype=np.int64)
+        raise OptionError(argument="clusters", expected="octave, decade, all or a list of integers", got=clusters)
+    sizes: NDArray[Any] = np.asarray(clusters)
+    if sizes.ndim != 1 or sizes.size == 0 or sizes.dtype.kind not in "iu":
+        raise OptionError(
+            argument="clusters",
+            expected="a list of integers (samples)",
+            got=clusters,
+            advice="A cluster of n samples has the averaging time n / rate.",
+        )
+    low, high = sizes.min(), sizes.max()
+    if low < 1 or high > largest or np.any(np.diff(sizes.astype(np.int64)) <= 0):
+        raise OptionError(
+            argument="clusters",
+            expected=f"ascending integers from 1 to {largest} for this recording",
+            got=clusters,
+        )
+    return np.asarray(sizes, dtype=np.int64)
+
+
+def mean_squares(
+    kernel: Callable[[int], float], clusters: NDArray[np.int64], counts: NDArray[np.int64], progress: Progress | None
+) -> Vector:
+    """Compute the mean square at each cluster size from the sum of squares that `kernel` returns for it.
+
+    `counts` has the numbers of terms. Ctrl-C stops between two sizes.
+    """
+    sums = np.empty(clusters.size)
+    for k, n in enumerate(clusters.tolist()):
+        if progress is not None:
+            progress(k, clusters.size)
+        sums[k] = kernel(n)
+    if progress is not None:
+        progress(clusters.size, clusters.size)
+    if not np.all(np.isfinite(sums)):
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
+    return np.asarray(sums / counts)
+
+
+def inner_product(a: Vector, b: Vector) -> float:
+    """Compute Σ a_i b_i without BLAS.
+
+    The threads of BLAS wait for each other, which takes ten times as long on a busy machine.
+    """
+    return float(np.einsum("i,i->", a, b))

@@ -1,0 +1,181 @@
+"""Pool the wavelet variances of several recordings of one unit into one curve."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import DataError
+from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.transform import pooled_counts
+from gmwm.theory.filters import find_filter
+
+Number = TypeVar("Number", np.float64, np.int64)
+SLOWER = 1e-3
+"""Largest relative difference of the sampling rates. Rates of real clocks differ by some 1e-5, and a difference of 1e-3
+changes the wavelet variance by at most 0.3 %."""
+
+
+def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
+    """Pool the wavelet variances of independent recordings of one unit.
+
+    The pooled curve is the mean square of the wavelet coefficients of all recordings r,
+
+        ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
+
+    Recordings may have different means, and no coefficient extends from one recording into another. The recordings are
+    treated like the segments of one recording with gaps, also for the covariance.
+
+    Parameters
+    ----------
+    curves : mapping of name to WaveletVariance
+        At least one curve, all with the same unit, filter, transform and estimator. They can differ in length.
+
+    Returns
+    -------
+    WaveletVariance
+        The pooled curve, whose attribute `recordings` has the single curves. If there is only one curve, it is returned
+        unchanged.
+
+    Raises
+    ------
+    DataError
+        If the recordings differ in their rate, unit, filter, transform or estimator.
+
+    Examples
+    --------
+    >>> from gmwm import WN, wavelet_variance
+    >>> days = {day: wavelet_variance(WN(sigma2=1.0).simulate(4096, 100.0, rng=k), 100.0)
+    ...         for k, day in enumerate(("monday", "tuesday"))}
+    >>> pooled(days)
+    WaveletVariance(unnamed, haar, 12 levels, 8192 samples in 2 recordings at 100 Hz)
+    """
+    names, items = list(curves), list(curves.values())
+    first = items[0]
+    if len(items) == 1:
+        return first
+    _require_alike(curves)
+    lengths = tuple(n for wv in items for n in (wv.segments or (wv.samples,)))
+    levels = max(items, key=len).levels[: _reach(items)]
+    total, _ = pooled_counts(lengths, levels, find_filter(first.filter), first.transform)
+    shares = [_counts(wv, levels.size) / total for wv in items]
+    samples = sum(wv.samples for wv in items)
+    rate = sum(wv.samples * wv.rate for wv in items) / samples
+    found = replace(
+        first,
+        levels=levels.copy(),
+        variance=np.sum([_padded(share * _padded(wv.variance, levels.size), levels.size)
+                         for wv, share in zip(items, shares, strict=True)], axis=0),
+        counts=np.sum([_padded(wv.counts, levels.size) for wv in items], axis=0),
+        lower=np.zeros(levels.size),
+        upper=np.zeros(levels.size),
+        rate=rate,
+        samples=samples,
+        axis=first.axis if len({wv.axis for wv in items}) == 1 else "",
+        segments=lengths,
+        filled=sum(wv.filled for wv in items),
+        strides=_strides(items, levels.size),
+        slope=_mean([wv.slope for wv in items], items),
+        rise=_mean([wv.rise for wv in items], items),
+        excess=_excess(items, shares),
+        diagnostics={},
+        regression=None,
+        recordings={name: replace(wv, rate=rate) for name, wv in zip(names, items, strict=True)},
+    )  # fmt: skip
+    lower, upper = chi_square_limits(found.variance, found.degrees_of_freedom, first.confidence)
+    return replace(found, lower=lower, upper=upper)
+
+
+def without(wv: WaveletVariance, name: str) -> WaveletVariance:
+    """Return the pooled curve of all recordings except one, with at most as many levels as the pooled curve of all."""
+    rest = pooled({other: curve for other, curve in wv.recordings.items() if other != name})
+    return rest.first(min(len(rest), len(wv)))
+
+
+def _require_alike(curves: Mapping[str, WaveletVariance]) -> None:
+    (first, one), *others = curves.items()
+    for name, other in others:
+        for what, own, its in (
+            ("unit", one.unit or "none", other.unit or "none"),
+            ("filter", one.filter, other.filter),
+            ("transform", one.transform, other.transform),
+            ("estimator", _estimator(one), _estimator(other)),
+        ):
+            if own != its:
+                raise _differ(what, f"{own} in recording {first}", f"{its} in recording {name}")
+        if abs(other.rate / one.rate - 1) > SLOWER:
+            rates = f"{one.rate:g} Hz in recording {first}", f"{other.rate:g} Hz in recording {name}"
+            raise _differ("sampling rate", *rates)
+
+
+def _estimator(wv: WaveletVariance) -> str:
+    return f"robust with efficiency {wv.efficiency:g}" if wv.robust else "classical"
+
+
+def _differ(what: str, one: str, other: str) -> DataError:
+    return DataError(
+        f"the recordings differ in their {what}: {one}, {other}", argument="data",
+        advice="Use each recording by itself.",
+    )  # fmt: skip
+
+
+def _reach(items: list[WaveletVariance]) -> int:
+    """Return the number of levels of the pooled curve.
+
+    It has all levels of the longest curve, unless another curve lacks a level that its length allows, for example
+    because a regression on the temperature left it out. The covariance of segments requires the coefficients of every
+    segment that is long enough for the level.
+    """
+    reach = max(map(len, items))
+    for wv in items:
+        if len(wv) < reach and _counts(wv, reach)[len(wv)] > 0:
+            reach = len(wv)
+    return reach
+
+
+def _counts(wv: WaveletVariance, levels: int) -> Vector:
+    """Return the number of coefficients (levels,) that the length of a recording allows at each level."""
+    every = np.arange(1, levels + 1)
+    counts, _ = pooled_counts(wv.segments or (wv.samples,), every, find_filter(wv.filter), wv.transform)
+    return np.asarray(counts, dtype=np.float64)
+
+
+def _padded(values: NDArray[Number], levels: int) -> NDArray[Number]:
+    """Return the values of the first levels, with zeros for levels that a recording does not have."""
+    return np.concatenate([values, np.zeros(levels, dtype=values.dtype)])[:levels]
+
+
+def _strides(items: list[WaveletVariance], levels: int) -> tuple[int, ...]:
+    """Return, for each level, the largest distance between coefficients in any recording."""
+    if not any(wv.strides for wv in items):
+        return ()
+    every = [np.concatenate([np.array(wv.strides, dtype=np.int64), np.ones(levels, dtype=np.int64)])[:levels]
+             for wv in items]  # fmt: skip
+    return tuple(np.max(every, axis=0).tolist())
+
+
+def _mean(values: list[float | None], items: list[WaveletVariance]) -> float | None:
+    """Return the mean over the recordings, weighted by their lengths; None if a recording has no value."""
+    known = [value for value in values if value is not None]
+    if len(known) < len(values):
+        return None
+    return float(np.average(known, weights=[wv.samples for wv in items]))
+
+
+def _excess(items: list[WaveletVariance], shares: list[Vector]) -> Matrix | None:
+    """Return the `excess` of the pooled curve; a recording without `excess` counts as zero."""
+    if all(wv.excess is None for wv in items):
+        return None
+    size = shares[0].size
+    total = np.zeros((size, size))
+    for wv, share in zip(items, shares, strict=True):
+        if wv.excess is not None:
+            reach = min(len(wv), size)
+            total[:reach, :reach] += wv.excess[:reach, :reach] * np.outer(share, share)[:reach, :reach]
+    return total

@@ -1,0 +1,540 @@
+"""Wavelet variance of one signal."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.remarks import Quantity, Remark, texts
+from gmwm.base.text import Summarised
+from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.variance.transform import (
+    Transform,
+    coefficient_counts,
+    degrees_of_freedom,
+    loss_factor,
+    pooled_counts,
+)
+from gmwm.recording.options import one_of
+from gmwm.theory.filters import find_filter
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
+
+    from gmwm.showing.plots.view import UnitSystem, ViewName
+
+
+_OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
+"""Codes of the remarks on robust estimates that do not solve the estimating equation."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class WaveletVariance(Summarised):
+    """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
+
+    Attributes
+    ----------
+    levels : (J,) int array
+        Levels j, from 1.
+    variance, lower, upper : (J,) arrays, in unit²
+        Estimates and confidence limits.
+    counts : (J,) int array
+        Number of wavelet coefficients M_j of each estimate.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Length N of the signal, without the missing samples in gaps.
+    unit, axis : str
+        Unit and name of the signal; "" if they are unknown.
+    confidence : float
+        Confidence level of the limits.
+    filter, transform : str
+        Name of the wavelet filter, and "modwt" or "dwt".
+    segments : tuple of int
+        Lengths of the segments between gaps; () for a signal without a gap.
+    robust, efficiency : bool, float or None
+        Whether the estimates are robust, and their efficiency under Gaussian noise; None for classical estimates.
+    diagnostics : mapping
+        Details of each level; for robust estimates see `wavelet_variance`.
+    filled : int
+        Number of samples that replace lost ones, see `Signal.fill_gaps`; they are included in `samples`.
+    rise : float or None
+        Mean rise per sample over the whole recording with its gaps, by least squares. None if the signal is a single
+        segment or a gap has an unknown length.
+    strides : tuple of int
+        Distance (samples) between the coefficients that each level uses; () if all coefficients are used. See
+        `WaveletAccumulator`.
+    slope : float or None
+        Mean slope of the signal (unit per sample), which gives a drift its sign. None for published values.
+    excess : (J, J) array or None
+        Relative covariance E of the estimates in addition to the covariance V for a Gaussian signal:
+        Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². It accounts for heavy tails, and for effects that were estimated and
+        removed before, such as the effect of the temperature. Tests and confidence intervals use it.
+    model_error : float
+        Relative error τ of the model at each level. It adds τ² to the diagonal of E. The weights of a fit and the
+        choice among models use it too.
+    regression : gmwm.regression.Regression or None
+        Effect of the temperature or of other conditions that was removed from the signal.
+    recordings : mapping of name to WaveletVariance
+        Curves of several recordings of one unit, whose pooled curve this is; empty for a single recording.
+
+    Examples
+    --------
+    >>> from gmwm import WN, wavelet_variance
+    >>> wv = wavelet_variance(WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
+    >>> wv.tau[:3], wv.counts[:3]
+    (array([0.02, 0.04, 0.08]), array([4095, 4093, 4089]))
+    >>> bool(wv.lower[0] < 2.0 < wv.upper[0])  # white noise has ν_j² = σ²/2^j
+    True
+    """
+
+    levels: NDArray[np.int64]
+    variance: Vector
+    lower: Vector
+    upper: Vector
+    counts: NDArray[np.int64]
+    rate: float
+    samples: int
+    unit: str = ""
+    axis: str = ""
+    confidence: float = 0.95
+    filter: str = "haar"
+    transform: Transform = "modwt"
+    robust: bool = False
+    efficiency: float | None = None
+    slope: float | None = None
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    segments: tuple[int, ...] = ()
+    filled: int = 0
+    rise: float | None = None
+    strides: tuple[int, ...] = ()
+    excess: Matrix | None = None
+    model_error: float = 0.0
+    regression: Any = None
+    recordings: Mapping[str, WaveletVariance] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("levels", "variance", "lower", "upper", "counts"):
+            if getattr(self, name).shape != (self.levels.size,):
+                expected, got = f"one number for each of {self.levels.size} levels", getattr(self, name).shape
+                raise DataError(argument=name, expected=expected, got=got)
+            freeze(getattr(self, name))
+        if self.excess is not None:
+            if self.excess.shape != (len(self), len(self)):
+                raise DataError(
+                    argument="excess", expected=f"a {len(self)} x {len(self)} matrix", got=self.excess.shape
+                )
+            freeze(self.excess)
+        if self.strides and len(self.strides) != len(self):
+            raise DataError(
+                argument="strides", expected=f"empty or one number for each of {len(self)} levels", got=self.strides
+            )
+
+    @property
+    def scales(self) -> NDArray[np.int64]:
+        """Scales τ_j = 2^j (samples)."""
+        return np.int64(1) << self.levels
+
+    @property
+    def tau(self) -> Vector:
+        """Scales τ_j Δt (s)."""
+        return self.scales / self.rate
+
+    @property
+    def degrees_of_freedom(self) -> Vector:
+        """Equivalent degrees of freedom (Percival 1995): max(M_j / 2^j, 1) for a MODWT, and M_j for a DWT.
+
+        For several segments s they are M_j² / Σ_s (M_sj² / η_sj), where η_sj ≥ 1 are the degrees of freedom of a
+        segment. They are divided by `loss_factor`. For a robust estimate they are multiplied by the efficiency, which
+        is conservative, because the efficiency is higher for correlated coefficients.
+        """
+        if self.segments:
+            _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
+        else:
+            # Coefficients at a distance of τ/64 have nearly the information of all coefficients.
+            counts = self.counts * np.array(self.strides, dtype=np.int64) if self.strides else self.counts
+            eta = degrees_of_freedom(counts, self.levels, self.transform)
+        return eta * (1.0 if self.efficiency is None else self.efficiency) / self.loss_factor
+
+    @property
+    def loss_factor(self) -> float:
+        """Factor by which filled samples increase the covariance of the estimates, see `transform.loss_factor`."""
+        return loss_factor(self.filled, self.samples)
+
+    @property
+    def longest(self) -> int:
+        """Length of the longest segment without a gap (samples)."""
+        return max(self.segments, default=self.samples)
+
+    @property
+    def extent(self) -> str:
+        """Number of samples and segments, and the rate, as text."""
+        apart = f" in {len(self.segments)} segments" if self.segments else ""
+        if self.recordings:
+            apart = f" in {len(self.recordings)} recordings"
+        filled = f", {self.filled} of them filled," if self.filled else ""
+        return f"{self.samples} samples{filled}{apart} at {self.rate:g} Hz"
+
+    @classmethod
+    def from_values(
+        cls,
+        variance: ArrayLike,
+        samples: int,
+        rate: float,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        *,
+        robust: bool = False,
+        efficiency: float | None = None,
+        filter: str = "haar",
+        transform: Transform = "modwt",
+        confidence: float = 0.95,
+        unit: str = "",
+        axis: str = "",
+    ) -> WaveletVariance:
+        """Create a wavelet variance from published values at the levels 1, 2, ….
+
+        Parameters
+        ----------
+        variance : (J,) array, in unit²
+            Estimates at the scales 2, 4, 8, … samples. There may be fewer levels than the length allows.
+        samples : int
+            Length N of the signal.
+        rate : float
+            Sampling rate (Hz).
+        lower, upper : (J,) arrays, optional
+            Published confidence limits; by default chi-square limits.
+        robust, efficiency : bool, float
+            Whether the estimates are robust, and their efficiency, 0.6 by default.
+        filter, transform : str
+            Wavelet filter, see `gmwm.filters.find_filter`, and transform, "modwt" or "dwt".
+        confidence : float
+            Confidence level of the limits.
+        unit, axis : str
+            Unit and name of the signal.
+
+        Raises
+        ------
+        DataError
+            If a value is negative or not finite, N is not a whole number, or N is too small for J levels.
+
+        Examples
+        --------
+        >>> wv = WaveletVariance.from_values([0.5, 0.25, 0.12], samples=1000, rate=100.0)
+        >>> wv.tau
+        array([0.02, 0.04, 0.08])
+        """
+        wavelet = find_filter(filter)
+        one_of(transform, "transform", ("modwt", "dwt"))
+        samples = _checked_samples(samples)
+        values = as_vector(variance, "variance").copy()
+        if np.any(values < 0):
+            raise DataError(argument="variance", expected="zero or positive", got=float(values.min()))
+        levels = np.arange(1, values.size + 1, dtype=np.int64)
+        counts = coefficient_counts(samples, levels, wavelet, transform)
+        if counts[-1] < 1:
+            raise DataError(
+                f"{values.size} levels need at least {wavelet.width(values.size)} samples; got {samples}",
+                argument="samples",
+                got=samples,
+                advice="Pass the length of the signal, or fewer levels.",
+            )
+        efficiency = _checked_efficiency(robust, efficiency)
+        eta = degrees_of_freedom(counts, levels, transform) * (efficiency or 1.0)
+        low, high = chi_square_limits(values, eta, confidence)
+        limits = []
+        for name, given, default in (("lower", lower, low), ("upper", upper, high)):
+            limit = default if given is None else as_vector(given, name).copy()
+            if limit.shape != values.shape:
+                raise DataError(argument=name, expected=f"{values.size} values, one for each variance", got=limit)
+            limits.append(limit)
+        if np.any(limits[0] > values) or np.any(limits[1] < values):
+            raise DataError(
+                "the limits must enclose the variance: lower ≤ variance ≤ upper at every level", argument="limits"
+            )
+        return cls(
+            levels=levels,
+            variance=values,
+            lower=limits[0],
+            upper=limits[1],
+            counts=counts,
+            rate=as_rate(rate),
+            samples=samples,
+            unit=unit,
+            axis=axis,
+            confidence=confidence,
+            filter=wavelet.name,
+            transform=transform,
+            robust=robust,
+            efficiency=efficiency,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain numbers, lists and strings for JSON."""
+        return {
+            "levels": self.levels.tolist(),
+            "scales": self.scales.tolist(),
+            "tau": self.tau.tolist(),
+            "variance": self.variance.tolist(),
+            "lower": self.lower.tolist(),
+            "upper": self.upper.tolist(),
+            "counts": self.counts.tolist(),
+            "rate": self.rate,
+            "samples": self.samples,
+            "segments": list(self.segments),
+            "filled": self.filled,
+            "rise": self.rise,
+            "strides": list(self.strides),
+            "unit": self.unit,
+            "axis": self.axis,
+            "confidence": self.confidence,
+            "filter": self.filter,
+            "transform": self.transform,
+            "robust": self.robust,
+            "efficiency": self.efficiency,
+            "slope": self.slope,
+            "excess": None if self.excess is None else self.excess.tolist(),
+            "model_error": self.model_error,
+            "regression": None if self.regression is None else self.regression.to_dict(),
+            "diagnostics": dict(self.diagnostics),
+            "recordings": {name: one.to_dict() for name, one in self.recordings.items()},
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> WaveletVariance:
+        """Restore a result from `values`, the output of `to_dict`."""
+        from gmwm.measuring.regression.result import Regression
+
+        derived = ("scales", "tau")
+        fields = {name: value for name, value in values.items() if name not in derived}
+        for name, kind in (("levels", np.int64), ("counts", np.int64)):
+            fields[name] = np.asarray(fields[name], dtype=kind)
+        levels, samples = fields["levels"], fields["samples"]
+        ascend = levels.ndim == 1 and levels.size > 0 and levels[0] >= 1 and bool(np.all(np.diff(levels) > 0))
+        if not ascend or levels[-1] > 62 or 1 << int(levels[-1]) > samples:
+            raise DataError(
+                f"levels must ascend from 1, and 2^level must not exceed the {samples} samples; got {levels.tolist()}"
+            )
+        if fields["robust"] and fields["efficiency"] is None:
+            raise DataError("a robust variance must have an efficiency")
+        _checked_efficiency(fields["robust"], fields["efficiency"])
+        for name in ("variance", "lower", "upper"):
+            fields[name] = np.asarray(fields[name], dtype=np.float64)
+        if fields.get("excess") is not None:
+            fields["excess"] = np.asarray(fields["excess"], dtype=np.float64)
+        if fields.get("regression") is not None:
+            fields["regression"] = Regression.from_dict(fields["regression"])
+        for name in ("segments", "strides"):
+            fields[name] = tuple(int(number) for number in fields.get(name, ()))
+        fields["recordings"] = {name: cls.from_dict(one) for name, one in fields.get("recordings", {}).items()}
+        found = cls(**fields)
+        found._require_possible()
+        return found
+
+    def _require_possible(self) -> None:
+        """Raise a DataError if no recording of this length has these numbers of coefficients and degrees of freedom."""
+        if not 0 <= self.filled <= self.samples:
+            raise DataError(argument="filled", expected=f"from 0 to the {self.samples} samples", got=self.filled)
+        if self.segments and (min(self.segments) < 1 or sum(self.segments) != self.samples):
+            expected = f"lengths above zero whose sum is the {self.samples} samples"
+            raise DataError(argument="segments", expected=expected, got=self.segments)
+        strides = np.array(self.strides or [1], dtype=np.float64)
+        if np.any(strides < 1) or np.any(strides > self.scales):
+            raise DataError(argument="strides", expected="from 1 to 2^level", got=self.strides)
+        most = self.samples / strides + max(len(self.segments), 1)
+        if np.any(self.counts < 1) or np.any(self.counts > most):
+            expected = f"from 1 to {self.samples} at each level, the number of samples"
+            raise DataError(argument="counts", expected=expected, got=self.counts.tolist())
+        if not np.all(self.degrees_of_freedom > 0):
+            raise DataError(
+                argument="segments", expected="long enough for a coefficient at each level", got=self.segments
+            )
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks on levels that must be used with care."""
+        outcomes = self.diagnostics.get("robust", {}).get("outcome", [])
+        remarks = []
+        for outcome, code in _OUTCOMES.items():
+            levels = tuple(int(j) for j, found in zip(self.levels, outcomes, strict=False) if found == outcome)
+            if levels:
+                remarks.append(Remark.of(code, self.axis, levels=levels))
+        if any(stride > 1 for stride in self.strides):
+            first = next(k for k, stride in enumerate(self.strides) if stride > 1)
+            remarks.append(Remark.of("levels-strided", self.axis, first=Quantity(float(self.tau[first]), "s")))
+        own = [remark for one in self.recordings.values() for remark in one.remarks if remark.code != "levels-strided"]
+        return tuple(dict.fromkeys([*remarks, *own]))
+
+    def to_frame(self) -> DataFrame:
+        """Return the curve as a Polars data frame with one row for each level.
+
+        >>> import gmwm
+        >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_frame().columns
+        ['level', 'tau', 'variance', 'lower', 'upper', 'coefficients', 'degrees_of_freedom']
+        """
+        from polars import DataFrame
+
+        return DataFrame(
+            {
+                "level": self.levels,
+                "tau": self.tau,
+                "variance": self.variance,
+                "lower": self.lower,
+                "upper": self.upper,
+                "coefficients": self.counts,
+                "degrees_of_freedom": self.degrees_of_freedom,
+            }
+        )
+
+    def summary(self) -> str:
+        """Format a table of the scale, the variance, its limits and the number of coefficients of every level."""
+        unit = f" ({self.unit})²" if self.unit else ""
+        name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
+        title = f"{name} {self.transform.upper()} wavelet variance"
+        lines = [
+            f"{title}{' of ' + self.axis if self.axis else ''}: {self.extent}",
+            f"{'level':>5} {'tau [s]':>12} {'variance' + unit:>20} {'lower':>12} {'upper':>12} {'coefficients':>13}",
+        ]
+        lines += [
+            f"{j:5d} {tau:12.6g} {v:20.6e} {low:12.4e} {high:12.4e} {m:13d}"
+            for j, tau, v, low, high, m in zip(
+                self.levels, self.tau, self.variance, self.lower, self.upper, self.counts, strict=True
+            )
+        ]
+        lines.append(f"limits: {100 * self.confidence:g} % chi-square")
+        if self.robust:
+            lines.append(f"robust, efficiency {self.efficiency:g}")
+        lines += texts(remark.about("") for remark in self.remarks)
+        return "\n".join(lines)
+
+    def __len__(self) -> int:
+        return int(self.levels.size)
+
+    def only(self, levels: Iterable[int]) -> WaveletVariance:
+        """Return the curve at some of its levels, to leave the other levels out of a fit.
+
+        Parameters
+        ----------
+        levels : sequence of int
+            Levels j to keep, for example ``range(3, 15)``.
+
+        Raises
+        ------
+        OptionError
+            If `levels` is empty, or contains a level that the curve does not have.
+
+        Examples
+        --------
+        >>> from gmwm import WN, fit, wavelet_variance
+        >>> wv = wavelet_variance(WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
+        >>> len(wv), fit("WN", wv.only(range(2, 8))).wavelet_variance.levels
+        (12, array([2, 3, 4, 5, 6, 7]))
+        """
+        wanted = sorted(set(levels))
+        known = self.levels.tolist()
+        if not wanted or not set(wanted) <= set(known):
+            raise OptionError(argument="levels", expected=f"some of {known[0]} to {known[-1]}", got=levels)
+        return self._at(np.searchsorted(self.levels, wanted))
+
+    def first(self, count: int) -> WaveletVariance:
+        """Return the curve at its first `count` levels."""
+        return self._at(np.arange(min(count, len(self))))
+
+    def _at(self, kept: NDArray[np.int64]) -> WaveletVariance:
+        """Return the curve at the levels with the indices `kept`."""
+        arrays = {name: getattr(self, name)[kept] for name in ("levels", "variance", "lower", "upper", "counts")}
+        diagnostics = {name: {key: [values[k] for k in kept if k < len(values)] for key, values in found.items()}
+                       if name == "robust" else found for name, found in self.diagnostics.items()}  # fmt: skip
+        return replace(
+            self,
+            **arrays,
+            diagnostics=diagnostics,
+            strides=tuple(self.strides[k] for k in kept) if self.strides else (),
+            excess=None if self.excess is None else self.excess[np.ix_(kept, kept)],
+            recordings={name: one._at(kept[kept < len(one)]) for name, one in self.recordings.items()},
+        )
+
+    def plot(
+        self,
+        *,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        label: str | None = None,
+        color: str | None = None,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
+
+        Levels with a variance of zero are marked at the lower edge of the plot.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+            averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            Units of the plot: rad/s and m/s², or deg/h and mg.
+        label : str, optional
+            Name of the curve in the legend. Use it to draw several curves on the same axes, as in
+            `monday.plot(ax=ax, label="monday")`. Each curve then has its own colour and symbol.
+        color : str, optional
+            Matplotlib colour such as "#D55E00"; by default a colour that no earlier curve has.
+        ax : matplotlib Axes, optional
+            Axes to draw on; by default the axes of a new figure.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, if the data do not support it, or if an earlier curve on `ax` has another unit.
+
+        Examples
+        --------
+        >>> wv = WaveletVariance.from_values([4e-6, 2e-6, 1e-6], samples=1000, rate=100.0, unit="rad/s")
+        >>> figure = wv.plot(view="allan", units="datasheet")
+        >>> figure.axes[0].get_ylabel()
+        'Allan deviation (deg/h)'
+        """
+        from gmwm.showing.plots.variance import plot_wavelet_variance
+
+        return plot_wavelet_variance(self, view=view, units=units, label=label, color=color, ax=ax, path=path)
+
+    def __repr__(self) -> str:
+        kind = "robust " if self.robust else ""
+        return f"WaveletVariance({self.axis or 'unnamed'}, {kind}{self.filter}, {len(self)} levels, {self.extent})"
+
+
+def _checked_samples(samples: int) -> int:
+    """Check that a length is a positive whole number, which may be a float such as 3e6, and return it as an int."""
+    whole = isinstance(samples, int | float | np.number) and not isinstance(samples, bool) and samples % 1 == 0
+    if not whole or samples < 1:
+        raise DataError(argument="samples", expected="a positive whole number, the length of the signal", got=samples)
+    return int(samples)
+
+
+def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
+    """Check the efficiency, and return it; None for a classical estimate."""
+    from gmwm.measuring.variance.biweight import biweight, unused_efficiency
+
+    if robust:
+        wanted = 0.6 if efficiency is None else efficiency
+        biweight(wanted)
+        return float(wanted)
+    if efficiency is not None:
+        raise unused_efficiency(efficiency)
+    return None

@@ -1,0 +1,291 @@
+"""Robust wavelet variance, which is the M-estimate of scale of the coefficients at each level.
+
+First, Newton's method finds an approximate root of the estimating equation for a sample of the coefficients of a level,
+starting from their median. Two or three passes over all coefficients of all levels then refine the roots. Each pass
+reads the running sum once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector, as_vector
+from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
+from gmwm.measuring.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
+
+PART = 8
+"""Before the passes over all coefficients, one Newton step uses one eighth of the recording. A level takes this step if
+that part has more independent coefficients than the sample of the level."""
+PASSES = 8
+"""Largest number of passes; two or three are typical. `_settle` solves a level that has not converged after them."""
+TOLERANCE = 1e-11
+"""Predicted error of log σ² below which a level has converged."""
+FEW = 2
+"""Largest number of coefficients among which no outlier can be identified: the variance is the mean of the squares."""
+
+Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
+"""Result of the search at a level: "root", a root of the equation; "mad", (MAD / 0.67449)² because there is no root;
+"mean", too few coefficients; "zero", most coefficients are zero."""
+
+
+@dataclass
+class _Level:
+    """State of the search at one level. `place` is log σ² minus log `start`."""
+
+    start: float = 0.0
+    place: float = 0.0
+    zeros: float = 0.0
+    outcome: Outcome | None = None
+    rooted: bool = False
+    peaks: list[float] = field(default_factory=list)
+    iterations: int = 0
+    passes: int = 0
+
+    @property
+    def variance(self) -> float:
+        return self.start * math.exp(self.place)
+
+
+@dataclass(frozen=True)
+class RobustVariances:
+    """Robust variances of several levels, with diagnostics of the search.
+
+    Attributes
+    ----------
+    variance : (J,) array, in the square of the coefficients' unit
+        Robust variance of each level.
+    diagnostics : mapping
+        Lists with one value for each level. "outcome" is "root", or "mad" if no root exists, "mean" for the mean square
+        of one or two coefficients, or "zero" if all coefficients are zero, or most are zero and no root exists. "start"
+        is the starting value of σ², which is (MAD / 0.67449)², or follows from a higher quantile if the MAD is 0.
+        "iterations" is the number of iterations on a sample of the coefficients, "passes" the number of passes over all
+        coefficients, and "zeros" the share of coefficients that are zero.
+    """
+
+    variance: Vector
+    diagnostics: Mapping[str, list[Any]]
+
+
+def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVariances:
+    """Compute the M-estimate of σ² at every level.
+
+    It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are several roots, the search starts at (MAD / 0.67449)²
+    and accepts only roots at which the left side decreases with σ.
+
+    Raises
+    ------
+    OptionError
+        If `efficiency` is not from 0.3 to 0.99.
+
+    Notes
+    -----
+    MAD is the median of |W|. It is 0 if more than half of the coefficients are zero. This happens at fine levels of
+    a coarsely quantized signal (standard deviation up to half the least significant bit). In this case the search
+    starts at the median of the nonzero coefficients. If it finds no root, the variance is 0.
+    """
+    tuning = biweight(efficiency)
+    levels = [_first(source, k, tuning) for k in range(len(source.counts))]
+    _polish(source, levels, tuning)
+    for k, level in enumerate(levels):
+        if level.outcome is None:
+            _settle(source, k, level, tuning)
+    diagnostics: dict[str, list[Any]] = {
+        name: [getattr(level, name) for level in levels]
+        for name in ("outcome", "start", "iterations", "passes", "zeros")
+    }
+    return RobustVariances(np.array([level.variance for level in levels]), diagnostics)
+
+
+def haar_robust_variances(x: Vector, levels: int, efficiency: float = 0.6) -> RobustVariances:
+    """Compute robust Haar MODWT variances of a finite signal at levels 1 … `levels`."""
+    return robust_variances(HaarCoefficients(x, levels), efficiency)
+
+
+def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
+    """Compute the robust variance of zero-mean coefficients, the square of Tukey's biweight M-estimate of scale.
+
+    σ solves mean ρ(W/σ) = a, with ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c and 0 otherwise. The requested efficiency
+    determines c, and a = E ρ(r) under N(0, 1).
+
+    Parameters
+    ----------
+    coefficients : (M,) array
+        Coefficients W, at least one.
+    efficiency : float
+        Efficiency for Gaussian coefficients, from 0.3 to 0.99.
+    resolution : float
+        Coefficients with |W| up to this value are treated as zero (rounding error).
+
+    Raises
+    ------
+    DataError
+        If a coefficient is not finite, or the array is empty.
+    OptionError
+        If `efficiency` is not from 0.3 to 0.99.
+
+    >>> w = np.random.default_rng(1).normal(size=100_000)
+    >>> w[::100] = 1e6
+    >>> print(f"{robust_variance(w):.1f}")
+    1.0
+    """
+    plain = PlainCoefficients([as_vector(coefficients, "coefficients")], [resolution])
+    return float(robust_variances(plain, efficiency).variance[0])
+
+
+def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
+    """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
+    sample = source.sample(k, SAMPLE)
+    count, resolution = int(source.counts[k]), source.resolution(k)
+    complete = sample.size == count
+    level = _Level(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
+    if not complete and level.zeros > 0.4:
+        # Near one half, or if the sample may have missed the few nonzero coefficients, count all of them.
+        level.zeros = source.between(k, resolution, resolution)[0] / count
+    if level.zeros == 1:
+        level.outcome = "zero"
+    elif count <= FEW:
+        level.start, level.outcome = float(np.mean(sample**2)), "mean"
+    else:
+        _search(level, sample, resolution=resolution, complete=complete, tuning=tuning)
+    return level
+
+
+def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
+    """Find a root on the sample by Newton's method, started at the MAD. If this fails, scan the range around it."""
+    middle = float(np.median(sample))
+    # More than half of the sample can be zero although less than half of all coefficients are.
+    if _mad_is_zero(level) or middle <= resolution:
+        rest = sample[sample > resolution]
+        if rest.size == 0:
+            return
+        # The median of the nonzero coefficients is the quantile (1 + share of zeros) / 2 of |W|.
+        start = float(np.median(rest)) / NormalDist().inv_cdf((3 + level.zeros) / 4)
+    else:
+        start = middle / NORMAL_QUARTILE
+    level.start = start**2
+    if not 0 < level.start < math.inf:
+        return
+    criterion = _on_sample(level, sample, tuning)
+    tolerance = TOLERANCE / 10 if complete else 1e-3
+    root, level.iterations = (None, 0) if _mad_is_zero(level) else newton(criterion, tolerance)
+    if root is None:
+        found = scan(criterion, tolerance)
+        root, level.iterations = found.root, level.iterations + found.evaluations
+        if root is None and not complete:
+            # The error of the mean of ρ on the sample is 4 % of a. If the sample nearly has a root, the criterion of
+            # all coefficients may have one.
+            near = [(abs(place), place) for place, value in found.peaks if value > -0.15 * tuning.a]
+            level.peaks = [place for _, place in sorted(near)]
+    if root is not None:
+        level.place, level.rooted = root, True
+        level.outcome = "root" if complete else None
+
+
+def _mad_is_zero(level: _Level) -> bool:
+    return level.zeros > 0.5
+
+
+def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
+    def criterion(place: float) -> tuple[float, float]:
+        cubed, fourth = _core.biweight_sums(sample, tuning.c**2 * level.start * math.exp(place))
+        return tuning.criterion(cubed, fourth, float(sample.size))
+
+    return criterion
+
+
+def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Criterion:
+    limits = np.zeros(len(source.counts))
+
+    def criterion(place: float) -> tuple[float, float]:
+        limits[k] = tuning.c**2 * level.start * math.exp(place)
+        cubed, fourth, count = source.sums(limits)
+        return tuning.criterion(float(cubed[k]), float(fourth[k]), float(count[k]))
+
+    return criterion
+
+
+def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) -> None:
+    """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
+    active = np.array([level.rooted and level.outcome is None for level in levels])
+    start = np.array([level.start for level in levels])
+    place = np.array([level.place for level in levels])
+    before: tuple[Vector, Vector, Vector] | None = None
+    # Coefficients less than 2^j apart are strongly correlated, so N coefficients count as N / 2^j independent ones.
+    fine = active & (source.counts / PART >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
+    for number in range(-int(fine.any()), PASSES):
+        if not active.any():
+            return
+        limits = np.where(fine if number < 0 else active, tuning.c**2 * start * np.exp(place), 0.0)
+        cubed, fourth, count = source.sums(limits, PART if number < 0 else 1)
+        value, slope = tuning.criterion(cubed, fourth, np.maximum(count, 1.0))
+        falls = active & (slope < 0)
+        step = np.where(falls, -value, 0.0) / np.where(falls, slope, 1.0)
+        falls &= np.abs(step) < 0.5
+        if number < 0:
+            place = place + np.where(falls, step, 0.0)
+            continue
+        here = (place, value, slope)
+        step, error = (step, 10 * step**2) if before is None else _interpolated(before, here, step)
+        before, place = here, place + np.where(falls, step, 0.0)
+        done = falls & (error < TOLERANCE)
+        for k, level in enumerate(levels):
+            if active[k]:
+                level.passes, level.place = number + 1, float(place[k])
+                level.outcome = "root" if done[k] else None
+        active = falls & ~done
+
+
+def _interpolated(
+    before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
+) -> tuple[Vector, Vector]:
+    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error.
+
+    The cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared
+    distances of both points from the root. The error of a Newton step is proportional to the squared distance of the
+    later point. If the criterion of the later point is not below a tenth of the earlier one, the Newton step is used.
+    """
+    (x0, y0, d0), (x1, y1, d1) = before, here
+    usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
+    span = np.where(usable, y1 - y0, 1.0)
+    m0, m1 = (span / np.where(usable, d, 1.0) for d in (d0, d1))
+    # The following is in units of the span: the root lies at u = -y1 / span beyond the later point.
+    u = -y1 / span
+    rise = x1 - x0
+    cubic = u * m1 + u**2 * (m0 + 2 * m1 - 3 * rise) + u**3 * (m0 + m1 - 2 * rise)
+    moved = np.where(usable, cubic, step)
+    error = np.where(usable, 10 * (moved * (rise + moved)) ** 2, 10 * moved**2)
+    return moved, error
+
+
+def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
+    """Solve a level that has no root on its sample or has not converged.
+
+    The criterion of all coefficients is scanned for a root. If there is none, the variance follows from the MAD, or is
+    0 if the MAD is 0.
+    """
+    criterion = _on_all(source, k, level, tuning)
+    root: float | None = None
+    if level.rooted:
+        found = scan(criterion, TOLERANCE)
+        root, level.passes = found.root, level.passes + found.evaluations
+    for peak in level.peaks:
+        root, count = root_beyond(criterion, peak, TOLERANCE)
+        level.passes += count
+        if root is not None:
+            break
+    if root is not None:
+        level.place, level.outcome = root, "root"
+        return
+    level.place = 0.0
+    if _mad_is_zero(level):
+        level.start, level.outcome = 0.0, "zero"
+    else:
+        level.start, level.outcome = (source.median(k) / NORMAL_QUARTILE) ** 2, "mad"

@@ -1,0 +1,246 @@
+"""Exact robust wavelet variance from two passes over a recording.
+
+The sketches of the first pass, which are histograms of the coefficients, determine σ² with a relative error of at most
+1e-4. The second pass computes the exact sums over all coefficients at this σ². The differences from the sums over the
+sketches are small and smooth functions of σ², so a linear correction has an error of the order of 1e-8. For a level
+without a root, the second pass finds the exact median inside a bin of the sketch. All coefficients of levels with few
+coefficients are stored.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.locks import one_at_a_time
+from gmwm.measuring.variance.biweight import REACH, Biweight, Criterion, biweight, scan
+from gmwm.measuring.variance.coefficients import SAMPLE
+from gmwm.measuring.variance.open_segments import SegmentedAccumulator
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.robust import RobustVariances, robust_variances
+from gmwm.measuring.variance.second_pass_sums import LevelSums, SecondPassSums, SumRequest
+from gmwm.measuring.variance.sketched import SketchCoefficients
+from gmwm.measuring.variance.winsorised_mean import WinsorisedRise
+
+if TYPE_CHECKING:
+    from gmwm.measuring.variance.accumulate import WaveletAccumulator
+
+OTHERS = 0.05
+"""Relative change of a variance in the second pass above which the samples must differ from the samples of the first
+pass. For equal samples, the change is typically 1e-4."""
+NEAR = 0.02
+"""Largest distance in log σ² from the value at which the exact sums are known, for which the linear correction is
+used."""
+DOUBT = 0.01
+"""Threshold for the maximum of the criterion and for its slope at the root, both relative to a. Below it, the exact
+coefficients may have a root although the sketch has none, or the reverse. The second pass then collects the sums for
+both cases."""
+
+
+class SecondPass(SegmentedAccumulator):
+    """Second pass over a recording, which computes the exact robust variance from the sketches of the first pass.
+
+    `WaveletAccumulator.second_pass` creates it. It must receive the same samples with the same gaps, in chunks of any
+    size. Parts of the recording can be processed separately and merged in order; `part` creates a second pass that
+    begins at any sample.
+    """
+
+    def __init__(
+        self, first: WaveletAccumulator, request: SumRequest, winsorised: WinsorisedRise, start: int, efficiency: float
+    ):
+        super().__init__(first.levels, first.exact, start, request)
+        self.efficiency = efficiency
+        self._seen, self._request, self._winsorised = first, request, winsorised
+        self._rise = 0.0
+
+    def part(self, start: int) -> SecondPass:
+        """Create an empty second pass for the part of the recording that begins with sample `start`."""
+        return SecondPass(
+            self._seen, self._request, winsorised=self._winsorised, start=start, efficiency=self.efficiency
+        )
+
+    @one_at_a_time
+    def merge(self, following: SecondPass) -> SecondPass:
+        """Merge this part with the part that directly follows it.
+
+        Raises
+        ------
+        OptionError
+            If `following` does not begin where this part ends, or is not a second pass over the same recording.
+        """
+        self._require_following(following, "exact", "levels", "efficiency")
+        for name in ("limits", "low", "high", "kept"):
+            if not np.array_equal(getattr(self._request, name), getattr(following._request, name)):
+                raise OptionError(
+                    "the two parts belong to different first passes",
+                    argument="following",
+                    got=following,
+                    advice="Make both parts with `part` of the same second pass.",
+                )
+        joint = self.part(self.start)
+        joint._take_state(self)
+        joint._append(following)
+        joint._rise = self._rise + following._rise
+        return joint
+
+    @one_at_a_time
+    def result(self, confidence: float = 0.95) -> WaveletVariance:
+        """Compute the robust wavelet variance of the whole recording.
+
+        Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to about 1e-10. Higher levels are computed
+        from every τ/64-th coefficient. If the estimating equation of a level has no root, its variance is
+        (MAD / 0.67449)². Its relative error is 1e-7 if the bin of the sketch with the median has more than 2^17
+        coefficients. `diagnostics["robust"]` also contains "moved", the relative change of the variance of each level
+        in the second pass.
+
+        Parameters
+        ----------
+        confidence : float
+            Confidence level of the limits.
+
+        Raises
+        ------
+        DataError
+            If the samples differ from the samples of the first pass in number, gaps or values.
+        """
+        self._fold()
+        if self.start != self._seen.start or self.lengths != self._seen.lengths:
+            raise DataError(
+                f"the second pass must read all samples of the first pass, {_extent(self._seen)}; it read "
+                f"{_extent(self)}",
+                advice="Pass the same chunks of the same recording to both passes.",
+            )
+        sketched = self._seen._sketched()
+        sums: SecondPassSums = self._all_statistics()
+        known = (*sums.levels, *(LevelSums() for _ in range(len(sums.levels), len(sketched.counts))))
+        exact = robust_variances(Corrected(sketched, self._request, known), self.efficiency)
+        before = robust_variances(sketched, self.efficiency).variance
+        moved = [abs(v / b - 1.0) if b > 0 else 0.0 for v, b in zip(exact.variance, before, strict=True)]
+        rooted = (outcome == "root" for outcome in exact.diagnostics["outcome"])
+        # The first pass is accurate to about 1e-4, so a larger change means that the samples differ.
+        if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > OTHERS]:
+            raise DataError(
+                f"the second pass read other samples than the first pass: at level {others[0] + 1} the variance "
+                f"differs by {100 * moved[others[0]]:.2g} %",
+                advice="Pass the same chunks of the same recording to both passes.",
+            )
+        found = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
+        return self._seen._curve(confidence, found, self.efficiency, self._rise)
+
+    @one_at_a_time
+    def __getstate__(self) -> dict[str, Any]:
+        self._fold()
+        return super().__getstate__()
+
+    def __repr__(self) -> str:
+        return f"SecondPass({self._seen.axis or 'unnamed'}, {len(self)} of {len(self._seen)} samples)"
+
+    def _grow(self, x: Vector) -> None:
+        self._rise += self._winsorised.rise(x, self.stop)
+        super()._grow(x)
+
+
+def _extent(record: SegmentedAccumulator) -> str:
+    return f"{len(record)} in {len(record.lengths)} segments from number {record.start} on"
+
+
+def sum_request(sketched: SketchCoefficients, found: RobustVariances, efficiency: float) -> SumRequest:
+    """Choose, from the sketches of the first pass, the sums that the second pass collects."""
+    tuning, levels = biweight(efficiency), len(sketched.counts)
+    limits, low, high = np.zeros((3, levels))
+    kept = sketched.counts <= SAMPLE
+    for k in np.flatnonzero(~kept).tolist():
+        outcome, variance = found.diagnostics["outcome"][k], float(found.variance[k])
+        place: float | None = variance
+        if outcome != "root":
+            place = _nearest(sketched, k, tuning)
+        elif criterion_of(sketched, k, variance, tuning)(0.0)[1] > -DOUBT * tuning.a:
+            outcome = "mad"
+        if place is not None and 0 < tuning.c**2 * place < math.inf:
+            limits[k] = tuning.c**2 * place
+        if outcome == "mad":
+            low[k], high[k] = sketched.bracket(k)
+    return SumRequest(limits, low, high, kept)
+
+
+def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Biweight) -> Criterion:
+    """Return the criterion of one level as a function of log σ² relative to log `origin`."""
+    limits = np.zeros(len(sketched.counts))
+
+    def criterion(place: float) -> tuple[float, float]:
+        limits[k] = tuning.c**2 * origin * math.exp(place)
+        cubed, fourth, count = sketched.sums(limits)
+        return tuning.criterion(float(cubed[k]), float(fourth[k]), float(count[k]))
+
+    return criterion
+
+
+def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | None:
+    """Return σ² at the maximum of the criterion of a level without a root; None if this maximum is far below 0."""
+    sample = sketched.sample(k, SAMPLE)
+    rest = sample[sample > sketched.resolution(k)]
+    origin = float(np.median(rest)) ** 2 if rest.size else 0.0
+    if not 0 < origin * math.exp(-REACH) <= origin * math.exp(REACH) < math.inf:
+        return None
+    criterion = criterion_of(sketched, k, origin, tuning)
+    peaks = scan(criterion, 1e-3).peaks
+    if not peaks:
+        return None
+    middle = max(peaks, key=lambda peak: peak[1])[0]
+    places = np.linspace(middle - REACH / 30, middle + REACH / 30, 41)
+    values = np.array([criterion(float(place))[0] for place in places])
+    best = int(np.argmax(values))
+    return origin * math.exp(float(places[best])) if values[best] > -DOUBT * tuning.a else None
+
+
+class Corrected:
+    """Source of coefficients for `robust_variances`: sketches, corrected by the sums of a second pass."""
+
+    def __init__(self, sketched: SketchCoefficients, request: SumRequest, found: tuple[LevelSums, ...]) -> None:
+        self.counts = sketched.counts
+        self._sketched, self._request, self._found = sketched, request, found
+        cubed, fourth, _ = sketched.sums(request.limits)
+        used = request.limits > 0
+        self._cubed = np.where(used, [level.cubed for level in found], 0.0) - cubed
+        self._fourth = np.where(used, [level.fourth for level in found], 0.0) - fourth
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Return the sums over the sketches plus a correction that is linear in log σ²; `every` is ignored."""
+        cubed, fourth, count = self._sketched.sums(limits)
+        for k in np.flatnonzero(limits > 0).tolist():
+            if self._request.kept[k]:
+                cubed[k], fourth[k] = _core.biweight_sums(self._found[k].sizes, float(limits[k]))
+            elif self._request.limits[k] > 0:
+                way = math.log(limits[k] / self._request.limits[k])
+                # d Σ v q⁴ / d log σ² = 4 Σ v q³ − 5 Σ v q⁴
+                slope = 4 * self._cubed[k] - 5 * self._fourth[k]
+                off = self._fourth[k] + slope * min(max(way, -NEAR), NEAR)
+                fourth[k] += off
+                cubed[k] += (5 * off + (slope if abs(way) <= NEAR else 0.0)) / 4
+        return cubed, fourth, count
+
+    def sample(self, k: int, size: int) -> Vector:
+        """Return all stored |W|, or quantiles of the sketch if they are not stored."""
+        return self._found[k].sizes if self._request.kept[k] else self._sketched.sample(k, size)
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """Count the |W| up to `low` and return the values between `low` and `high`, both from the sketch."""
+        return self._sketched.between(k, low, high)
+
+    def median(self, k: int) -> float:
+        """Compute the median of |W| from the stored values, or from the counts in the cells around the median."""
+        level, count = self._found[k], int(self.counts[k])
+        if self._request.kept[k]:
+            return float(np.median(level.sizes))
+        middle = level.inside.at(np.array([(count - 1) // 2, count // 2]) - level.below)
+        return self._sketched.median(k) if middle is None else float(middle.mean())
+
+    def resolution(self, k: int) -> float:
+        """Return the largest |W| that can be a rounding error, from the first pass."""
+        return self._sketched.resolution(k)

@@ -1,0 +1,243 @@
+"""Sketches, which are histograms of wavelet coefficients |W|. They give a robust variance without stored coefficients.
+
+A sketch does not depend on the order or grouping of the coefficients. The bins are the same for every signal: each
+octave has 128 bins, so a bin is 0.4 to 0.8 % wide. A bin stores the number of its |W|, and their mean to 2^-31. The sum
+of a smooth function over all coefficients then has an error of second order in the bin width. The measured relative
+error of a robust variance at a root is 1e-7 for smooth distributions and 3e-5 for quantized data (1e-4 at an efficiency
+of 0.3). If the estimating equation has no root, the variance follows from the median, which is accurate to half a bin.
+The relative error of the variance is then typically 1e-3 and at most 8e-3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import zip_longest
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.errors import ReadError
+from gmwm.measuring.variance.coefficients import haar_resolution
+
+Counts = NDArray[np.int64]
+
+OCTAVE = 128
+"""Bins per octave."""
+UNIT = 2.0**-24
+"""Unit of the sums over a bin, relative to the bin width."""
+BEYOND = 2047 * OCTAVE
+"""Index of the bin of infinite values; bin 0 holds zero and values below 2^-1029."""
+
+
+def _nothing() -> Counts:
+    return np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """Histogram of the |W| of one level: the number and the sum of the |W| in each bin, as integers.
+
+    A sketch needs 2 kB of memory per octave between the smallest and the largest |W|: about 30 octaves, or 60 kB. A
+    bin can hold up to 5·10^11 coefficients without overflow.
+
+    Attributes
+    ----------
+    zeros, beyond : int
+        Numbers of zero values (less than 2^-1029) and of infinite values.
+    first : int
+        Number of the first octave. Octave e contains 2^(e − 1023) ≤ |W| < 2^(e − 1022).
+    counts, sums : (128 m,) arrays
+        Number of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width, in units of 2^-24.
+
+    Examples
+    --------
+    >>> w = np.random.default_rng(1).normal(size=100_000)
+    >>> part = Sketch.of(w[:30_000]).merge(Sketch.of(w[30_000:]))
+    >>> bool(np.all(part.to_array() == Sketch.of(w).to_array())), len(part)
+    (True, 100000)
+    """
+
+    zeros: int = 0
+    beyond: int = 0
+    first: int = 0
+    counts: Counts = field(default_factory=_nothing)
+    sums: Counts = field(default_factory=_nothing)
+
+    @classmethod
+    def of(cls, values: ArrayLike) -> Sketch:
+        """Build the sketch of an array (M,) of coefficients, which can be empty."""
+        return cls(*_core.sketch_values(as_vector(values, "values", at_least=0, finite=False)))
+
+    @classmethod
+    def of_haar(cls, running_sum: Vector, level: int, begin: int, end: int) -> Sketch:
+        """Build the sketch of the Haar coefficients W_{j,t} of one level, begin ≤ t < end and t ≥ 2^j − 1.
+
+        `running_sum` is the running sum of all samples (`_core.running_sum`). If there are too few samples for the
+        level, the sketch is empty.
+        """
+        if running_sum.size <= 1 << level:
+            return cls()
+        return cls(*_core.haar_sketch(running_sum, level, begin, end))
+
+    def __len__(self) -> int:
+        """Return the number of coefficients."""
+        return self.zeros + self.beyond + int(self.counts.sum())
+
+    def merge(self, other: Sketch) -> Sketch:
+        """Merge the sketches of two sets of coefficients."""
+        zeros, beyond = self.zeros + other.zeros, self.beyond + other.beyond
+        if not self.counts.size or not other.counts.size:
+            kept = self if self.counts.size else other
+            return Sketch(zeros, beyond, first=kept.first, counts=kept.counts, sums=kept.sums)
+        first = min(self.first, other.first)
+        last = max(part.first + part.counts.size // OCTAVE for part in (self, other))
+        counts, sums = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
+        for part in (self, other):
+            place = slice((part.first - first) * OCTAVE, (part.first - first) * OCTAVE + part.counts.size)
+            counts[place] += part.counts
+            sums[place] += part.sums
+        return Sketch(zeros, beyond, first=first, counts=counts, sums=sums)
+
+    def to_array(self) -> Counts:
+        """Return the nonempty bins as rows (bin, count, sum) in ascending order, for storage."""
+        used = np.flatnonzero(self.counts)
+        rows = np.column_stack([used + self.first * OCTAVE, self.counts[used], self.sums[used]])
+        ends = np.array([[0, self.zeros, 0], [BEYOND, self.beyond, 0]], dtype=np.int64)
+        joint = np.concatenate([ends[:1], rows, ends[1:]])
+        return joint[joint[:, 1] > 0]
+
+    @classmethod
+    def from_array(cls, rows: ArrayLike) -> Sketch:
+        """Restore a sketch from the output of `to_array`.
+
+        Raises
+        ------
+        ReadError
+            If the rows do not describe a sketch.
+        """
+        array = np.asarray(rows)
+        if array.size == 0:
+            return cls()
+        if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+            raise ReadError(
+                f"a sketch must have rows of three whole numbers; got {array.dtype} of shape {array.shape}",
+                argument="rows",
+                got=rows,
+            )
+        bins, counts, sums = array.astype(np.int64).T
+        inside = (bins > 0) & (bins < BEYOND)
+        if (
+            bins[0] < 0 or bins[-1] > BEYOND or np.any(np.diff(bins) <= 0) or np.any(counts < 1)
+            or np.any(sums < 0) or np.any(sums * UNIT >= np.where(inside, counts, UNIT))
+        ):  # fmt: skip
+            raise ReadError(
+                "this is not a sketch: its bins must ascend, and the sum of each bin must agree with its count",
+                argument="rows",
+                got=rows,
+            )
+        zeros, beyond = (int(counts[bins == end].sum()) for end in (0, BEYOND))
+        if not inside.any():
+            return cls(zeros, beyond)
+        bins, counts, sums = bins[inside], counts[inside], sums[inside]
+        first, last = int(bins[0]) // OCTAVE, int(bins[-1]) // OCTAVE + 1
+        dense = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
+        dense[:, bins - first * OCTAVE] = counts, sums
+        return cls(zeros, beyond, first=first, counts=dense[0], sums=dense[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Sketches:
+    """Sketches of all levels of a recording, with the rounding error of the coefficients of each level.
+
+    Attributes
+    ----------
+    levels : tuple of Sketch
+        Sketches of levels 1 … J.
+    resolutions : (J,) array
+        Largest |W| of each level that can be a rounding error in any of the merged parts.
+    """
+
+    levels: tuple[Sketch, ...] = ()
+    resolutions: Vector = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def of_haar(cls, running_sum: Vector, levels: int, begin: int) -> Sketches:
+        """Build the sketches of the Haar coefficients of levels 1 … `levels` that end at sample `begin` or later."""
+        peak, end = float(np.abs(running_sum).max()), running_sum.size - 1
+        numbers = range(1, min(levels, max(end, 1).bit_length() - 1) + 1)
+        return cls(
+            tuple(Sketch.of_haar(running_sum, level, begin, end) for level in numbers),
+            np.array([haar_resolution(peak, level) for level in numbers], dtype=np.float64),
+        )
+
+    @classmethod
+    def at(cls, level: int, sketch: Sketch, resolution: float) -> Sketches:
+        """Return the sketches of all levels, with `sketch` at `level` and empty sketches at lower levels."""
+        return cls((*(Sketch() for _ in range(level - 1)), sketch), np.append(np.zeros(level - 1), resolution))
+
+    def merge(self, other: Sketches) -> Sketches:
+        """Merge the sketches level by level."""
+        resolutions = np.zeros(max(len(self.levels), len(other.levels)))
+        for part in (self, other):
+            own = resolutions[: len(part.levels)]
+            np.maximum(own, part.resolutions, out=own)
+        pairs = zip_longest(self.levels, other.levels, fillvalue=Sketch())
+        return Sketches(tuple(a.merge(b) for a, b in pairs), resolutions)
+
+    def to_arrays(self) -> tuple[Counts, Vector]:
+        """Return a table with the columns level, bin, count and sum, and the resolutions, for storage."""
+        rows = [np.insert(sketch.to_array(), 0, level, axis=1) for level, sketch in enumerate(self.levels, start=1)]
+        return np.concatenate([np.empty((0, 4), dtype=np.int64), *rows]), self.resolutions
+
+    @classmethod
+    def from_arrays(cls, rows: ArrayLike, resolutions: ArrayLike) -> Sketches:
+        """Restore sketches from the output of `to_arrays`.
+
+        Raises
+        ------
+        ReadError
+            If the arrays do not describe sketches.
+        """
+        table, sizes = np.asarray(rows), np.asarray(resolutions, dtype=np.float64)
+        if table.size == 0:
+            table = np.empty((0, 4), dtype=np.int64)
+        if table.ndim != 2 or table.shape[1] != 4 or np.any((table[:, 0] < 1) | (table[:, 0] > sizes.size)):
+            raise ReadError(
+                f"sketches must have rows of a level from 1 to {sizes.size}, a bin, a count and a sum",
+                argument="rows",
+                got=rows,
+            )
+        parts = (table[table[:, 0] == level, 1:] for level in range(1, sizes.size + 1))
+        return cls(tuple(Sketch.from_array(part) for part in parts), sizes)
+
+
+class SketchCollector:
+    """Statistics collector that builds sketches of the coefficients."""
+
+    squares = True
+
+    def haar(self, running_sum: Vector, levels: int, begin: int) -> Sketches:
+        """Build the sketches of the coefficients of levels 1 … `levels` that end at sample `begin` or later."""
+        return Sketches.of_haar(running_sum, levels, begin)
+
+    def across(self, running_sum: Vector, level: int) -> Sketches:
+        """Build the sketch of all coefficients of one level of a running sum."""
+        resolution = haar_resolution(float(np.abs(running_sum).max()), level)
+        return Sketches.at(level, Sketch.of_haar(running_sum, level, 0, running_sum.size - 1), resolution)
+
+    def values(self, coefficients: Vector, level: int) -> Sketch:
+        """Build the sketch of an array of coefficients; the level has no effect."""
+        return Sketch.of(coefficients) if coefficients.size else Sketch()
+
+    def at(self, level: int, part: Sketch, resolution: float) -> Sketches:
+        """Return the sketches of all levels, with `part` at `level` and empty sketches at lower levels."""
+        return Sketches.at(level, part, resolution)
+
+    def empty(self) -> Sketches:
+        """Return the sketches of no coefficients."""
+        return Sketches()
+
+
+SKETCH_COLLECTOR = SketchCollector()

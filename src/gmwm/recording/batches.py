@@ -1,0 +1,345 @@
+"""Divide a recording, in memory or in a file, into batches: consecutive samples that are processed together.
+
+A batch has `BATCH` samples, counted from the first sample; the last one has fewer, and a shorter recording is one
+batch. Results that are computed from batches are therefore the same to the last bit for a recording in memory and in
+chunks of any size.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.axis_names import axis_quantity
+from gmwm.base.memory import return_memory
+from gmwm.base.remarks import Remark
+from gmwm.base.threads import check_stop
+from gmwm.base.time_base import TimeBase
+from gmwm.base.units import SI_UNIT
+from gmwm.recording.chunks import Samples
+from gmwm.recording.signals import Imu, Signal
+
+BATCH = 1 << 21
+"""Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. It is a choice: 2²¹, because 21
+is the default number of exact levels for six axes (`exact_levels`)."""
+
+
+class Streamed(Protocol):
+    """A recording whose samples are read from a file when they are needed: `gmwm.readers.Stream`."""
+
+    @property
+    def source(self) -> str:
+        """Name of the file or other source, for messages."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes."""
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks on how the file was interpreted."""
+
+    @property
+    def time_base(self) -> TimeBase:
+        """Properties of the time stamps. After an iteration, they describe all time stamps."""
+
+    @property
+    def has_temperature(self) -> bool:
+        """Whether the recording has a temperature."""
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that the clock counts. Without time stamps, it is the number of rows that were read first."""
+
+    def samples(self) -> Iterator[Samples]:
+        """Iterate over the samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Consecutive samples of all axes of a recording, with the gaps between them.
+
+    Attributes
+    ----------
+    signals : mapping of axis to Signal
+        Samples of each axis.
+    first : int
+        Number of the first sample in the recording, from 0.
+    continues : bool
+        Whether no sample is missing between this batch and the previous one.
+    temperature : (n,) array or None
+        Temperature (°C), if the recording has one.
+    parted : frozenset of str
+        Axes that do not continue although the batch does: a gap before the batch was filled on the other axes only.
+    """
+
+    signals: Mapping[str, Signal]
+    first: int = 0
+    continues: bool = False
+    temperature: Vector | None = None
+    parted: frozenset[str] = frozenset()
+
+    def continues_on(self, axis: str) -> bool:
+        """Return whether the first sample of an axis continues the previous batch."""
+        return self.continues and axis not in self.parted
+
+    def __len__(self) -> int:
+        return len(next(iter(self.signals.values())))
+
+    @property
+    def stop(self) -> int:
+        """Number of the sample after the last one."""
+        return self.first + len(self)
+
+    def between(self, first: int, last: int) -> Batch:
+        """Return the samples `first` … `last` − 1 of the batch."""
+        if first == 0 and last >= len(self):
+            return self
+        begins = {begin for begin, _ in next(iter(self.signals.values())).segments}
+        signals = {axis: cut(x, first, last) for axis, x in self.signals.items()}
+        heat = None if self.temperature is None else self.temperature[first:last]
+        return Batch(signals, self.first + first, first not in begins if first else self.continues, heat)
+
+
+class Segments:
+    """The segments of a recording, from its batches in order.
+
+    Attributes
+    ----------
+    ranges : list of (first, last)
+        Index ranges without a gap.
+    starts : list of float
+        Time of the first sample of each range (s).
+    gaps_known : bool
+        Whether the lengths of the gaps are known.
+    """
+
+    def __init__(self) -> None:
+        self.ranges: list[tuple[int, int]] = []
+        self.starts: list[float] = []
+        self.gaps_known = True
+
+    def update(self, batch: Batch) -> None:
+        """Add the next batch."""
+        one = next(iter(batch.signals.values()))
+        ranges = [(batch.first + a, batch.first + b) for a, b in one.segments]
+        if batch.continues:
+            self.ranges[-1] = (self.ranges[-1][0], ranges.pop(0)[1])
+        self.ranges += ranges
+        self.starts += one.starts[batch.continues :]
+        self.gaps_known &= one.gaps_known or len(one.segments) == 1
+
+
+class Accumulator(Protocol):
+    """A computation on consecutive samples, such as `WaveletAccumulator`."""
+
+    def update(self, values: Vector, /) -> None:
+        """Add the next samples."""
+
+    def gap(self) -> None:
+        """Mark that samples are missing."""
+
+
+def feed(one: Accumulator, signal: Signal, continues: bool = False) -> None:
+    """Add the samples of a signal to an accumulator, segment by segment."""
+    for k, values in enumerate(signal.segment_values()):
+        if k or not continues:
+            one.gap()
+        one.update(values)
+
+
+class Batches:
+    """The batches of a recording, which can be iterated over several times.
+
+    A recording that is one batch is read only once. Samples that were added to the file after the first iteration are
+    left out.
+
+    Parameters
+    ----------
+    recording : Imu or Streamed
+        A recording in memory or in chunks.
+    done : callable, optional
+        Function that is called with the number of samples so far, after each chunk.
+    """
+
+    def __init__(self, recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> None:
+        self.recording, self._done = recording, done
+        self._only: Batch | None = None
+        self._samples: int | None = None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples, after the first iteration."""
+        return self._samples or 0
+
+    def __iter__(self) -> Iterator[Batch]:
+        if self._only is not None:
+            if self._done is not None:
+                self._done(self._only.stop)
+            yield self._only
+            return
+        stop = 0
+        for batch in batches(self.recording, self._done):
+            check_stop()
+            if self._samples is not None and batch.stop >= self._samples:
+                yield batch.between(0, self._samples - batch.first)
+                return
+            stop = batch.stop
+            if stop < BATCH:
+                self._only = batch
+            yield batch
+            del batch  # before the next one is gathered
+            if not isinstance(self.recording, Imu):
+                return_memory()
+        self._samples = stop
+
+    def each(self, *work: Callable[[Batch], None]) -> None:
+        """Call functions with each batch, which is released before the next one is gathered."""
+        for batch in self:
+            for one in work:
+                one(batch)
+            del batch
+
+    def values(self, axis: str, first: int, last: int) -> Vector:
+        """Return samples number `first` … `last` − 1 of an axis."""
+        parts = []
+        for batch in self:
+            if batch.first >= last:
+                break
+            if batch.stop > first:
+                parts.append(batch.signals[axis].values[max(first - batch.first, 0) : last - batch.first])
+        return np.concatenate(parts)
+
+
+def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> Iterator[Batch]:
+    """Iterate over the batches of a recording; see `Batches`."""
+    if not isinstance(recording, Imu):
+        yield from gathered(recording.samples(), recording.axes, recording.rate, done)
+        return
+    heat = recording.temperature
+    if len(recording) <= BATCH:
+        yield Batch(recording.signals, temperature=heat)
+    else:
+        whole = Batch(recording.signals, temperature=heat)
+        for first in range(0, len(recording), BATCH):
+            yield whole.between(first, first + BATCH)
+    if done is not None:
+        done(len(recording))
+
+
+def gathered(
+    samples: Iterable[Samples], axes: Sequence[str], rate: float, done: Callable[[int], None] | None = None
+) -> Iterator[Batch]:
+    """Gather samples in portions of any size into batches."""
+    batch = _Gathered(axes, rate)
+    for some in samples:
+        if done is not None:
+            done(some.first + len(some))
+        yield from batch.add(some)
+    yield from batch.end()
+
+
+class _Gathered:
+    """The samples of a batch that is not complete yet."""
+
+    def __init__(self, axes: Sequence[str], rate: float) -> None:
+        self._axes, self._rate = tuple(axes), rate
+        self._values: dict[str, Vector] = {}
+        self._begins: list[tuple[int, float]] = []  # place in the batch and time of the first sample of each segment
+        self._first = self._size = 0
+        self._continues = False
+
+    def add(self, samples: Samples) -> Iterator[Batch]:
+        """Add samples, and return the batches that are complete."""
+        runs = {max(sample - samples.first, 0): (sample, time) for sample, time in samples.runs}
+        begins, taken = sorted(runs), 0
+        while taken < len(samples):
+            part = slice(taken, min(len(samples), taken + BATCH - self._size))
+            at = bisect_right(begins, taken) - 1
+            sample, time = runs[begins[at]]
+            number = samples.first + taken
+            if not self._size:
+                self._first, self._continues = number, sample < number
+                roles = (*self._axes, *(["temperature"] if samples.temperature is not None else []))
+                self._values = {role: np.empty(BATCH) for role in roles}
+            if not self._size or sample == number:
+                self._begins.append((self._size, time + (number - sample) / self._rate))
+            for begin in begins[at + 1 : bisect_left(begins, part.stop)]:
+                self._begins.append((self._size + begin - taken, runs[begin][1]))
+            given = dict(samples.values)
+            if samples.temperature is not None:
+                given["temperature"] = samples.temperature
+            for role, values in self._values.items():
+                values[self._size : self._size + part.stop - taken] = given[role][part]
+            self._size, taken = self._size + part.stop - taken, part.stop
+            if self._size == BATCH:
+                yield from self.end()
+
+    def end(self) -> Iterator[Batch]:
+        """Return the samples so far."""
+        if not self._size:
+            return
+        ends = [*(place for place, _ in self._begins), self._size]
+        segments, starts = list(pairwise(ends)), [start for _, start in self._begins]
+        values = {role: freeze(self._values.pop(role)[: self._size]) for role in list(self._values)}
+        temperature = values.pop("temperature", None)
+        signals = {
+            axis: Signal(
+                own, self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
+            )
+            for axis, own in values.items()
+        }
+        self._begins, self._size = [], 0
+        yield Batch(signals, self._first, self._continues, temperature)
+
+
+def joined(parts: Sequence[Batch]) -> Batch:
+    """Join consecutive batches to one batch."""
+    if len(parts) == 1:
+        return parts[0]
+    return Batch({axis: _one(parts, axis) for axis in parts[0].signals}, parts[0].first, parts[0].continues)
+
+
+def _one(parts: Sequence[Batch], axis: str) -> Signal:
+    """Return an axis of consecutive batches."""
+    return end_to_end([part.signals[axis] for part in parts], [part.continues_on(axis) for part in parts])
+
+
+def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
+    """Join consecutive parts of a signal. `continues` states for each part whether it continues the previous part."""
+    segments, starts, size = list[tuple[int, int]](), list[float](), 0
+    for one, follows in zip(signals, [False, *continues[1:]], strict=True):
+        moved = [(first + size, last + size) for first, last in one.segments]
+        if follows:
+            segments[-1] = segments[-1][0], moved.pop(0)[1]
+        segments += moved
+        starts += one.starts[follows:]
+        size += len(one)
+    return replace(
+        signals[0],
+        values=freeze(np.concatenate([one.values for one in signals])),
+        segments=tuple(segments),
+        starts=tuple(starts),
+        filled=sum(one.filled for one in signals),
+    )
+
+
+def cut(signal: Signal, first: int, last: int) -> Signal:
+    """Return the samples number `first` … `last` − 1 of a signal."""
+    last = min(last, len(signal))
+    segments, starts = [], []
+    for (begin, end), start in zip(signal.segments, signal.starts, strict=True):
+        if begin < last and end > first:
+            segments.append((max(begin, first) - first, min(end, last) - first))
+            starts.append(start + max(first - begin, 0) / signal.rate)
+    return replace(signal, values=signal.values[first:last], segments=tuple(segments), starts=tuple(starts), filled=0)

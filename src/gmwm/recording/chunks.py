@@ -1,0 +1,97 @@
+"""Consecutive samples of a recording, as they are read from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+from gmwm.base.arrays import Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Consecutive samples of a recording without a gap between them, delivered at one time.
+
+    Attributes
+    ----------
+    values : mapping of axis name to (n,) array
+        Samples of each axis (rad/s or m/s²).
+    first : int
+        Number of the first sample in the recording, from 0.
+    segment : int
+        Number of the segment of the samples, from 0. It increases if there is a gap between the previous chunk and this
+        one.
+    start : float
+        Time of the first sample (s), on the clock of the recording.
+    temperature : (n,) array or None
+        Temperature (°C), if the recording has one.
+    """
+
+    values: Mapping[str, Vector]
+    first: int
+    segment: int
+    start: float
+    temperature: Vector | None = None
+
+    def __len__(self) -> int:
+        return int(next(iter(self.values.values())).size)
+
+    def __getitem__(self, axis: str) -> Vector:
+        return self.values[axis]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Consecutive samples of a recording, with the gaps between them.
+
+    Attributes
+    ----------
+    values : mapping of axis name to (n,) array
+        Samples of each axis (rad/s or m/s²).
+    rate : float
+        Samples per second (Hz).
+    first : int
+        Number of the first sample in the recording, from 0.
+    segment : int
+        Number of the segment of the first sample, from 0.
+    runs : tuple of (sample, time)
+        Number and time (s) of the first sample of each segment. The first segment may have begun before the sample
+        `first`.
+    temperature : (n,) array or None
+        Temperature (°C), if the recording has one.
+    """
+
+    values: Mapping[str, Vector]
+    rate: float
+    first: int
+    segment: int
+    runs: tuple[tuple[int, float], ...]
+    temperature: Vector | None = None
+
+    def __len__(self) -> int:
+        return int(next(iter(self.values.values())).size)
+
+    @property
+    def continues(self) -> bool:
+        """Whether no sample is missing before the first one."""
+        return self.runs[0][0] < self.first
+
+    def ranges(self) -> Iterator[tuple[int, int, float]]:
+        """Yield for each segment its half-open range of indices in `values`, and the time of its first sample (s)."""
+        places = [max(sample - self.first, 0) for sample, _ in self.runs]
+        for (begin, end), (sample, time) in zip(pairwise([*places, len(self)]), self.runs, strict=True):
+            yield begin, end, time + (self.first + begin - sample) / self.rate
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Divide the samples at gaps, and into chunks of at most `size` samples."""
+        for k, ((begin, end, _), (sample, time)) in enumerate(zip(self.ranges(), self.runs, strict=True)):
+            for a in range(begin, end, size):
+                part = slice(a, min(a + size, end))
+                yield Chunk(
+                    {axis: values[part] for axis, values in self.values.items()},
+                    first=self.first + a,
+                    segment=self.segment + k,
+                    start=time + (self.first + a - sample) / self.rate,
+                    temperature=None if self.temperature is None else self.temperature[part],
+                )

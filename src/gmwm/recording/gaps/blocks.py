@@ -1,0 +1,195 @@
+"""Fill the gaps of a recording block by block.
+
+A block has `BLOCK` known samples, counted from the first one of the recording. Its gaps are filled from its own samples
+and from `CONTEXT` samples on each side of it. The seed of its random numbers is the number of the block. The result
+therefore does not depend on the parts in which a recording arrives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.threads import in_threads
+from gmwm.recording.batches import Batch, joined
+from gmwm.recording.gaps import gaps
+from gmwm.recording.gaps.drawing import drawn
+from gmwm.recording.gaps.restarts import restarts
+from gmwm.recording.signals import Signal
+
+
+def fill_gaps(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Fill the short gaps of synchronous signals; see `Signal.fill_gaps`. At a gap at which the sensor of one signal
+    restarted, all signals are split, so that they stay synchronous."""
+    return dict(joined(list(filled([Batch(signals)], together=True))).signals)
+
+
+def filled(
+    batches: Iterable[Batch], threads: int | None = None, *, block: int = 0, context: int = 0, together: bool = False
+) -> Iterator[Batch]:
+    """Fill the short gaps of a recording; see `Signal.fill_gaps`. The axes of a batch are filled in threads. An axis is
+    split at gaps at which its sensor restarted; with `together`, all axes are split there.
+
+    Samples without short gaps are yielded at once. Other samples are held back until their block and the context after
+    it are complete. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.
+    """
+    block, context = block or gaps.BLOCK, context or gaps.CONTEXT
+    window = _Window(block, context, together)
+    passed = 0  # number of samples that were yielded
+    for batch in batches:
+        waited = passed < window.stop
+        window.add(batch)
+        if not waited and not window.ends_in_short_gaps(batch):
+            yield batch
+            passed = window.stop
+        while (last := (passed // block + 1) * block) + context <= window.stop:
+            yield window.filled(passed, last, threads)
+            passed = last
+        del batch
+        window.forget(passed // block * block - context)
+    while passed < window.stop:
+        last = min((passed // block + 1) * block, window.stop)
+        yield window.filled(passed, last, threads)
+        passed = last
+
+
+class _Window:
+    """The batches from which the next block is filled. Samples are counted from the first one of the first batch."""
+
+    def __init__(self, block: int, context: int, together: bool) -> None:
+        self._block, self._context, self._together = block, context, together
+        self._parts: list[Batch] = []
+        self._first = self.stop = 0
+
+    def add(self, batch: Batch) -> None:
+        """Add the next batch."""
+        self._parts.append(batch)
+        self.stop += len(batch)
+
+    def ends_in_short_gaps(self, batch: Batch) -> bool:
+        """Return whether the last batch has gaps that may be filled, or a gap before it."""
+        one = next(iter(batch.signals.values()))
+        if not one.gaps_known:
+            return False
+        segments, starts = list(one.segments), list(one.starts)
+        if len(self._parts) > 1 and not batch.continues:
+            before = next(iter(self._parts[-2].signals.values()))
+            (first, last), start = before.segments[-1], before.starts[-1]
+            segments, starts = [(first - last, 0), *segments], [start, *starts]
+        return gaps.has_short_gaps(one.rate, segments, starts)
+
+    def filled(self, first: int, last: int, threads: int | None) -> Batch:
+        """Return samples number `first` … `last` − 1 of a block with their gaps, and the gap before them, filled."""
+        number = first // self._block
+        begin = max(number * self._block - self._context, self._first)
+        end = (number + 1) * self._block + self._context
+        self._parts = [joined(self._parts)]
+        part = self._parts[0].between(begin - self._first, end - self._first)
+        lost = self._lost(part.signals, threads)
+
+        def fill(axis: str, signal: Signal) -> Filling:
+            return Filling(signal, lost[axis], first=first - begin, last=last - begin, seed=number)
+
+        plans = in_threads(fill, part.signals, threads=threads)
+        signals = in_threads(lambda _, plan: plan.signal(), plans, threads=threads)
+        continues = any(plan.continues for plan in plans.values())
+        parted = frozenset(axis for axis, plan in plans.items() if continues and not plan.continues)
+        return Batch(signals, first, continues, parted=parted)
+
+    def _lost(self, signals: Mapping[str, Signal], threads: int | None) -> Mapping[str, NDArray[np.int64]]:
+        """Return for each axis the number of samples to fill in before each segment but the first."""
+        one = next(iter(signals.values()))
+        ranges = np.array(one.segments, dtype=np.int64)
+        begins, lost = ranges[1:, 0], gaps.lost_samples(one.rate, ranges, one.starts)
+        accepted = gaps.fillable(ranges[:, 1] - ranges[:, 0], lost)
+
+        def own(_: str, signal: Signal) -> NDArray[np.int64]:
+            again = np.zeros_like(accepted)
+            again[accepted] = restarts(signal.values, begins[accepted], lost[accepted], begins[~accepted].tolist())
+            return np.where(accepted & ~again, lost, 0)
+
+        found = in_threads(own, signals, threads=threads)
+        if not self._together:
+            return found
+        least = np.stack(list(found.values())).min(axis=0)
+        return dict.fromkeys(signals, least)
+
+    def forget(self, first: int) -> None:
+        """Drop the samples before number `first`."""
+        while self._parts and self._first + len(self._parts[0]) <= first:
+            self._first += len(self._parts.pop(0))
+        if self._parts and self._first < first:
+            rest = self._parts[0].between(first - self._first, len(self._parts[0]))
+            # Copy the few samples that remain, so that the memory of the others can be freed.
+            self._parts[0] = replace(
+                rest, signals={axis: replace(x, values=x.values.copy()) for axis, x in rest.signals.items()}
+            )
+            self._first = first
+
+
+class Filling:
+    """Plan for filling the gaps of an axis in a block.
+
+    A gap belongs to the block of the sample after it.
+
+    Parameters
+    ----------
+    signal : Signal
+        The block with its context.
+    lost : (m,) int array
+        Number of samples to fill in before each segment but the first; 0 for gaps that are kept.
+    first, last : int
+        Half-open range of the known samples of the block, or of the last part of them.
+    seed : int
+        Number of the block.
+
+    Attributes
+    ----------
+    continues : bool
+        Whether the gap before the first sample is filled, or there is none.
+    """
+
+    def __init__(self, signal: Signal, lost: NDArray[np.int64], *, first: int, last: int, seed: int) -> None:
+        self._signal, self._seed = signal, seed
+        ranges = np.array(signal.segments, dtype=np.int64)
+        lengths = ranges[:, 1] - ranges[:, 0]
+        # Position of each segment on a timeline that includes the filled samples.
+        places = np.concatenate([[0], np.cumsum(lengths[:-1] + lost)])
+        self._known = np.arange(ranges[-1, 1]) + np.repeat(places - ranges[:, 0], lengths)
+        self._cuts = places[1:][lost == 0].tolist()
+        self._size, self._first, self._last = int(places[-1] + lengths[-1]), first, last
+        # The gap before the first sample of the block belongs to it.
+        begin = int(self._known[first - 1]) + 1 if first else 0
+        self._own = slice(begin, int(self._known[last - 1]) + 1)
+        here = [cut - begin for cut in self._cuts if begin < cut < self._own.stop]
+        edges = [0, *here, self._own.stop - begin]
+        self._segments = tuple(pairwise(edges))
+        self._filled = edges[-1] - (last - first)
+        self.continues = first > 0 and begin not in self._cuts
+        at = np.searchsorted(places, np.array(edges[:-1]) + begin, side="right") - 1
+        self._starts = np.asarray(signal.starts)[at] + (np.array(edges[:-1]) + begin - places[at]) / signal.rate
+
+    def signal(self) -> Signal:
+        """Return the block with its gaps filled, from its samples and its context."""
+        return replace(
+            self._signal,
+            values=freeze(self._values()),
+            segments=self._segments,
+            starts=tuple(self._starts.tolist()),
+            filled=self._filled,
+        )
+
+    def _values(self) -> Vector:
+        values = self._signal.values
+        if not self._filled:
+            return values[self._first : self._last]
+        present = np.zeros(self._size, dtype=np.bool_)
+        present[self._known] = True
+        timeline = np.zeros(present.size)
+        timeline[present] = values
+        return drawn(timeline, present, seed=self._seed, cuts=self._cuts)[self._own]

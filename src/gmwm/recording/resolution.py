@@ -1,0 +1,170 @@
+"""Estimate the quantization step of an axis, and its noise before rounding, from a part of its samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+
+_ENOUGH = 20_000
+"""Smallest number of samples that are used, so that each value of a coarse output occurs many times
+(tests/test_inspection.py)."""
+_REPEATED = 0.9
+"""Largest share of distinct values among the samples for which a quantization step is searched."""
+_UNEVEN = 0.05
+"""Largest deviation of the differences between values from multiples of the step, in steps
+(tests/test_inspection.py)."""
+
+_SEEN = 20
+"""Smallest mean number of samples of each value in the middle half of the distribution. No value between two others is
+then missing."""
+_REGULAR = 0.35
+"""Largest relative standard deviation of the distances between values that are multiples of one step, but were written
+with few digits. It is 0.33 if steps of 1.5 are written as 1 and 2."""
+_FINE = 1.0
+"""Smallest standard deviation of the output, in steps, at which Sheppard's correction is exact to 1e-8 of the step²."""
+_SPREADS = np.geomspace(0.05, 1.25, 60)
+"""Standard deviations before rounding, in steps, that are compared. The result is within 3 % of the best value."""
+_PLACES = np.linspace(-0.75, 0.75, 31)
+"""Means before rounding that are compared, in steps from the mean of the output. Rounding moves the mean by at most
+half a step."""
+_NEAR = 0.5
+"""Standard deviations whose log-likelihood is at most this value below the maximum agree with the samples equally well.
+The largest of them is used. If only two values occur, all small standard deviations agree, and the result is an upper
+limit."""
+_FLOOR = 1e-9
+"""Smallest probability of a value, so that a single wrong value does not determine the result."""
+
+
+class Sample:
+    """Keeps every 2^k-th sample of a record of any length: 20 000 to 40 000 samples if the record has as many."""
+
+    def __init__(self) -> None:
+        self._kept = np.empty(0)
+        self._came, self._stride = 0, 1
+
+    def update(self, values: Vector) -> None:
+        """Add the next samples."""
+        before, self._came = self._came, self._came + values.size
+        while self._came > 2 * _ENOUGH * self._stride:
+            self._kept, self._stride = self._kept[::2], 2 * self._stride
+        part = values[-before % self._stride :: self._stride]
+        if part.size:
+            self._kept = np.concatenate([self._kept, part])
+
+    def values(self) -> Vector:
+        """Return the selected samples."""
+        return self._kept
+
+
+def lsb(values: Vector) -> float | None:
+    """Return the quantization step of an axis: the spacing of a regular grid that contains all values; None if there is
+    none.
+
+    A step is searched only if values repeat.
+
+    >>> lsb(np.round(np.random.default_rng(0).normal(0, 1, 1000) / 0.05) * 0.05)
+    0.05
+    """
+    sample = Sample()
+    sample.update(values)
+    return step_of(sample.values())
+
+
+def step_of(sample: Vector) -> float | None:
+    """Return the spacing of a regular grid that contains all values of a sample; None if there is none.
+
+    If the values were written with so few digits that the distances between them alternate, the mean distance in the
+    middle half of the distribution is returned, which is the step before the values were written.
+    """
+    levels, counts = np.unique(sample, return_counts=True)
+    if levels.size < 2 or levels.size > _REPEATED * sample.size:
+        return None
+    lattice, usual = _lattice(levels), _usual_distance(levels, counts.astype(np.float64))
+    if usual is not None and (lattice is None or usual > (1 + 2 * _UNEVEN) * lattice):
+        return float(f"{usual:.9g}")
+    return lattice
+
+
+def _usual_distance(levels: Vector, counts: Vector) -> float | None:
+    """Return the mean distance between neighbouring values in the middle half of the distribution; None if the
+    distances are irregular, or there are too few samples."""
+    below = np.cumsum(counts) / np.sum(counts)
+    middle = (below > 0.25) & (below - counts / np.sum(counts) < 0.75)
+    own = levels[middle]
+    if own.size < 4 or np.sum(counts[middle]) < _SEEN * own.size:
+        return None
+    steps = np.diff(own)
+    # Larger distances are gaps between two parts of a recording with different means.
+    steps = steps[steps <= 1.6 * np.quantile(steps, 0.75)]
+    usual = float(np.mean(steps))
+    return usual if float(np.std(steps)) <= _REGULAR * usual else None
+
+
+def _lattice(levels: Vector) -> float | None:
+    steps = np.diff(levels)
+    # Values that differ only by the rounding of float64 are equal.
+    steps = steps[steps > 1e-12 * np.max(np.abs(levels))]
+    if steps.size == 0 or _is_float32_rounding(levels, float(np.min(steps))):
+        return None
+    step = float(np.min(steps))
+    multiples = steps / step
+    if np.max(np.abs(multiples - np.round(multiples))) > _UNEVEN:
+        return None
+    # The step from the whole range has a smaller rounding error than a single difference.
+    exact = float(np.sum(steps) / np.sum(np.round(multiples)))
+    return float(f"{exact:.9g}")
+
+
+def _is_float32_rounding(levels: Vector, step: float) -> bool:
+    """Return whether a step is the spacing of float32 numbers at the magnitude of the values, which is not a step of a
+    sensor."""
+    largest = np.float32(np.max(np.abs(levels)))
+    single = bool(np.all(levels == levels.astype(np.float32)))
+    return single and step <= float(np.spacing(largest))
+
+
+def before_rounding(runs: list[Vector], step: float) -> float:
+    """Return the standard deviation of the noise before it was rounded to multiples of a step.
+
+    Within a run of consecutive samples, the mean hardly changes. If the output spreads over several steps, rounding
+    adds the variance step²/12 (Sheppard's correction). Otherwise the standard deviation belongs to the Gaussian noise
+    whose probabilities of the rounded values agree best with the counts of all runs (maximum likelihood); each run has
+    its own mean. Runs of equal samples are left out if they are fewer than half of the runs, because a sensor or a
+    logger may hold a value.
+
+    Parameters
+    ----------
+    runs : list of arrays
+        Runs of consecutive samples without outliers.
+    step : float
+        Quantization step.
+
+    >>> rng = np.random.default_rng(0)
+    >>> runs = [np.round(rng.normal(0.3, 0.25, 256)) for _ in range(20)]
+    >>> round(float(np.std(runs)), 2), round(before_rounding(runs, 1.0), 2)
+    (0.41, 0.23)
+    """
+    varied = [run for run in runs if run.size > 1 and np.any(run != run[0])]
+    used = varied if 2 * len(varied) > len(runs) else [run for run in runs if run.size > 1]
+    if not used:
+        return 0.0
+    usual = float(np.median([np.var(run) for run in used])) / step**2
+    if usual >= _FINE**2:
+        return float(np.sqrt(usual - 1 / 12)) * step
+    total = np.zeros(_SPREADS.size)
+    for run in used:
+        total += _log_likelihood(run / step)
+    return float(_SPREADS[np.flatnonzero(total >= np.max(total) - _NEAR)[-1]]) * step
+
+
+def _log_likelihood(values: Vector) -> Vector:
+    """Return the log-likelihood of rounded values (in steps) for each of `_SPREADS`, maximised over the mean."""
+    from scipy.special import ndtr
+
+    start = values[0]
+    cells, counts = np.unique(np.round(values - start), return_counts=True)
+    means = np.mean(values - start) + _PLACES
+    upper = (cells + 0.5 - means[:, None]) / _SPREADS[:, None, None]
+    probability = ndtr(upper) - ndtr(upper - 1 / _SPREADS[:, None, None])
+    return np.asarray(np.max(np.log(np.maximum(probability, _FLOOR)) @ counts, axis=1))

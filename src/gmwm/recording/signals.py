@@ -1,0 +1,600 @@
+"""Recordings in memory: a Signal is one axis, an Imu is a set of axes with one time base. Both are immutable."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Vector, as_rate, as_vector, freeze, runs_of
+from gmwm.base.axis_names import AXES, axis_quantity
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.text import counted
+from gmwm.base.time_base import TimeBase, begins_of, times_of
+from gmwm.base.units import SI_UNIT, Quantity, parse_unit, require_measurable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.showing.plots.view import UnitSystem
+
+__all__ = ["Imu", "Signal"]
+
+MINIMUM_SAMPLES = 8
+"""Smallest number of samples of a segment that is read, for three wavelet levels. Pinned by tests/test_cuts.py."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """One axis of a static recording.
+
+    Parameters
+    ----------
+    values : (N,) array, in `unit`
+        The samples in order. The array becomes read-only.
+    rate : float
+        Samples per second (Hz).
+    unit : str
+        Unit of the values; "rad/s" or "m/s²" in recordings from `gmwm.read`.
+    axis : str
+        Name of the axis, such as "gyro_x".
+    start : float
+        Time of the first sample (s) on the clock of the recording.
+    segments : tuple of (start, stop)
+        Index ranges that are uniformly sampled. Samples are missing between one range and the next.
+    starts : tuple of float
+        Time of the first sample of each segment (s). By default one sample is missing in each gap.
+    filled : int
+        Number of values that replace lost samples; see `fill_gaps`.
+    gaps_known : bool
+        Whether the lengths of the gaps are known (by default, if `starts` is given). Other gaps are not filled.
+
+    Raises
+    ------
+    DataError
+        If a value is not finite or above 1e12 rad/s or m/s², or the segments or starts do not fit the values.
+    OptionError
+        If the rate is not a positive number.
+    """
+
+    values: Vector
+    rate: float
+    unit: str = ""
+    axis: str = ""
+    start: float = 0.0
+    segments: tuple[tuple[int, int], ...] = ()
+    starts: tuple[float, ...] = ()
+    filled: int = 0
+    gaps_known: bool = True
+
+    def __init__(
+        self,
+        values: ArrayLike,
+        rate: float,
+        unit: str = "",
+        axis: str = "",
+        start: float = 0.0,
+        segments: Sequence[tuple[int, int]] = (),
+        starts: Sequence[float] = (),
+        filled: int = 0,
+        gaps_known: bool | None = None,
+    ) -> None:
+        vector = as_vector(values, axis or "the signal", at_least=1)
+        require_measurable(vector, unit, axis)
+        if vector.flags.writeable:
+            vector = freeze(vector.view())
+        ranges = tuple((int(a), int(b)) for a, b in segments) or ((0, vector.size),)
+        if ranges[0][0] != 0 or ranges[-1][1] != vector.size or any(a >= b for a, b in ranges):
+            expected = f"non-empty ranges that cover all {vector.size} samples"
+            raise DataError(argument="segments", expected=expected, got=segments)
+        if any(left[1] != right[0] for left, right in pairwise(ranges)):
+            raise DataError(argument="segments", expected="consecutive ranges without overlap", got=segments)
+        rate = as_rate(rate)
+        times = tuple(map(float, starts)) or tuple(start + (a + k) / rate for k, (a, _) in enumerate(ranges))
+        if len(times) != len(ranges):
+            expected = f"a sequence with one time for each of {len(ranges)} segments"
+            raise DataError(argument="starts", expected=expected, got=tuple(starts))
+        for name, value in (
+            ("values", vector), ("rate", rate), ("unit", unit), ("axis", axis),
+            ("start", times[0]), ("segments", ranges), ("starts", times), ("filled", int(filled)),
+            ("gaps_known", len(starts) > 0 if gaps_known is None else gaps_known),
+        ):  # fmt: skip
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_missing(cls, values: ArrayLike, rate: float, unit: str = "", axis: str = "", start: float = 0.0) -> Signal:
+        """Make a signal with gaps from an array in which missing samples are NaN or masked.
+
+        Parameters
+        ----------
+        values : (N,) array, in `unit`
+            The samples at equal intervals, NaN or masked where one is missing.
+        rate, unit, axis
+            As for `Signal`.
+        start : float
+            Time of the first value (s), whether it is missing or not.
+
+        Raises
+        ------
+        DataError
+            If all samples are missing, a value is infinite, or the array cannot be used.
+        OptionError
+            If the rate is not a positive number.
+
+        Examples
+        --------
+        >>> signal = Signal.from_missing([1.0, 2.0, float("nan"), float("nan"), 5.0], rate=10.0)
+        >>> signal.segments, signal.starts
+        (((0, 2), (2, 3)), (0.0, 0.4))
+        """
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(np.float64), np.nan)
+        vector, rate = as_vector(values, axis or "the signal", finite=False), as_rate(rate)
+        present = ~np.isnan(vector)
+        infinite = int(np.count_nonzero(np.isinf(vector)))
+        if infinite:
+            raise DataError(
+                f"{axis or 'the signal'} has {counted(infinite, 'infinite value')}, the first at index "
+                f"{int(np.argmax(np.isinf(vector)))}",
+                advice="If infinite values mark missing samples, replace them with NaN.",
+            )
+        if not present.any():
+            raise DataError(
+                f"all {vector.size} samples of {axis or 'the signal'} are missing",
+                argument="values",
+                got=vector,
+                advice="Check the column that the signal was read from.",
+            )
+        edges = runs_of(present)
+        ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
+        starts = (start + edges[:, 0] / rate).tolist()
+        return cls(vector[present], rate, unit, axis, segments=list(pairwise(ends)), starts=starts)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The constructor makes the array of a copy read-only as well.
+        fields = (self.values, self.rate, self.unit, self.axis, self.start, self.segments, self.starts)
+        return Signal, (*fields, self.filled, self.gaps_known)
+
+    def __len__(self) -> int:
+        return int(self.values.size)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
+        return np.array(self.values, dtype=dtype, copy=copy)
+
+    def __repr__(self) -> str:
+        gaps = f", {len(self.segments)} segments" if len(self.segments) > 1 else ""
+        what = f"{len(self)} samples at {self.rate:g} Hz, {self.unit or 'no unit'}"
+        return f"Signal({self.axis or 'unnamed'}, {what}{gaps})"
+
+    @property
+    def duration(self) -> float:
+        """Recorded time without the gaps (s)."""
+        return len(self) / self.rate
+
+    def times(self, indices: ArrayLike | None = None) -> Vector:
+        """Return the times of samples (s), which are uniform within each segment.
+
+        Parameters
+        ----------
+        indices : array of int, optional
+            Indices of the samples; all by default.
+
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3)), starts=(0.0, 5.0)).times()
+        array([0. , 0.1, 5. ])
+        """
+        return times_of(np.arange(len(self)) if indices is None else indices, self.rate, self.segments, self.starts)
+
+    def whole(self) -> Vector:
+        """Return the values, if the signal has no gaps.
+
+        Raises
+        ------
+        DataError
+            If the signal has gaps.
+        """
+        if len(self.segments) > 1:
+            sizes = ", ".join(str(b - a) for a, b in self.segments[:5])
+            raise DataError(
+                f"{self.axis or 'the signal'} has gaps: {len(self.segments)} segments of {sizes}"
+                f"{', …' if len(self.segments) > 5 else ''} samples",
+                advice="To use only the longest segment, pass {--gaps=longest}.",
+            )
+        return self.values
+
+    def segment_values(self) -> list[Vector]:
+        """Return the values of each segment, one array each.
+
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).segment_values()
+        [array([1., 2.]), array([3.])]
+        """
+        return [self.values[first:last] for first, last in self.segments]
+
+    def plot(
+        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the signal over time, with its line broken where samples are missing.
+
+        If the samples are far from zero, their mean is subtracted, and the title states it.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            Units of the plot: rad/s and m/s², or deg/h and mg. A signal in another unit is not converted.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the signal does not support it.
+        """
+        from gmwm.showing.plots.series import plot_signal
+
+        return plot_signal(self, units=units, ax=ax, path=path)
+
+    def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+        """Write the signal as a recording of one axis to the file `path` in a `format`; see `Imu.write`."""
+        from gmwm.recording.writers import write
+
+        write(self, path, format=format)
+
+    def fill_gaps(self) -> Signal:
+        """Fill gaps with draws from the conditional distribution of the lost samples given the known samples.
+
+        The distribution is estimated from the signal, with fixed seeds. The wavelet variance of the result is unbiased
+        at every level. A gap of g ≤ 8192 samples is filled if 3/4 of the max(32 g, 1024) samples on each side are known
+        (fewer at an end of the recording). At least 2 g samples on each side must be known, or 16 g for a gap of more
+        than 64 samples. Other gaps are kept, and all gaps of unknown length. A gap is also kept if the means before and
+        after it differ by more than 6 standard deviations of such differences at other places, because the sensor has
+        then restarted with another offset.
+
+        >>> x = np.random.default_rng(1).normal(size=4000)
+        >>> x[100:110] = x[2500] = np.nan
+        >>> signal = Signal.from_missing(x, rate=100.0)
+        >>> len(signal.segments), len(signal.fill_gaps().segments), signal.fill_gaps().filled
+        (3, 1, 11)
+        """
+        from gmwm.recording.gaps import fill_gaps
+
+        return fill_gaps({self.axis: self})[self.axis]
+
+    def longest(self) -> Signal:
+        """Return the longest segment as a signal without gaps."""
+        k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
+        first, last = self.segments[k]
+        return Signal(self.values[first:last], self.rate, unit=self.unit, axis=self.axis, start=self.starts[k])
+
+
+@dataclass(frozen=True, eq=False)
+class Imu:
+    """A recording of several axes with one time base.
+
+    Parameters
+    ----------
+    signals : mapping of axis name to Signal
+        The axes; they have the same length, rate and segments.
+    source : str
+        File or other origin, for titles and reports.
+    remarks : tuple of Remark
+        Remarks on how the file was interpreted: units, rate, columns, time stamps, and times that were left out.
+    time_base : TimeBase or None
+        Properties of the time stamps.
+    temperature : (N,) array or None
+        Temperature (°C), if the file has a column for it.
+
+    Raises
+    ------
+    DataError
+        If there is no axis, or the axes or the temperature do not fit each other.
+
+    Examples
+    --------
+    >>> axes = {"gyro_x": [0.0, 0.1], "gyro_y": [0.0, 0.2], "accel_z": [9.8, 9.8]}
+    >>> imu = Imu.from_arrays(axes, rate=100)
+    >>> imu["gyro_x"]
+    Signal(gyro_x, 2 samples at 100 Hz, rad/s)
+    >>> imu["gyro"]
+    Imu(gyro_x, gyro_y: 2 samples at 100 Hz, 0.02 s)
+    """
+
+    signals: Mapping[str, Signal]
+    source: str = ""
+    remarks: tuple[Remark, ...] = ()
+    time_base: TimeBase | None = None
+    temperature: Vector | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.signals:
+            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
+        signals = list(self.signals.values())
+        first = signals[0]
+        for name, signal in self.signals.items():
+            if len(signal) != len(first) or signal.rate != first.rate or signal.segments != first.segments:
+                given = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
+                raise DataError(
+                    f"all axes of an Imu must have the same length, rate and segments, but {given}",
+                    argument="signals",
+                    got=self.signals,
+                )
+        if self.temperature is not None and len(self.temperature) != len(first):
+            raise DataError(
+                f"temperature has {len(self.temperature)} values for {len(first)} samples",
+                argument="temperature",
+                got=self.temperature,
+            )
+        order = {axis: k for k, axis in enumerate(AXES)}
+        ordered = dict(sorted(self.signals.items(), key=lambda item: order.get(item[0], len(AXES))))
+        object.__setattr__(self, "signals", MappingProxyType(ordered))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        arrays: Any,
+        rate: float | None = None,
+        *,
+        units: Mapping[str, str] | None = None,
+        axes: Sequence[str] = AXES,
+        start: float = 0.0,
+        segments: Sequence[tuple[int, int]] = (),
+        source: str = "",
+    ) -> Imu:
+        """Make an Imu from arrays or a table in memory.
+
+        Parameters
+        ----------
+        arrays : mapping of axis name to (N,) array, (N, len(axes)) array, or table
+            The samples. The columns of a two-dimensional array are `axes` in their order. A table is a data frame of
+            pandas or Polars, an Arrow table, an xarray Dataset or DataArray, an array of records, or a mapping with
+            "time" or missing values. Its columns are recognised by their names as in a file. Its time is a column, or
+            the index of pandas or xarray.
+        rate : float, optional
+            Samples per second (Hz). It is required unless a table has a time.
+        units : mapping, optional
+            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; by default the units that the column names of
+            a table state, and otherwise rad/s and m/s².
+        axes : sequence of str
+            Names of the columns of a two-dimensional array.
+        start, segments
+            As for `Signal`. For a table, they are determined from its time and its missing values.
+        source : str
+            Name for titles and reports.
+
+        Raises
+        ------
+        ReadError, DataError, OptionError, UnitError
+            If the arrays cannot be used, no axis is known, or a unit is unknown. Warnings are the same as from
+            `gmwm.read`.
+
+        >>> imu = Imu.from_arrays({"gyro_x": [0.0, 180.0]}, rate=100, units={"gyro": "deg/s"})
+        >>> imu["gyro_x"].values
+        array([0.        , 3.14159265])
+        >>> clock = {"time": np.arange(8) / 50, "gyro_x [deg/s]": np.arange(8.0)}
+        >>> Imu.from_arrays(clock)
+        Imu(gyro_x: 8 samples at 50 Hz, 0.16 s)
+        """
+        from gmwm.files.readers.frames import is_table, read_table
+
+        if is_table(arrays) and not segments:
+            return read_table(arrays, rate, units, source)
+        if rate is None:
+            raise OptionError(argument="rate", expected="samples per second (Hz), because there is no time", got=rate)
+        given = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
+        unknown = sorted(set(units or {}) - set(SI_UNIT))
+        if unknown:
+            raise OptionError(argument="units", expected="a mapping of gyro and accel to units", got=units)
+        signals = {}
+        for axis, values in given.items():
+            quantity = axis_quantity(axis)
+            si = SI_UNIT[quantity]
+            factor = parse_unit((units or {}).get(quantity, si), quantity).factor
+            vector = as_vector(values, axis)
+            vector = vector if factor == 1 else vector * factor
+            signals[axis] = Signal(values=vector, rate=rate, unit=si, axis=axis, start=start, segments=segments)
+        return cls(signals, source, time_base=TimeBase(as_rate(rate), start=start))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled, but a dict can.
+        return Imu, (dict(self.signals), self.source, self.remarks, self.time_base, self.temperature)
+
+    @overload
+    def __getitem__(self, axis: Quantity) -> Imu: ...  # type: ignore[overload-overlap]
+    @overload
+    def __getitem__(self, axis: str) -> Signal: ...
+    def __getitem__(self, axis: str) -> Signal | Imu:
+        """Return the signal of an axis, as in `imu["gyro_x"]`, or an Imu with the axes of a sensor, as in
+        `imu["gyro"]`."""
+        if axis in self.signals:
+            return self.signals[axis]
+        members = {name: signal for name, signal in self.signals.items() if name in AXES and name[:-2] == axis}
+        if not members:
+            sensors = dict.fromkeys(name[:-2] for name in self.axes if name in AXES)
+            raise DataError(argument="axis", expected=f"one of {', '.join((*self.axes, *sensors))}", got=axis)
+        return replace(self, signals=members)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.signals)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.signals.values())))
+
+    def __repr__(self) -> str:
+        return f"Imu({', '.join(self.axes)}: {len(self)} samples at {self.rate:g} Hz, {self.duration:g} s)"
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes, gyroscopes first."""
+        return tuple(self.signals)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+        return next(iter(self.signals.values())).rate
+
+    @property
+    def duration(self) -> float:
+        """Recorded time without the gaps (s)."""
+        return len(self) / self.rate
+
+    @property
+    def segments(self) -> tuple[tuple[int, int], ...]:
+        """Index ranges without a gap."""
+        return next(iter(self.signals.values())).segments
+
+    def between(
+        self, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
+    ) -> Imu:
+        """Return the part of the recording between two times, without the ranges in `skip`, each of which leaves a gap.
+
+        Times are measured from the first sample on the recording's clock, gaps included. If the clock was set back, the
+        next sample is treated as one sampling interval later. The part includes a sample at `start` and excludes one at
+        `stop`.
+
+        Parameters
+        ----------
+        start, stop : float, optional
+            Times (s); by default the beginning and the end.
+        skip : sequence of (from, to)
+            Ranges to leave out (s), in any order. A range may extend beyond the end, but may not begin after it.
+
+        Returns
+        -------
+        Imu
+            The part, with a remark on the times that are used.
+
+        Raises
+        ------
+        OptionError
+            If a time is negative or not a number, or an end is not after its beginning.
+        DataError
+            If no segment of 8 samples or more is left, or a range to skip begins after the end.
+
+        Warns
+        -----
+        GmwmWarning
+            If `stop` is after the end of the recording.
+
+        Examples
+        --------
+        >>> imu = Imu.from_arrays({"gyro_x": np.arange(100.0)}, rate=10.0)
+        >>> imu.between(2.0, 9.0)
+        Imu(gyro_x: 70 samples at 10 Hz, 7 s)
+        >>> part = imu.between(2.0, skip=[(5.0, 6.0)])
+        >>> part.segments, part["gyro_x"].starts
+        (((0, 30), (30, 70)), (2.0, 6.0))
+        """
+        from gmwm.recording.time_ranges import cut
+
+        return cut(self, start, stop, skip)
+
+    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
+
+        If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
+        The axes of a sensor have the same scale, unless a curve would be flat.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            Units of the plot: rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.showing.plots.series import plot_recording
+
+        return plot_recording(self, units=units, path=path)
+
+    def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+        """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
+
+        In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]`
+        if there is one. Numbers keep full precision. Times follow the uniform clock of each segment, so gaps are kept.
+        If writing fails, no partial file is left.
+
+        An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are whole
+        numbers, the rounding error of a sample is carried over to the next one, as a sensor of that type does: no angle
+        or velocity is lost, and the added noise is quantization noise of one count.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
+        format : str, optional
+            Record type of an .imu file: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA", "imu:NAVCHIP_INT" or
+            "imu:NAVCHIP_FLT".
+
+        Raises
+        ------
+        OptionError
+            If the suffix or the format is unknown.
+        DataError
+            If an .imu file is written and an axis is missing, or a value does not fit into the counts.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> path = pathlib.Path(folder.name, "three.csv")
+        >>> Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.3]}, rate=100).write(path)
+        >>> path.read_text().splitlines()[:2]
+        ['time [s],gyro_x [rad/s]', '0.0,0.1']
+        >>> folder.cleanup()
+        """
+        from gmwm.recording.writers import write
+
+        write(self, path, format=format)
+
+    def longest(self) -> Imu:
+        """Return the longest segment as a recording without gaps; its remarks say so."""
+        if len(self.segments) == 1:
+            return self
+        first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
+        remark = Remark.of("longest-segment", segments=len(self.segments), first=first, last=last - 1)
+        signals = {axis: signal.longest() for axis, signal in self.signals.items()}
+        base, start = self.time_base, next(iter(signals.values())).start
+        one = self[self.axes[0]]
+        begin = begins_of(one.rate, one.segments, one.starts)[self.segments.index(longest)]
+        return replace(
+            self,
+            signals=signals,
+            remarks=(*self.remarks, remark),
+            # Time stamps step backward between segments only, so a single segment has no gap and no such step.
+            time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
+            temperature=None if self.temperature is None else self.temperature[first:last],
+        )
+
+
+def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
+    """Return the columns of a two-dimensional array by axis name."""
+    table = np.asarray(array)
+    if table.ndim != 2 or table.shape[1] != len(axes):
+        transposed = table.ndim == 2 and table.shape[0] == len(axes)
+        raise DataError(
+            argument="arrays",
+            expected=f"a mapping or an array of shape (N, {len(axes)}) with columns {', '.join(axes)}",
+            got=table.shape,
+            advice="Pass its transpose." if transposed else "",
+        )
+    return {axis: table[:, k] for k, axis in enumerate(axes)}

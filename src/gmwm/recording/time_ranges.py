@@ -1,0 +1,261 @@
+"""Shorten a recording to a range of time, and leave out ranges within it."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import accumulate, pairwise
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import DataError, GmwmWarning, OptionError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.template import joined
+from gmwm.base.text import moment
+from gmwm.base.time_base import TimeBase
+from gmwm.recording.chunks import Samples
+from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+
+ROUNDING = 1e-6
+"""Largest difference (in samples) at which a given time is taken as the time of a sample. It is larger than the
+rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and smaller than any difference that a user
+types. Pinned by tests/test_cuts.py."""
+
+
+def cut(
+    imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
+) -> Imu:
+    """Return the part of a recording between two times; see `Imu.between`."""
+    kept = kept_ranges(start, stop, skip)
+    first = next(iter(imu.signals.values()))
+    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
+    values = {axis: signal.values for axis, signal in imu.signals.items()}
+    trimmer = Trimmer(kept, imu.rate)
+    part = trimmer.take(Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature))
+    base = trimmer.time_base(imu.time_base or TimeBase(imu.rate, start=first.start))
+    if part is None or len(part) == len(imu):
+        return imu
+    ranges = list(part.ranges())
+    signals = {
+        axis: Signal(
+            values=part.values[axis],
+            rate=signal.rate,
+            unit=signal.unit,
+            axis=axis,
+            start=ranges[0][2],
+            segments=[(begin, end) for begin, end, _ in ranges],
+            starts=[time for _, _, time in ranges],
+        )
+        for axis, signal in imu.signals.items()
+    }
+    remark = Remark.of(
+        "cut",
+        known="yes",
+        kept=Quantity(len(part) / imu.rate, "s"),
+        whole=Quantity(imu.duration, "s"),
+        ranges=range_texts(kept),
+    )
+    remarks = (*imu.remarks, remark)
+    return replace(imu, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
+
+
+class Trimmer:
+    """Keeps the samples of a recording that lie in ranges of time.
+
+    Parameters
+    ----------
+    kept : sequence of (from, to)
+        Ranges of time (s) from the first sample, in order.
+    rate : float
+        Samples per second (Hz).
+    """
+
+    def __init__(self, kept: Sequence[tuple[float, float]], rate: float) -> None:
+        self._kept, self._rate, self._clock = kept, rate, _Elapsed(rate)
+        self._starts, self._sizes = list[float](), list[int]()
+        self._count, self._left = 0, math.nan
+        self._following = (-1, -1)  # segment and number of the sample that would follow without a gap
+
+    @property
+    def done(self) -> bool:
+        """Whether no later sample is kept."""
+        return not self._kept or self._clock.end >= self._kept[-1][1]
+
+    def take(self, samples: Samples) -> Samples | None:
+        """Return the samples that are kept, numbered from the first kept sample of the recording; None if none is
+        kept."""
+        parts, runs, first, segment = list[slice](), list[tuple[int, float]](), self._count, len(self._sizes) - 1
+        for k, ((begin, end, _), (sample, time)) in enumerate(zip(samples.ranges(), samples.runs, strict=True)):
+            elapsed = self._clock.begin(sample, time, samples.first + end)
+            for limits in self._kept:
+                a, b = (
+                    int(np.clip(np.ceil((edge - elapsed) * self._rate - ROUNDING) + sample - samples.first, begin, end))
+                    for edge in limits
+                )
+                if a < b:
+                    parts.append(slice(a, b))
+                    passed = (samples.first + a - sample) / self._rate
+                    if self._following != (samples.segment + k, samples.first + a):
+                        self._left = elapsed + passed if not self._sizes else self._left
+                        self._starts.append(time + passed)
+                        self._sizes.append(0)
+                        runs.append((self._count, time + passed))
+                    elif not runs:
+                        runs.append((first - self._sizes[-1], self._starts[-1]))
+                    self._following = (samples.segment + k, samples.first + b)
+                    self._sizes[-1] += b - a
+                    self._count += b - a
+        if not parts:
+            return None
+
+        def of(values: Vector) -> Vector:
+            return values[parts[0]] if len(parts) == 1 else np.concatenate([values[part] for part in parts])
+
+        return Samples(
+            {axis: of(values) for axis, values in samples.values.items()},
+            samples.rate,
+            first=first,
+            segment=max(segment + (runs[0][0] == first), 0),
+            runs=tuple(runs),
+            temperature=None if samples.temperature is None else of(samples.temperature),
+        )
+
+    def time_base(self, base: TimeBase) -> TimeBase:
+        """Return the time base of the kept samples. Call it after the last batch. `base` is the time base of the whole
+        recording.
+
+        Raises
+        ------
+        DataError
+            If no segment of at least 8 samples is left, or a range to skip is after the end of the recording.
+        """
+        require_some(max(self._sizes, default=0), self._kept, self._clock.end)
+        require_inside(self._kept, self._clock.end, self._rate)
+        return cut_base(base, self._starts, self._sizes, base.left + self._left)
+
+
+class _Elapsed:
+    """Time since the first sample, including gaps. If the clock was set back, the time continues without a step."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._run, self._origin = rate, -1, 0.0
+        self._ahead = self._begin = self.end = 0.0
+
+    def begin(self, sample: int, time: float, stop: int) -> float:
+        """Return the time since the first sample (s) at which a segment begins. The segment begins with sample number
+        `sample` at `time` on the clock of the recording; `stop` is the number after its last sample so far."""
+        if self._run < 0:
+            self._origin = time
+        if sample != self._run:
+            begin = time - self._origin + self._ahead
+            if begin < self.end:
+                self._ahead, begin = self._ahead + self.end - begin, self.end
+            self._run, self._begin = sample, begin
+        self.end = self._begin + (stop - sample) / self._rate
+        return self._begin
+
+
+def kept_ranges(
+    start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Return the ranges of time that are kept (s), in order.
+
+    Raises
+    ------
+    OptionError
+        If a time is negative or not a number, or a range ends before it begins.
+    """
+    begin, end = _seconds(0.0 if start is None else start, "start"), math.inf
+    if stop is not None:
+        end = _seconds(stop, "stop")
+        if not begin < end:
+            raise OptionError(argument="stop", expected=f"a time after the start at {moment(begin)}", got=stop)
+    kept = []
+    for pair in sorted(_checked(pair) for pair in skip):
+        if begin < min(pair[0], end):
+            kept.append((begin, min(pair[0], end)))
+        begin = max(begin, pair[1])
+    if begin < end:
+        kept.append((begin, end))
+    return kept
+
+
+def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
+    """Require that the longest segment that is kept has at least `MINIMUM_SAMPLES` samples. The recording lasts until
+    `end` (s).
+
+    Raises
+    ------
+    DataError
+        If the longest segment has fewer than `MINIMUM_SAMPLES` samples.
+    """
+    if longest < MINIMUM_SAMPLES:
+        wanted = joined(range_texts(kept)) or "nothing"
+        raise DataError(
+            f"no segment of {MINIMUM_SAMPLES} samples or more is left of the recording, which lasts {moment(end)}; "
+            f"wanted is {wanted}",
+            advice="Times are measured from the first sample; check {--start}, {--stop} and {--skip}.",
+        )
+
+
+def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float) -> None:
+    """Require that skipped ranges begin before the end of the recording (s), and warn if only `stop` is after it.
+
+    Raises
+    ------
+    DataError
+        If a range to skip begins after the end.
+    """
+    for (_, begin), (last, _) in pairwise(kept):
+        if begin >= end:
+            raise DataError(
+                f"the recording lasts {moment(end)}, so {moment(begin)} to {moment(last)} cannot be left out",
+                advice="Times are measured from the first sample; check {--skip}.",
+            )
+    if kept and end + 1 / rate < kept[-1][1] < math.inf:
+        remark = Remark.of("stop-outside", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))
+        warnings.warn(GmwmWarning(remark), stacklevel=3)
+
+
+def _checked(pair: tuple[float, float]) -> tuple[float, float]:
+    """Check a range to skip, and return it."""
+    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
+        raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=pair)
+    begin, end = (_seconds(time, "skip") for time in pair)
+    if not begin < end:
+        raise OptionError(argument="skip", expected="a list of pairs with the earlier time first", got=pair)
+    return begin, end
+
+
+def _seconds(time: object, name: str) -> float:
+    """Check a time (s), and return it."""
+    if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not 0 <= time < 1e300:
+        raise OptionError(argument=name, expected="a time in seconds from the first sample, 0 or more", got=time)
+    return float(time)
+
+
+def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:
+    """Format ranges of time, such as "10 s to 50 s" and "60 s to the end"."""
+    return tuple(f"{moment(a)} to {moment(b) if b < math.inf else 'the end'}" for a, b in kept)
+
+
+def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:
+    """Return the time base of the part that is kept, which begins `left` seconds after the start of the recording.
+
+    Parameters
+    ----------
+    base : TimeBase
+        Time base of the whole recording.
+    starts, sizes : sequence of float, of int
+        Time of the first sample (s) and number of samples of each segment.
+    left : float
+        Time left out before the first sample (s).
+    """
+    ends = [time + (size - 1) / base.rate for time, size in zip(starts, sizes, strict=True)]
+    places = list(accumulate(sizes))
+    steps = [after - before for before, after in zip(ends, starts[1:], strict=False)]
+    gaps = tuple((place, step) for place, step in zip(places, steps, strict=False) if step > 0)
+    return replace(base, start=starts[0], gaps=gaps, backward=sum(step < 0 for step in steps), left=left)

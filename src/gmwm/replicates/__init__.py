@@ -1,5 +1,0 @@
-"""Compare several recordings of one unit: test of equality, spread between recordings, and a model for a filter."""
-
-from gmwm.replicates.result import RecordingNumber, Replicates
-
-__all__ = ["RecordingNumber", "Replicates"]

@@ -1,6 +1,0 @@
-"""Reports of calibrations: collect the content as plain data, and render it as one self-contained HTML page."""
-
-from gmwm.reports.content import report_data
-from gmwm.reports.write import report
-
-__all__ = ["report", "report_data"]

@@ -1,0 +1,1 @@
+"""Results for people and programs: plots, reports and files of navigation filters."""

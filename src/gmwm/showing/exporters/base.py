@@ -1,0 +1,301 @@
+"""Base class of exporters, base class of formats with two noise parameters per sensor, and registry of formats.
+
+Each format is a subclass of `Exporter` with the decorator `@register`. The head of every exported file describes its
+numbers: units, continuous or discrete time, axes, inflation factor, horizon, noise models, the recording, and which
+numbers are upper limits.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, TypeVar
+
+from gmwm.base.errors import DataError, GmwmError, OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.text import version
+from gmwm.base.units import Quantity
+from gmwm.choosing.datasheets.effective import Use
+from gmwm.showing.exporters.biases import stated, unknown
+from gmwm.showing.exporters.findings import remarks_of
+from gmwm.showing.exporters.heads import models, sweep
+from gmwm.showing.exporters.reduction import (
+    NAMES,
+    RULES,
+    Rule,
+    SensorNoise,
+    sensor_noise,
+)
+from gmwm.showing.exporters.text import cautions, commented, is_given, paragraphs, recording, written_rate
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.calibration.rest import BiasAtRest
+
+HORIZON = 1.0
+"""Default horizon (s). It is the usual interval between position fixes of a satellite receiver. A camera takes tens of
+images in this time."""
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Options of an exported file.
+
+    Parameters
+    ----------
+    axes : "worst", "mean" or "each"
+        How the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis.
+    inflation : float
+        Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its square.
+    horizon : float
+        Horizon T_h (s) for which noise counts as white noise N or as random walk K; see `effective_noise`.
+    rate : float or None
+        Sampling rate (Hz) in the program that reads the file; None for the rate of the recording.
+    duration : float or None
+        Longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour, or for the length of the
+        recording if it is shorter.
+    """
+
+    axes: Rule
+    inflation: float = 1.0
+    horizon: float = HORIZON
+    rate: float | None = None
+    duration: float | None = None
+
+
+class Exporter(ABC):
+    """A file format for another program.
+
+    Attributes
+    ----------
+    name : str
+        Name of the format for `calibration.export(…, format=)`.
+    title : str
+        Program or purpose of the file.
+    extension : str
+        Extension of the file, with the dot.
+    default_axes : "worst", "mean" or "each"
+        Default of the option `axes`.
+    takes : frozenset of str
+        Options that the format uses, out of "axes", "inflation", "horizon", "rate" and "duration".
+    both : bool
+        Whether the format needs both gyroscopes and accelerometers.
+    per_axis : bool
+        Whether the format allows different numbers for the axes of a sensor.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    extension: ClassVar[str]
+    default_axes: ClassVar[Rule] = "worst"
+    takes: ClassVar[frozenset[str]] = frozenset()
+    both: ClassVar[bool] = False
+    per_axis: ClassVar[bool] = False
+
+    @abstractmethod
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return the text of the file.
+
+        Raises
+        ------
+        DataError
+            If a sensor that the format needs was not calibrated, or if the data do not determine a needed upper limit.
+        """
+
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
+        """Return the remarks that the file contains: cautions of the calibration, and noise that the format leaves
+        out."""
+        return tuple(cautions(calibration))
+
+
+E_ = TypeVar("E_", bound=type[Exporter])
+
+_EXPORTERS: dict[str, Exporter] = {}
+
+
+def register(exporter: E_) -> E_:
+    """Add a format to the registry (a class decorator)."""
+    if exporter.name in _EXPORTERS:
+        raise ValueError(f"an exporter named {exporter.name!r} is registered already")
+    _EXPORTERS[exporter.name] = exporter()
+    return exporter
+
+
+def registered() -> tuple[Exporter, ...]:
+    """Return all formats, in alphabetical order."""
+    return tuple(_EXPORTERS[name] for name in sorted(_EXPORTERS))
+
+
+def find_exporter(format: str) -> Exporter:
+    """Return the exporter of the format with a given name.
+
+    Raises
+    ------
+    OptionError
+        If there is no such format.
+    """
+    if format not in _EXPORTERS:
+        raise OptionError(argument="format", expected=f"one of {', '.join(sorted(_EXPORTERS))}", got=format)
+    return _EXPORTERS[format]
+
+
+def title_line(exporter: Exporter) -> str:
+    """Return the first line of the head of a file, with the program that reads the file and the version of gmwm."""
+    return f"Noise of an IMU for {exporter.title}. Written by gmwm {version()}."
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The noise parameters of a unit for the options of one file.
+
+    Attributes
+    ----------
+    gyro, accel : SensorNoise or None
+        Noise parameters of the gyroscopes and the accelerometers; None for a sensor that was not calibrated.
+    options : ExportOptions
+        Options of the file.
+    topic : str
+        ROS topic of the recording; an empty string if it is unknown.
+    rest : mapping of axis to BiasAtRest
+        Bias at rest of the axes for which it is known.
+    """
+
+    gyro: SensorNoise | None
+    accel: SensorNoise | None
+    options: ExportOptions
+    topic: str = ""
+    rest: Mapping[str, BiasAtRest] = field(default_factory=dict)
+
+    @property
+    def sensors(self) -> tuple[SensorNoise, ...]:
+        """The calibrated sensors."""
+        return tuple(sensor for sensor in (self.gyro, self.accel) if sensor is not None)
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate (Hz) for discrete-time values; by default the rate of the first calibrated sensor."""
+        return self.sensors[0].rate if self.options.rate is None else self.options.rate
+
+    @property
+    def written_rate(self) -> str:
+        """The sampling rate as text for a file."""
+        return written_rate(self.rate)
+
+    def of(self, quantity: Quantity) -> SensorNoise:
+        """Return the noise parameters of a sensor that the format requires."""
+        found = self.gyro if quantity == "gyro" else self.accel
+        assert found is not None
+        return found
+
+
+class TwoNumbers(Exporter):
+    """Base class of formats with two noise parameters per sensor: white noise N, and random walk K of the bias.
+
+    Attributes
+    ----------
+    comment : str
+        Characters that start a comment line.
+    first : str
+        Line that the file must start with; an empty string for none.
+    meaning : tuple of str
+        Sentences that state the unit of each key, and whether it is in continuous or discrete time.
+    usage : tuple of str
+        Sentences on how to use the file.
+    flicker : str
+        Name of the program's parameter for flicker noise; an empty string if it has none.
+    biases_of : tuple of "gyro" or "accel"
+        Sensors whose bias at rest is in the file.
+    """
+
+    takes = frozenset({"axes", "inflation", "horizon", "rate"})
+    both = True
+    comment: ClassVar[str] = "#"
+    first: ClassVar[str] = ""
+    meaning: ClassVar[tuple[str, ...]]
+    usage: ClassVar[tuple[str, ...]] = ()
+    flicker: ClassVar[str] = ""
+    biases_of: ClassVar[tuple[Quantity, ...]] = ()
+
+    @abstractmethod
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Return the lines of the file below the head, in ASCII."""
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return the text of the file: the head as comments, and the body."""
+        noise = self._noise(calibration, options)
+        head = [self.first] if self.first else []
+        head += commented(self.head(calibration, noise), self.comment)
+        return "\n".join([*head, "", *self.body(noise)]) + "\n"
+
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
+        """Return cautions of the calibration, and remarks on upper limits and on terms that N and K do not describe."""
+        return self._remarks(calibration, self._noise(calibration, options))
+
+    def head(self, calibration: Calibration, noise: Noise) -> list[str]:
+        """Return the paragraphs of the head of the file."""
+        options = noise.options
+        first, last = paragraphs(self._remarks(calibration, noise))
+        head = [title_line(self), recording(calibration), *first, *self.meaning]
+        for sensor in noise.sensors:
+            axes = ", ".join(one.axis for one in sensor.axes)
+            rule = f"{RULES[options.axes]} {axes}"
+            if len(sensor.axes) == 1:
+                rule = axes
+            elif options.axes == "worst":
+                worst = f"all numbers are from {sensor.worst.axis}"
+                rule = f"{worst}, which has the largest Allan deviation at the horizon (of {axes})"
+            head.append(f"{NAMES[sensor.quantity].capitalize()}: {rule}.")
+        measured = not is_given(calibration)
+        at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
+        head += [
+            f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''}",
+            f"Horizon: {options.horizon:g} s. Terms with a shorter correlation time are part of N, the others of K.",
+            *models(noise, calibration), *sweep(noise), *stated(calibration, self.biases_of), *last,
+        ]  # fmt: skip
+        return [*head, *self.advice(noise)]
+
+    def advice(self, noise: Noise) -> tuple[str, ...]:
+        """Return sentences on how to use the file."""
+        return self.usage
+
+    def _remarks(self, calibration: Calibration, noise: Noise) -> tuple[Remark, ...]:
+        found = remarks_of(noise, calibration.settings.confidence)
+        return (*cautions(calibration), *found, *unknown(calibration, self.biases_of))
+
+    def _noise(self, calibration: Calibration, options: ExportOptions) -> Noise:
+        if options.axes == "each" and not self.per_axis:
+            raise OptionError(
+                argument="axes", expected=f"'worst' or 'mean', because {self.name} has one number for all axes",
+                got=options.axes,
+            )  # fmt: skip
+        use = Use(options.horizon, self.flicker)
+        gyro, accel = (
+            sensor_noise(calibration, quantity, rule=options.axes, inflation=options.inflation, use=use)
+            for quantity in QUANTITIES
+        )
+        missing = [q for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
+        if missing and (self.both or len(missing) == 2):
+            raise sensor_missing(calibration, missing[0], self.name)
+        return Noise(gyro, accel, options, topic=topic_of(calibration), rest=calibration.rest)
+
+
+def sensor_missing(calibration: Calibration, quantity: Quantity, format: str) -> GmwmError:
+    """Create the error for a format that needs a sensor that was not calibrated."""
+    return DataError(
+        f"the format needs gyroscopes and accelerometers, but this calibration has no {NAMES[quantity]}, "
+        f"only {', '.join(calibration)}",
+        advice="Calibrate a recording with axes such as gyro_x and accel_x.",
+    ).about(format)
+
+
+def topic_of(calibration: Calibration) -> str:
+    """Return the ROS topic of the calibrated recording, or an empty string if it has no valid topic name."""
+    topics = {str(remark.facts["topic"]) for remark in calibration.recording_remarks if remark.code == "topic-read"}
+    name = topics.pop() if len(topics) == 1 else ""
+    return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
+
+
+QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
+"""The sensors in the order in which files list them."""

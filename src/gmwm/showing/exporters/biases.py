@@ -1,0 +1,67 @@
+"""Biases at rest for exported files: values, text for the head, and remarks on unknown biases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from gmwm.base.axis_names import letter_of, sensor_of
+from gmwm.base.remarks import Remark
+from gmwm.base.units import SI_UNIT, Quantity
+from gmwm.showing.exporters.reduction import NAMES
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.calibration.rest import BiasAtRest
+
+
+def three(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> tuple[float, ...]:
+    """Return the biases (SI) of the x, y and z axes of a sensor. A bias that is not known is 0."""
+    known = {letter_of(axis): one.bias for axis, one in rest.items() if sensor_of(axis) == quantity}
+    return tuple(known.get(letter) or 0.0 for letter in "xyz")
+
+
+def known_axes(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> list[str]:
+    """Return the axes of a sensor whose bias is known."""
+    return [axis for axis, one in rest.items() if sensor_of(axis) == quantity and one.bias is not None]
+
+
+def stated(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator[str]:
+    """Yield a sentence on the bias of each axis, with its value, its standard error and the size of its changes."""
+    for quantity in quantities:
+        unit = SI_UNIT[quantity]
+        for axis in sorted(known_axes(calibration.rest, quantity)):
+            one = calibration.rest[axis]
+            spread = f", turn-on spread {one.turn_on:.2g} {unit}" if one.turn_on is not None else ""
+            yield (
+                f"Bias of {axis} at rest: {one.bias:.4g} {unit}, standard error {one.bias_error:.2g} {unit}, rms of "
+                f"its changes over {one.duration:.4g} s {one.rms:.2g} {unit}{spread}. It changes when the unit is "
+                "switched on, and with temperature."
+            )
+
+
+def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator[Remark]:
+    """Yield a remark for each sensor with axes whose bias is not known, so that the file contains 0."""
+    for quantity in quantities:
+        known = set(known_axes(calibration.rest, quantity))
+        letters = {letter_of(axis) for axis in known}
+        axes = [f"{quantity}_{letter}" for letter in "xyz" if letter not in letters]
+        if axes:
+            seen = any(sensor_of(axis) == quantity for axis in calibration.rest)
+            yield Remark.of(
+                "bias-not-known", ", ".join(axes), why="tilt" if seen and quantity == "accel" else "recording",
+                sensor=NAMES[quantity],
+            )  # fmt: skip
+
+
+def prior(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> float | None:
+    """Return the prior standard deviation (SI) of the bias of a sensor for a filter, or None if it is not known.
+
+    For each axis, it is the root sum of squares of the standard error of the bias, the RMS of its changes at rest and,
+    if it is known, its spread between turn-ons. The largest value of the three axes is returned.
+    """
+    known = [rest[axis] for axis in known_axes(rest, quantity)]
+    if len(known) < 3:
+        return None
+    return max(math.hypot(one.bias_error, one.rms, one.turn_on or 0.0) for one in known)

@@ -1,0 +1,108 @@
+"""Create the remarks on an exported file: noise that it leaves out, upper limits, and replaced terms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.units import SI_UNIT, noise_unit
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.likelihood.system import is_ramp
+from gmwm.showing.exporters.reduction import NAMES, Number, counted_as, lines_of, replaced_terms
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.showing.exporters.base import Noise
+
+NEAR = 3.0
+"""A file has the remark `near-horizon` if a correlation time differs from the horizon by less than this factor.
+
+The value is a convention (tests/exporters/test_export.py)."""
+
+_TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
+"""Power of time in the unit of each parameter, for `noise_unit`."""
+
+
+def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
+    """Yield the remarks on N and K of each sensor.
+
+    Parameters
+    ----------
+    noise : Noise
+        Noise parameters of the unit.
+    confidence : float
+        Level of the confidence intervals of the calibration.
+    """
+    yield from _upper_limits(noise, confidence)
+    rates = {sensor.quantity: Quantity(sensor.rate, "Hz") for sensor in noise.sensors}
+    if len({rate.value for rate in rates.values()}) > 1 and noise.options.rate is None:
+        yield Remark.of("rates-differ", gyro=rates["gyro"], accel=rates["accel"])
+    horizon = noise.options.horizon
+    for sensor in noise.sensors:
+        for one in sensor.axes:
+            if left := counted_as(one.fit, one.use)[""]:
+                yield Remark.of("terms-left-out", one.axis, terms=tuple(left))
+            yield from of_lines(one.axis, one.fit)
+            if terms := replaced_terms(one.fit, one.use):
+                yield _replaced(one.axis, terms, horizon)
+            times = [p.correlation_time(sensor.rate) or 0.0 for p in one.fit.model.processes if p.scale > 0]
+            if any(1 / NEAR < time / horizon < NEAR for time in times):
+                yield Remark.of("near-horizon", one.axis, factor=NEAR)
+
+
+def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
+    """Yield a remark for each sinusoid of an axis, because the parameters of the file do not include sinusoids."""
+    unit = fit.wavelet_variance.unit or "u"
+    for line in lines_of(fit):
+        frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
+        yield Remark.of("line-left-out", axis, term=line.term, frequency=frequency, amplitude=amplitude)
+
+
+def of_ramps(calibration: Calibration) -> Iterator[Remark]:
+    """Yield a remark for each rate ramp, because the matrices treat its slope as known without error."""
+    for axis, fit in calibration.items():
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+            if is_ramp(process, fit.wavelet_variance.rate):
+                yield Remark.of("ramp-in-matrices", axis, term=term)
+
+
+def _replaced(axis: str, terms: tuple[str, ...], horizon: float) -> Remark:
+    """Return the remark that states at which averaging time replaced terms and their replacement have equal Allan
+    deviations."""
+    # The Allan deviation of a random walk grows as √t, so a factor of 100 in time changes it by a factor of 10.
+    at, early, late = (Quantity(factor * horizon, "s") for factor in (1, 0.01, 100))
+    return Remark.of("counted-at-horizon", axis, terms=terms, horizon=at, early=early, late=late)
+
+
+def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
+    """Yield remarks on the parameters of a file that are upper limits instead of measured values."""
+    rule, level = noise.options.axes, Quantity(50 + 50 * confidence, "%")
+    for sensor in noise.sensors:
+        for symbol, power in _TIME_POWER.items():
+            if symbol == "B" and not sensor.axes[0].use.flicker:
+                continue
+            axes: dict[str, Number] = {one.axis: getattr(one, symbol) for one in sensor.axes}
+            limited = [axis for axis, number in axes.items() if number.upper]
+            if rule != "mean":
+                shown = limited if rule == "each" else [a for a in limited if a == sensor.worst.axis]
+                if shown:
+                    yield Remark.of("upper-limit", f"{symbol} of {', '.join(shown)}", level=level)
+            elif getattr(sensor, symbol)[0].upper:
+                name = f"{symbol} of the {NAMES[sensor.quantity]}"
+                if len(limited) == len(axes):
+                    yield Remark.of("upper-limit", name, level=level)
+                else:
+                    unit = noise_unit(power, SI_UNIT[sensor.quantity])[0]
+                    yield from _limits_among(name, axes, unit, level=level)
+
+
+def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Quantity) -> Iterator[Remark]:
+    """Yield a remark for each axis that contributes to a parameter computed from measured values and upper limits."""
+    for axis, number in axes.items():
+        # The value is zero for an axis whose model does not have this noise, for example flicker noise.
+        if number.value > 0:
+            yield Remark.of(
+                "upper-limit-among", axis, number=name, level=level,
+                kind="upper limit" if number.upper else "measured", value=Quantity(number.value, unit),
+            )  # fmt: skip

@@ -1,0 +1,104 @@
+"""Export for ROS: the covariances of sensor_msgs/Imu messages."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from gmwm.base.errors import DataError
+from gmwm.base.remarks import Remark
+from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.fitting.estimation.result import Fit
+from gmwm.showing.exporters.base import QUANTITIES, Exporter, ExportOptions, register, title_line
+from gmwm.showing.exporters.findings import of_lines
+from gmwm.showing.exporters.reduction import RULES, Number, axes_of, require_unit, ruled
+from gmwm.showing.exporters.text import cautions, commented, paragraphs, recording, written
+
+if TYPE_CHECKING:
+    from gmwm.base.units import Quantity
+    from gmwm.calibration import Calibration
+
+_KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "linear_acceleration_covariance"}
+
+
+@register
+class Ros(Exporter):
+    """Covariances of ROS messages, with the variance of one sample on the diagonal.
+
+    The variance is the sum over all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without sinusoids.
+
+    Source: `sensor_msgs/msg/Imu.msg`.
+    """
+
+    name = "ros"
+    title = "the covariances of ROS messages (sensor_msgs/Imu)"
+    extension = ".yaml"
+    default_axes = "each"
+    takes = frozenset({"axes", "inflation"})
+    per_axis = True
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return the text of the file, with a list of nine numbers for each calibrated sensor."""
+        first, last = paragraphs(self.remarks(calibration, options))
+        head = [
+            title_line(self), recording(calibration), *first,
+            "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
+            "(rad/s)², linear_acceleration (m/s²)².",
+            f"Inflation factor: {options.inflation:g}, squared. Horizon: none.",
+        ]  # fmt: skip
+        lines = []
+        for quantity in QUANTITIES:
+            if not (names := axes_of(calibration, quantity)):
+                continue
+            head.append(f"{_KEYS[quantity]}: {RULES[options.axes]} {', '.join(names)}.")
+            for axis in names:
+                require_unit(axis, calibration[axis], quantity)
+                head.append(f"Model of {axis}: {calibration[axis].model.structure}.")
+            deviations = [(axis, Number(math.sqrt(sample_variance(calibration[axis])), False)) for axis in names]
+            three = [number.value**2 for number in ruled(deviations, options.axes, options.inflation)]
+            nine = ", ".join(written(three[k // 4]) if k % 4 == 0 else "0.0" for k in range(9))
+            lines.append(f"{_KEYS[quantity]}: [{nine}]")
+        if not lines:
+            raise DataError(
+                f"ros needs gyroscopes or accelerometers, but this calibration has only {', '.join(calibration)}",
+                advice="Calibrate a recording with axes such as gyro_x and accel_x.",
+            )
+        head += [
+            "The covariances are the variances of all stationary noise: white noise, quantization noise, and "
+            "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors.",
+            *last,
+        ]
+        return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
+
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
+        """Return cautions of the calibration, and remarks on terms without a finite variance and on sinusoids."""
+        found = cautions(calibration)
+        for axis, fit in calibration.items():
+            if terms := terms_without_variance(fit):
+                found.append(Remark.of("no-variance", axis, terms=terms))
+            found += of_lines(axis, fit)
+        return tuple(found)
+
+
+def terms_without_variance(fit: Fit) -> tuple[str, ...]:
+    """Return the terms of a fit whose variance grows with time."""
+    written, labels = translated(fit)
+    rate = fit.wavelet_variance.rate
+    return tuple(
+        label
+        for label, process in zip(labels, written.model.processes, strict=True)
+        if process.scale > 0
+        and process.line(rate) is None
+        and (not process.stationary or process.correlation_time(rate) == math.inf)
+    )
+
+
+def sample_variance(fit: Fit) -> float:
+    """Return the variance (SI) of one sample of the stationary noise of a fit.
+
+    Sinusoids and terms that act as a random walk are left out.
+    """
+    model, wv = translated(fit)[0].model, fit.wavelet_variance
+    stationary = [p for p in model.processes if p.stationary and p.scale > 0 and p.line(wv.rate) is None]
+    lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]
+    return sum(float(p.autocovariance([0], wv.rate)[0]) for p in lasting)

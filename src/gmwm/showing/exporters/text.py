@@ -1,0 +1,162 @@
+"""Format text and numbers for exported files, in ASCII and without characters that could end a comment."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from gmwm.base.remarks import Remark, Severity, with_groups
+from gmwm.base.text import listed
+from gmwm.calibration.recording_findings import pairs_facts
+from gmwm.fitting.estimation.result import GIVEN
+from gmwm.measuring.inspection.findings import covariates_text, effect_text
+from gmwm.showing.exporters.reduction import Number
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+
+_WIDTH = 100
+_DOUBTFUL_UNITS = ("gravity-off", "unit-overruled")
+_ASCII = {
+    "²": "^2", "³": "^3", "·": " ", "≤": "<=", "±": "+-", "β": "beta", "σ": "sigma", "°": "deg",
+    "µ": "u", "…": "...", "τ": "tau", "“": '"', "”": '"', "’": "'", "×": "x", "−": "-",
+}  # fmt: skip
+
+
+def recording(calibration: Calibration) -> str:
+    """Return a sentence on the recording for the head of a file.
+
+    It states the source, the length, the rate, the checksum, and the effects that were subtracted.
+    """
+    if is_given(calibration):
+        return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
+    source = f"{calibration.source}, " if calibration.source else ""
+    one = calibration.recording
+    found = [one] if one else list(calibration.recordings.values())
+    digests = list(dict.fromkeys(item.sha256 for item in found if item.sha256))
+    # Sensors with different clocks can have different rates and lengths.
+    extents: dict[float, str] = {}
+    for fit in calibration.values():
+        extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
+    extent = " and ".join(extents.values())
+    return f"Recording: {source}{extent}{f', SHA-256 {listed(digests)}' if digests else ''}.{_conditions(calibration)}"
+
+
+def is_given(calibration: Calibration) -> bool:
+    """Return whether the noise parameters were given instead of measured."""
+    return all(fit.weighting == GIVEN for fit in calibration.values())
+
+
+def _conditions(calibration: Calibration) -> str:
+    """Return a sentence on the effects that were subtracted from the axes, or "" if there are none."""
+    parts = [
+        f"{covariates_text(one)} from {axis}{f' in {name}' if name else ''}, {effect_text(one)}"
+        for axis, found in calibration.axes.items() for name, one in found.regressions.items()
+    ]  # fmt: skip
+    return f" Effects removed before the noise was measured: {'; '.join(parts)}." if parts else ""
+
+
+def cautions(calibration: Calibration) -> list[Remark]:
+    """Return the remarks that every file contains.
+
+    They concern values that may be wrong by a large factor, doubtful units, and noise that axes share. No exported file
+    has cross-covariances between axes.
+    """
+    found = [
+        remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
+    ]
+    pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
+    shared = tuple(dict.fromkeys(str(pair) for some in pairs if isinstance(some, tuple) for pair in some))
+    return [*found, Remark.of("independent-in-file", **pairs_facts(shared))] if shared else found
+
+
+def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:
+    """Return remarks as paragraphs for the head of a file.
+
+    Returns
+    -------
+    list of str, list of str
+        First the remarks that affect the values, marked as cautions; they are placed directly below the source. Then
+        the other remarks, which are placed at the end of the head.
+    """
+    first: list[str] = []
+    last: list[str] = []
+    for group, text in with_groups(remarks):
+        if group[0].severity <= Severity.BIASED:
+            first.append(f"CAUTION: {text}")
+        else:
+            last.append(text)
+    return first, last
+
+
+def plain(text: str) -> str:
+    """Return text as one line of ASCII that cannot end a comment. This is needed for names from other sources.
+
+    >>> plain("a√Hz * / -- b\\nc")
+    'asqrt(Hz) * / -- b c'
+    """
+    text = re.sub(r"√(\w+)", r"sqrt(\1)", text).replace("√", "sqrt")
+    for sign, written in _ASCII.items():
+        text = text.replace(sign, written)
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else " " for c in text)
+    text = text.encode("ascii", "replace").decode("ascii")
+    # A backslash at the end of a line would continue a C++ comment on the next line.
+    return " ".join(text.replace("\\", "/").replace("*/", "* /").split())
+
+
+def unended(line: str) -> str:
+    """Return a line of plain text that cannot end an XML comment.
+
+    >>> unended("a --> b")
+    'a - -> b'
+    """
+    while "--" in line:
+        line = line.replace("--", "- -")
+    return line
+
+
+def commented(texts: Sequence[str], mark: str) -> list[str]:
+    """Return paragraphs as comment lines."""
+    return [
+        line
+        for text in texts
+        for line in textwrap.wrap(
+            plain(text), _WIDTH, initial_indent=f"{mark} ", subsequent_indent=f"{mark}   ", break_on_hyphens=False
+        )
+    ]
+
+
+def written(number: Number | float) -> str:
+    """Format a number with seven digits, in a form that all programs can read.
+
+    >>> written(1.0), written(1.25e-7)
+    ('1.000000e+00', '1.250000e-07')
+    """
+    return f"{number.value if isinstance(number, Number) else number:.6e}"
+
+
+def written_rate(rate: float) -> str:
+    """Format a rate (Hz) with six digits, because a rate measured from time stamps is not more precise.
+
+    >>> written_rate(200.0), written_rate(200.00116000672804)
+    ('200.0', '200.001')
+    """
+    return repr(float(f"{rate:.6g}"))
+
+
+def row_mark(numbers: Sequence[Number]) -> str:
+    """Return the comment after a row of three values that states which of them are upper limits.
+
+    >>> row_mark([Number(1.0, False), Number(2.0, True), Number(3.0, True)])
+    '  upper limit: y, z'
+    """
+    limits = [letter for letter, number in zip("xyz", numbers, strict=True) if number.upper]
+    return f"  upper limit: {', '.join(limits)}" if limits else ""
+
+
+def limit_mark(number: Number) -> str:
+    """Return the comment after a value if it is an upper limit, otherwise ""."""
+    return "  upper limit" if number.upper else ""

@@ -1,0 +1,203 @@
+"""Limits, ticks and grid lines of logarithmic axes, and the format of their numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.showing.plots.figure import Axis, Tick, drawable
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+_DURATIONS = (
+    (60.0, "1 min"), (600.0, "10 min"), (3600.0, "1 h"), (6 * 3600.0, "6 h"),
+    (86400.0, "1 d"), (10 * 86400.0, "10 d"), (100 * 86400.0, "100 d"),
+)  # fmt: skip
+
+MANY_DECADES = 2.5
+"""Smallest length of an axis (decades) for which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled
+too. Pinned by tests/plots/test_plot_axes.py."""
+MANY_SIDED = 5.0
+"""Like `MANY_DECADES`, for an axis that is linear about zero. Its linear part counts as one decade on each side. Pinned
+by tests/plots/test_plot_ranking.py."""
+EMPTY = (1.0, 10.0)
+"""Limits of an axis without data. Such an axis has no ticks."""
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """Format a number with `digits` significant digits, and with a power of ten if it is not in 0.001 … 10 000.
+
+    >>> number_text(0.0123456), number_text(7.1123e-7), number_text(0.0), number_text(2.0e6)
+    ('0.0123', '7.11×10⁻⁷', '0', '2×10⁶')
+    """
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if -3 <= power <= 3:
+        return f"{float(f'{value:.{digits}g}'):g}"
+    return f"{float(mantissa):g}×10{str(power).translate(_SUPERSCRIPT)}"
+
+
+def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
+    """Return limits of a logarithmic axis that contain the positive finite values.
+
+    On each side, the limits exceed the values by the fraction `margin` of the number of decades between them. They span
+    at least one decade.
+    """
+    shown = drawable(values)
+    if not np.any(np.isfinite(shown)):
+        return EMPTY
+    low, high = math.log10(np.nanmin(shown)), math.log10(np.nanmax(shown))
+    spread = max(margin * (high - low), (1.0 - (high - low)) / 2, 0.08)
+    return 10 ** (low - spread), 10 ** (high + spread)
+
+
+def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tuple[float, float]:
+    """Return limits around the values `core`, extended by at most a factor `reach` to include the values `around`.
+
+    If the factor were not limited, the confidence limit at the longest scale, or a very small term, could determine the
+    scale of the whole plot.
+    """
+    core = drawable(core)
+    if not np.any(np.isfinite(core)):
+        core = np.concatenate([drawable(values) for values in around] or [core])
+        return limits_of(core)
+    low, high = float(np.nanmin(core)), float(np.nanmax(core))
+    stretched = [np.clip(drawable(values), low / reach, high * reach) for values in around]
+    return limits_of(np.concatenate([core, *stretched]))
+
+
+def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple[Tick, ...], tuple[float, ...]]:
+    """Return the labelled ticks and the positions of the unlabelled ticks of a logarithmic axis.
+
+    The labels are at powers of ten; a short axis also has labels at 2 and 5. A long axis has at most `at_most` labels.
+
+    >>> [tick.label for tick in power_ticks((0.004, 5000.0))[0]]
+    ['0.01', '0.1', '1', '10', '100', '1000']
+    """
+    low, high = math.log10(limits[0]), math.log10(limits[1])
+    decades = range(math.floor(low), math.ceil(high) + 1)
+    if high - low < MANY_DECADES:
+        major = [m * 10.0**e for e in decades for m in (1, 2, 5)]
+        minor = [m * 10.0**e for e in decades for m in (3, 4, 6, 7, 8, 9)]
+    else:
+        inside = [e for e in decades if low <= e <= high]
+        step = math.ceil(len(inside) / at_most)
+        labelled = [e for e in inside if e % step == 0]
+        major = [10.0**e for e in labelled]
+        minor = [10.0**e for e in inside if e % step]
+        if step == 1:
+            minor = [m * 10.0**e for e in decades for m in range(2, 10)]
+    major = [value for value in major if limits[0] <= value <= limits[1]]
+    minor = [value for value in minor if limits[0] <= value <= limits[1]]
+    ticks = zip(major, _tick_texts(major), strict=True)
+    return tuple(Tick(value, text) for value, text in ticks), tuple(minor)
+
+
+def _tick_texts(values: Sequence[float]) -> list[str]:
+    """Return the labels of ticks: plain numbers if all are between 0.001 and 10 000, otherwise powers of ten."""
+    if all(0.999e-3 <= value <= 1.001e4 for value in values):
+        return [f"{value:.6g}" for value in values]
+    return [power_text(value) for value in values]
+
+
+def power_text(value: float) -> str:
+    """Format a number with one digit and a power of ten, for example 10⁻³ or 2×10⁶."""
+    mantissa, _, exponent = f"{value:.0e}".partition("e")
+    power = "10" + str(int(exponent)).translate(_SUPERSCRIPT)
+    return power if mantissa == "1" else f"{mantissa}×{power}"
+
+
+def time_axis(times: Vector, label: str) -> Axis:
+    """Return a horizontal axis in seconds, with a grid line at each dyadic scale, and minutes and hours at the top.
+
+    Parameters
+    ----------
+    times : (n,) array, s
+        Scales of all curves of the panel, in any order and possibly repeated.
+    label : str
+        Label of the axis.
+    """
+    limits = limits_of(times, margin=0.03)
+    ticks, _ = power_ticks(limits)
+    scales = np.unique(times)
+    # Curves with two sampling rates have two sets of dyadic scales. Grid lines for both would be confusing.
+    one_grid = bool(np.all(scales[1:] > 1.9 * scales[:-1]))
+    grid = scales.tolist() if one_grid else [tick.value for tick in ticks]
+    above = [Tick(value, text) for value, text in _DURATIONS if limits[0] <= value <= limits[1]]
+    return Axis(label, limits, ticks, grid=tuple(grid), opposite=spaced(above, limits, 0.1))
+
+
+def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
+    """Return only those ticks whose distance from the previous one is at least the fraction `share` of the axis."""
+    kept: list[Tick] = []
+    least = (limits[1] / limits[0]) ** share
+    for tick in ticks:
+        if not kept or tick.value >= least * kept[-1].value:
+            kept.append(tick)
+    return tuple(kept)
+
+
+def quiet(axis: Axis) -> Axis:
+    """Return the axis without label and tick labels, for a panel beside a panel that shows the same axis."""
+    return replace(axis, label="", ticks=tuple(Tick(tick.value, "") for tick in axis.ticks))
+
+
+def value_axis(limits: tuple[float, float], label: str) -> Axis:
+    """Return a vertical logarithmic axis with grid lines at the labelled ticks."""
+    ticks, minor = ((), ()) if limits == EMPTY else power_ticks(limits)
+    return Axis(label, limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
+
+
+def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
+    """Return an axis for positive and negative values of different magnitude: linear about zero, logarithmic beyond.
+
+    Parameters
+    ----------
+    values : (n,) array
+        The values to show; values that are not finite are ignored.
+    label : str
+        The quantity and its unit.
+    linear : float
+        Magnitude up to which the axis is linear.
+    even : float
+        If no magnitude exceeds this number, the whole axis is linear.
+    least : float
+        The axis extends at least from −least to +least.
+
+    >>> [tick.label for tick in signed_axis(np.array([-0.4, 37.0]), "x", linear=1.0, even=5.0).ticks]
+    ['0', '1', '2', '5', '10', '20', '50']
+    """
+    shown = np.append(values[np.isfinite(values)], [0.0, least, -least])
+    low, high = float(shown.min()), float(shown.max())
+    high = high if low < high else linear
+    size = max(-low, high)
+    if size <= even:
+        room = 0.08 * (high - low)
+        limits, reach = (low - room, high + room), math.inf
+        step = 10.0 ** math.floor(math.log10(size))
+        step = next(s for s in (0.2 * step, 0.5 * step, step, 2 * step, 5 * step) if (limits[1] - limits[0]) / s <= 8)
+        places = [k * step for k in range(math.floor(low / step), math.ceil(high / step) + 1)]
+    else:
+        # The linear part has the length of one decade.
+        decades = sum(1 + math.log10(max(abs(end) / linear, 1.0)) for end in (low, high) if end)
+        limits, reach = (_beyond(low, -1, 0.06 * decades, linear), _beyond(high, 1, 0.06 * decades, linear)), linear
+        # An axis with many decades in total has labels at powers of ten only, even if one side has few decades.
+        reached = max(map(abs, limits))
+        if decades >= MANY_SIDED:
+            reached = max(reached, linear * 10**MANY_DECADES)
+        far = [tick.value for tick in power_ticks((linear, reached), at_most=4 if low and high else 7)[0]]
+        places = sorted({0.0, linear, -linear, *far, *(-value for value in far)})
+    inside = [value for value in places if limits[0] <= value <= limits[1]]
+    ticks = tuple(Tick(value, f"{value:g}".replace("-", "−")) for value in inside)
+    return Axis(label, limits, ticks, grid=tuple(inside), linear=reach)
+
+
+def _beyond(end: float, side: int, decades: float, linear: float) -> float:
+    """Return the end of a signed axis, extended by `decades` decades; `side` is −1 or +1."""
+    return end * 10**decades if abs(end) > linear else end + side * decades * linear

@@ -1,0 +1,102 @@
+"""Plot of the wavelet coefficients of a signal over time, with a panel for each level."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.base.arrays import as_rate
+from gmwm.base.errors import OptionError
+from gmwm.base.text import duration_text
+from gmwm.measuring.variance.transform import Dwt, Modwt
+from gmwm.showing.plots.curves import FRONT
+from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
+from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
+from gmwm.showing.plots.series import DOTS, PAGE, WIDTH, row_height, time_once
+from gmwm.showing.plots.style import BLUE
+from gmwm.showing.plots.trace import even_trace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+
+def coefficients_figure(
+    transform: Modwt | Dwt, rate: float, *, unit: str = "", levels: Iterable[int] | None = None
+) -> Figure:
+    """Return the figure that `plot_coefficients` draws."""
+    rate = as_rate(rate)
+    shown = [j for j in transform.details if transform.interior[j].start < transform.interior[j].stop]
+    wanted = shown if levels is None else sorted(set(levels))
+    if not wanted or not set(wanted) <= set(shown):
+        raise OptionError(argument="levels", expected=f"some of {shown[0]} to {shown[-1]}", got=levels)
+    rows = [(_panel(transform, level, rate, unit),) for level in wanted]
+    return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
+
+
+def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
+    """Return the panel of one level, with each coefficient at the middle of the samples on which it depends."""
+    inside = transform.interior[level]
+    step = 1 if isinstance(transform, Modwt) else 1 << level
+    one = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS * PAGE))
+    last = step * (inside.start + 1) - 1
+    seconds = one.seconds + (last - (transform.filter.width(level) - 1) / 2) / rate
+    name, size = time_unit(transform.samples / rate)
+    power = power_of(max(abs(one.low), abs(one.high)))
+    x = even_axis(0.0, transform.samples / rate / size, f"Time since the first sample ({name})", margin=0.01)
+    label = f"Coefficient{f' ({scaled})' if (scaled := scaled_unit(unit, power)) else ''}"
+    y = even_axis(one.low / 10.0**power, one.high / 10.0**power, label, margin=0.06, at_most=5)
+    scale = duration_text((1 << level) / rate)
+    line = Line(seconds / size, one.y / 10.0**power, stroke=Stroke(BLUE, WIDTH), label="", layer=FRONT)
+    if one.y.size < 200:
+        line = replace(line, stroke=Stroke(BLUE, WIDTH, symbol="circle"))
+    return Panel(x, y, (line,), f"Level {level}, scale {scale}")
+
+
+def plot_coefficients(
+    transform: Modwt | Dwt,
+    rate: float,
+    *,
+    unit: str = "",
+    levels: Iterable[int] | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw wavelet coefficients over time, with a panel for each level, without those affected by the boundaries.
+
+    Parameters
+    ----------
+    transform : Modwt or Dwt
+        Result of `gmwm.variance.modwt` or `gmwm.variance.dwt`.
+    rate : float
+        Sampling rate of the signal (Hz).
+    unit : str
+        Unit of the signal, for the labels.
+    levels : sequence of int, optional
+        Levels to draw. Default: all levels with coefficients that the boundaries do not affect.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If a level has no such coefficients, or the rate is not a positive number.
+
+    Examples
+    --------
+    >>> from gmwm.simulation import example_recording
+    >>> from gmwm.variance import modwt
+    >>> signal = example_recording()["gyro_y"]
+    >>> figure = plot_coefficients(modwt(signal, levels=8), signal.rate, unit=signal.unit, levels=[1, 4, 8])
+    >>> len(figure.axes)
+    3
+    """
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(coefficients_figure(transform, rate, unit=unit, levels=levels), path=path)

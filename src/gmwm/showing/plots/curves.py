@@ -1,0 +1,157 @@
+"""Elements that several plots share: a measured curve with its confidence band, and a panel with fitting axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
+from gmwm.showing.plots.figure import Band, Foot, Line, Mark, Panel, Stroke, Text, drawable
+from gmwm.showing.plots.style import GREY, OBSERVED, ROBUST
+from gmwm.showing.plots.view import UnitSystem, View, ViewName, view_of
+
+if TYPE_CHECKING:
+    from gmwm.measuring.variance.result import WaveletVariance
+
+BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
+"""Layers from back to front: guides, confidence bands, model, terms of the model, data. Terms are thin lines, so that
+the model behind them remains visible."""
+
+
+def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
+    """Return the view of a wavelet variance by its name and unit system.
+
+    Raises
+    ------
+    OptionError
+        If `view` or `units` is unknown, or if `view` is "allan" and the filter is not Haar.
+    """
+    chosen = view_of(wv.unit, view, units)
+    if chosen.name == "allan" and wv.filter != "haar":
+        raise OptionError(
+            f"the Allan deviation needs the Haar filter, but the wavelet variance has the filter {wv.filter}",
+            argument="view",
+            got=view,
+            advice="Use {--view=wavelet}, or compute the wavelet variance with {--filter=haar}.",
+        )
+    return chosen
+
+
+def observed_marks(
+    wv: WaveletVariance,
+    view: View,
+    *,
+    stroke: Stroke | None = None,
+    label: str = "",
+    used: NDArray[np.bool_] | None = None,
+) -> tuple[Mark, ...]:
+    """Return the marks of a measured curve: the line with symbols, and the confidence band.
+
+    Levels that a fit left out have open symbols.
+
+    Parameters
+    ----------
+    wv : WaveletVariance
+        The measured curve.
+    view : View
+        Quantity and unit of the plot.
+    stroke : Stroke, optional
+        Style of the curve, whose colour the band also has. The default depends on whether the estimate is robust.
+    label : str
+        Legend entry. Default: the name of the quantity.
+    used : (J,) array of bool, optional
+        Whether the fit used each level. Default: all levels.
+    """
+    x, y = view.time(wv.tau), drawable(view.height(wv.variance))
+    stroke = stroke or (ROBUST if wv.robust else OBSERVED)
+    robust = ", robust" if wv.robust else ""
+    name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
+    kept = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
+    lower, upper = band_edges(wv, view)
+    marks: list[Mark] = [
+        Line(x, y, stroke=stroke if kept.all() else replace(stroke, symbol=None), label=name, layer=FRONT),
+        Band(
+            x=x,
+            lower=lower,
+            upper=upper,
+            colour=stroke.colour,
+            opacity=0.22,
+            label=f"{100 * wv.confidence:g} % confidence",
+            layer=BAND,
+        ),
+    ]
+    if not kept.all():
+        dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
+        marks.append(Line(x, np.where(kept, y, np.nan), stroke=dots, label="", layer=FRONT))
+        marks.append(Line(x, np.where(kept, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT))
+    return tuple(marks)
+
+
+def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
+    """Sort marks for the legend: curves first, then bands. The bands of several curves share a grey entry."""
+    ordered = sorted(marks, key=lambda mark: isinstance(mark, Band))
+    return [replace(mark, swatch=GREY) if curves > 1 and isinstance(mark, Band) else mark for mark in ordered]
+
+
+def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:
+    """Return the vertical positions of the lower and upper limits; NaN where the estimate itself cannot be drawn."""
+    lower, upper = view.height(wv.lower), view.height(wv.upper)
+    there = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
+    return np.where(there, lower, np.nan), np.where(there, upper, np.nan)
+
+
+def closed_panel(
+    views: Sequence[View],
+    measured: Sequence[WaveletVariance],
+    marks: Iterable[Mark],
+    *,
+    around: Iterable[Vector] = (),
+    strokes: Sequence[Stroke] = (OBSERVED,),
+    names: Sequence[str] = ("",),
+    title: str = "",
+) -> Panel:
+    """Return a panel whose axes fit the measured curves. Symbols at its lower border mark variances of zero.
+
+    Parameters
+    ----------
+    views : sequence of View
+        View of each measured curve. All views have the same quantity and unit.
+    measured : sequence of WaveletVariance
+        The measured curves. They and their confidence limits determine the limits of the axes.
+    marks : iterable of Mark
+        The marks of the panel.
+    around : iterable of (n,) arrays
+        Further vertical positions to include in the axis, up to a factor `View.reach` beyond the curves.
+    strokes, names : sequences of Stroke and of str
+        Stroke and name of each measured curve, which the symbols for its zeros have too.
+    title : str
+        Title of the panel.
+    """
+    shown = list(zip(views, measured, strokes, names, strict=True))
+    edges = [edge for view, wv, _, _ in shown for edge in band_edges(wv, view)]
+    core = np.concatenate([view.height(wv.variance) for view, wv, _, _ in shown])
+    limits = limits_near(core, [*edges, *around], reach=views[0].reach)
+    feet = [_zeros(wv, view, stroke, name) for view, wv, stroke, name in shown]
+    return Panel(
+        time_axis(np.concatenate([view.time(wv.tau) for view, wv, _, _ in shown]), views[0].time_label),
+        value_axis(limits, views[0].height_label),
+        marks=(*marks, *(foot for foot in feet if foot is not None)),
+        title=title,
+        texts=() if np.any(core > 0) else (Text("Every variance is zero"),),
+    )
+
+
+def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot | None:
+    zero = wv.variance == 0
+    count = int(np.count_nonzero(zero))
+    if not count:
+        return None
+    label = f"{name}: zero" if name else "Zero"
+    symbol = replace(stroke, width=0.0, symbol="down", filled=False)
+    return Foot(view.time(wv.tau)[zero], symbol, f"{label} at {count} of {zero.size} scales")

@@ -1,0 +1,255 @@
+"""Description of a plot as plain data: a Figure has rows of Panels, and a Panel has two Axes and several Marks.
+
+This module does not depend on a drawing library. The renderers for Matplotlib and Plotly draw a Figure and make no
+further decisions about its content. All positions are in the units of the axis labels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+
+Symbol = Literal["circle", "square", "diamond", "triangle", "down", "cross", "plus", "star"]
+"""The symbols that each renderer must support."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Style of a line: colour, width, dashes and symbols.
+
+    Parameters
+    ----------
+    colour : str
+        "#rrggbb".
+    width : float
+        Width in points.
+    dash : tuple of float
+        Alternating lengths of dashes and gaps, in units of the width; empty for a solid line.
+    symbol : Symbol or None
+        Symbol at each point; None for no symbol.
+    filled : bool
+        Whether the symbols are filled. Unfilled symbols mark, for example, levels that a fit left out.
+    """
+
+    colour: str
+    width: float = 1.0
+    dash: tuple[float, ...] = ()
+    symbol: Symbol | None = None
+    filled: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve y(x), interrupted where y is NaN. If the width of its stroke is 0, only the symbols are drawn.
+
+    Parameters
+    ----------
+    x, y : (n,) arrays
+        Positions in the units of the axes.
+    stroke : Stroke
+        Style of the line.
+    label : str
+        Legend entry; "" for none.
+    layer : int
+        Marks with a higher layer are drawn in front of others.
+    """
+
+    x: Vector
+    y: Vector
+    stroke: Stroke
+    label: str = ""
+    layer: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """A shaded region between `lower` and `upper` over x, for example between confidence limits.
+
+    Parameters
+    ----------
+    x, lower, upper : (n,) arrays
+        Positions in the units of the axes. NaN interrupts the band. An edge at infinity, or at 0 on a logarithmic axis,
+        is drawn at the border of the panel.
+    colour : str
+        "#rrggbb".
+    opacity : float
+        From 0 to 1.
+    label : str
+        Legend entry; "" for none.
+    layer : int
+        Marks with a higher layer are drawn in front of others.
+    swatch : str
+        Colour of the legend entry, if one entry stands for bands of several colours; "" for the colour of the band.
+    """
+
+    x: Vector
+    lower: Vector
+    upper: Vector
+    colour: str
+    opacity: float = 0.25
+    label: str = ""
+    layer: int = 0
+    swatch: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """Symbols along the lower border of the panel, for values that its vertical axis cannot show, such as zero.
+
+    Parameters
+    ----------
+    x : (n,) array
+        Positions in the unit of the horizontal axis.
+    stroke : Stroke
+        Style of the symbols.
+    label : str
+        Legend entry; "" for none.
+    """
+
+    x: Vector
+    stroke: Stroke
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text in a panel. Its position is given as fractions of the width and height of the panel."""
+
+    text: str
+    x: float = 0.5
+    y: float = 0.5
+
+
+Mark: TypeAlias = Line | Band | Foot
+"""An element of a panel that shows data."""
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A position on an axis and its label."""
+
+    value: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis with its limits and all of its ticks. A renderer adds no ticks of its own.
+
+    Parameters
+    ----------
+    label : str
+        The quantity and its unit.
+    limits : tuple of two floats
+        Lower and upper end; both are positive on a logarithmic axis.
+    ticks : tuple of Tick
+        The labelled positions.
+    minor : tuple of float
+        Positions with a small tick and no label.
+    grid : tuple of float
+        Positions of grid lines.
+    opposite : tuple of Tick
+        Ticks on the opposite side of the panel, for example minutes and hours if the axis is in seconds.
+    linear : float
+        The scale is linear between −`linear` and +`linear`, and logarithmic outside this range. A logarithmic axis has
+        0, a linear axis infinity.
+    """
+
+    label: str
+    limits: tuple[float, float]
+    ticks: tuple[Tick, ...]
+    minor: tuple[float, ...] = ()
+    grid: tuple[float, ...] = ()
+    opposite: tuple[Tick, ...] = ()
+    linear: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Two axes with their marks. The order of the marks is the order of the legend."""
+
+    x: Axis
+    y: Axis
+    marks: tuple[Mark, ...]
+    title: str = ""
+    texts: tuple[Text, ...] = ()
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """The curves."""
+        return tuple(mark for mark in self.marks if isinstance(mark, Line))
+
+    @property
+    def bands(self) -> tuple[Band, ...]:
+        """The shaded regions."""
+        return tuple(mark for mark in self.marks if isinstance(mark, Band))
+
+    @property
+    def feet(self) -> tuple[Foot, ...]:
+        """The symbols along the lower border."""
+        return tuple(mark for mark in self.marks if isinstance(mark, Foot))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The legend entries in order, without duplicates."""
+        return tuple(dict.fromkeys(mark.label for mark in self.marks if mark.label))
+
+    def __getitem__(self, label: str) -> Mark:
+        """Return the first mark with this legend entry."""
+        for mark in self.marks:
+            if mark.label == label:
+                return mark
+        raise KeyError(label)
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """Panels in rows, with one legend for all of them.
+
+    Parameters
+    ----------
+    rows : tuple of tuple of Panel
+        The panels of a row have the same width; None leaves the position empty. If all rows have the same length, the
+        panels are aligned in columns.
+    width, height : float
+        Size in millimetres.
+    title : str
+        Title above all panels; "" for none.
+    legend_columns : int
+        Number of columns of the legend, which is below the panels.
+    heights : tuple of float
+        Relative heights of the rows; empty if all rows have the same height.
+    """
+
+    rows: tuple[tuple[Panel | None, ...], ...]
+    width: float = 120.0
+    height: float = 90.0
+    title: str = ""
+    legend_columns: int = 2
+    heights: tuple[float, ...] = ()
+
+    @property
+    def panels(self) -> tuple[Panel, ...]:
+        """All panels, row by row, without the empty positions."""
+        return tuple(panel for row in self.rows for panel in row if panel is not None)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The legend entries of all panels in order, without duplicates."""
+        return tuple(dict.fromkeys(label for panel in self.panels for label in panel.labels))
+
+
+def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Figure:
+    """Return a figure with one panel of `height` mm, and space below it for a legend of at least `legend_rows` rows."""
+    rows = max((len(panel.labels) + 1) // 2, legend_rows)
+    return Figure(((panel,),), height=height + 4.0 * rows)
+
+
+def drawable(values: Vector) -> Vector:
+    """Return `values` with NaN for each value that a logarithmic axis cannot show (zero, negative or not finite)."""
+    kept = np.isfinite(values) & (values > 0)
+    return np.where(kept, values, np.nan)

@@ -1,0 +1,198 @@
+"""Plot of a fit: the measured wavelet variance, the curve of the fitted model, and the curve of each of its terms."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from textwrap import wrap
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.showing.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.showing.plots.figure import Line, Panel, Stroke, Text, drawable, single_panel
+from gmwm.showing.plots.labels import axis_title, datasheet_label, model_text, term_label
+from gmwm.showing.plots.style import GREY, IMPLIED, term_strokes
+from gmwm.showing.plots.view import UnitSystem, View, ViewName
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.theory.processes.base import Process
+    from gmwm.theory.processes.model import Model
+
+
+class HasNotes(Protocol):
+    """Protocol for those diagnostics of a fit that its plot shows."""
+
+    @property
+    def acts_as(self) -> Mapping[str, str]:
+        """Terms that the data cannot distinguish from another process, with the name of this process."""
+
+
+class Fitted(Protocol):
+    """Protocol for a result that `plot_fit` can draw: a fit to a wavelet variance, or a maximum-likelihood fit."""
+
+    @property
+    def model(self) -> Model:
+        """The model with the estimated parameter values."""
+
+    @property
+    def wavelet_variance(self) -> WaveletVariance:
+        """The measured wavelet variance."""
+
+    @property
+    def implied(self) -> Vector:
+        """The wavelet variance of the fitted model (J,)."""
+
+    @property
+    def decomposition(self) -> Mapping[str, Vector]:
+        """The wavelet variance (J,) of each term of the fitted model."""
+
+    @property
+    def diagnostics(self) -> HasNotes:
+        """Diagnostics of the fit."""
+
+
+REMARK = (0.5, 0.93)
+"""Position of the text that lists terms without a curve. Curves of inertial sensors fall on the left and rise on the
+right, so the top centre is free."""
+LINE = 28
+"""Number of characters in a line of the text at `REMARK`."""
+LINES = 2
+"""Largest number of sinusoids that are drawn as separate curves, also in `gmwm.plots.spectrum`. Pinned by
+tests/plots/test_plot_limits.py."""
+
+
+def fit_panel(
+    fit: Fitted,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    decomposition: bool = True,
+    alone: bool = True,
+) -> Panel:
+    """Return the panel that `plot_fit` draws.
+
+    If `alone` is False, the panel shares a legend with other panels. Then the legend names the terms without their
+    parameters, and a text in the panel lists the terms that are zero.
+    """
+    wv = fit.wavelet_variance
+    shown = view_for(wv, view, units)
+    implied = drawable(shown.height(np.asarray(fit.implied)))
+    name = f"Model: {model_text(fit.decomposition)}" if alone else "Model"
+    model = Line(shown.time(wv.tau), implied, stroke=IMPLIED, label=name, layer=MIDDLE)
+    terms = term_lines(fit, shown, alone=alone) if decomposition else ()
+    marks = [*observed_marks(wv, shown, used=getattr(fit, "used", None)), model, *terms]
+    panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
+    if alone:
+        return _with_hidden_terms(panel, terms)
+    zero = [term for term, variance in fit.decomposition.items() if not np.any(variance > 0)] if decomposition else []
+    return replace(panel, texts=(*panel.texts, *_zero_text(zero)))
+
+
+def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
+    """Return a text that lists the terms that are zero, wrapped for a narrow panel."""
+    if not zero:
+        return ()
+    lines = wrap(f"{', '.join(zero)}: zero", LINE, break_long_words=False)
+    return (Text("\n".join(lines), REMARK[0], REMARK[1] - 0.035 * (len(lines) - 1)),)
+
+
+def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
+    """Return the wavelet variance of each term as a thin line, in front of the model and behind the data.
+
+    If `alone` is True, the legend gives the key parameters or the datasheet values of each term. Terms that are
+    estimated as zero have no curve and share one entry of the legend.
+    """
+    times = view.time(fit.wavelet_variance.tau)
+    processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
+    strokes = term_strokes(fit.model.terms, fit.model.processes)
+    lines, zero = [], []
+    curves, sinusoids = _summed(fit)
+    for term, variance in curves.items():
+        y = drawable(view.height(np.asarray(variance)))
+        if not np.any(np.isfinite(y)):
+            zero.append(term)
+            continue
+        label = term
+        if term in sinusoids:
+            label = f"{len(sinusoids)} lines" if alone else "Lines"
+        elif alone:
+            label = _term_entry(term, processes[term], view, fit.wavelet_variance)
+            acting = fit.diagnostics.acts_as.get(term)
+            label += f" (acts as {acting})" if acting else ""
+        lines.append(Line(times, y, stroke=strokes[term], label=label, layer=ABOVE))
+    if alone and zero:
+        nothing = np.full(times.shape, np.nan)
+        lines.append(
+            Line(times, nothing, stroke=Stroke(GREY, 0.0), label=f"{', '.join(zero)}: zero, not supported", layer=ABOVE)
+        )
+    return tuple(lines)
+
+
+def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
+    """Return the curve of each term, and the terms that are combined into one curve.
+
+    If the model has more than `LINES` sinusoids, they are combined: the first of them has the sum of their curves.
+    """
+    curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
+    rate = fit.wavelet_variance.rate
+    processes = zip(fit.model.terms, fit.model.processes, strict=True)
+    lines = [term for term, process in processes if process.line(rate) is not None and np.any(curves[term] > 0)]
+    if len(lines) <= LINES:
+        return curves, ()
+    total = np.sum([curves[term] for term in lines], axis=0)
+    return {term: curve for term, curve in curves.items() if term not in lines} | {lines[0]: total}, lines
+
+
+def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
+    """Return the legend entry of a term.
+
+    It has datasheet values such as N if the plot has datasheet units, and otherwise the key parameters of the process.
+    """
+    found = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
+    return found or term_label(term, process, view, wv.rate)
+
+
+def _summit(line: Line) -> Vector:
+    """Return half of the highest value of a term, as an array. An axis that includes it shows the top of the curve."""
+    return np.array([0.5 * np.nanmax(line.y)]) if np.any(np.isfinite(line.y)) else np.empty(0)
+
+
+def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
+    """Return the panel with a note in the legend entry of each term whose curve is completely below the axes."""
+    low = panel.y.limits[0]
+    hidden = {id(line) for line in terms if np.any(line.y > 0) and not np.any(line.y >= low)}
+    marks = tuple(
+        replace(mark, label=f"{mark.label} (below the axes)") if id(mark) in hidden else mark for mark in panel.marks
+    )
+    return replace(panel, marks=marks)
+
+
+def plot_fit(
+    fit: Fitted,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    decomposition: bool | None = None,
+    label: str | None = None,
+    color: str | None = None,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a fit. `Fit.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+    from gmwm.showing.plots.shared_axes import named_fit_panel
+
+    if label is None and color is None:
+        panel = fit_panel(fit, view=view, units=units, decomposition=decomposition is not False)
+    else:
+        panel = named_fit_panel(
+            fit, label=label, color=color, view=view, units=units, ax=ax, decomposition=decomposition is True
+        )
+    return draw(single_panel(panel), ax=ax, path=path)

@@ -1,0 +1,199 @@
+"""Texts in plots: names of sensor axes for titles, and legend entries of terms with their parameters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from gmwm.base.axis_names import letter_of, sensor_of
+from gmwm.base.units import datasheet_units, noise_unit
+from gmwm.showing.plots.axes import number_text
+from gmwm.showing.plots.view import View
+
+if TYPE_CHECKING:
+    from gmwm.theory.processes.base import Process
+    from gmwm.theory.processes.parameter import Parameter
+    from gmwm.theory.processes.physical import Physical
+
+_SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
+
+# Name of a unit of time, its length (s), and the shortest duration that is written in this unit (s).
+_DURATIONS = (
+    ("d", 86400.0, 172800.0),
+    ("h", 3600.0, 7200.0),
+    ("min", 60.0, 120.0),
+    ("s", 1.0, 0.1),
+    ("ms", 1e-3, 1e-4),
+)
+
+DIGITS = 2
+"""Number of significant digits of parameters in a legend. The summary of the fit has more digits."""
+KEY_PARAMETERS = 2
+"""Largest number of parameters that the legend entry of a term shows."""
+
+
+def sensor_and_letter(axis: str) -> tuple[str, str]:
+    """Return the sensor and the letter of an axis with a name such as "gyro_x"; ("", "") for any other name.
+
+    >>> sensor_and_letter("accel_z"), sensor_and_letter("pressure")
+    (('accel', 'z'), ('', ''))
+    """
+    sensor, letter = sensor_of(axis), letter_of(axis)
+    return (sensor, letter) if sensor and letter in ("x", "y", "z") else ("", "")
+
+
+def sensor_title(sensor: str) -> str:
+    """Return the name of a sensor in words.
+
+    >>> sensor_title("gyro")
+    'Gyroscope'
+    """
+    return _SENSORS.get(sensor, sensor.replace("_", " ").capitalize())
+
+
+def axis_title(axis: str) -> str:
+    """Return the name of an axis in words; a name that is not of an axis is returned unchanged.
+
+    >>> axis_title("gyro_x"), axis_title("pressure")
+    ('Gyroscope X', 'pressure')
+    """
+    sensor, letter = sensor_and_letter(axis)
+    return f"{sensor_title(sensor)} {letter.upper()}" if sensor else axis
+
+
+def term_label(term: str, process: Process, view: View, rate: float) -> str:
+    """Return a term with its key parameters, as readable text.
+
+    Variances are given as standard deviations in the unit of the plot, rates as correlation times, and the power of a
+    sinusoid as its amplitude.
+
+    Parameters
+    ----------
+    term : str
+        Name of the term, such as "GM[1]".
+    process : Process
+        The process of the term with its estimates.
+    view : View
+        Unit of the plot, and the conversion factor from the unit of the data.
+    rate : float
+        Sampling rate (Hz).
+
+    >>> from gmwm.processes import GM, SIN
+    >>> view = View("allan", "rad/s", 1.0)
+    >>> term_label("GM[1]", GM(beta=0.02, sigma2=9e-8), view, rate=100.0)
+    'GM[1]: T = 50 s, σ = 3×10⁻⁴ rad/s'
+    >>> term_label("SIN", SIN(frequency=0.7, power=2e-8), view, rate=100.0)
+    'SIN: 0.700 Hz, A = 2×10⁻⁴ rad/s'
+    """
+    texts = [
+        _amplitude_text(p, process, view, rate) or parameter_text(p, process.value(p.name), view)
+        for p in process.parameters[:KEY_PARAMETERS]
+    ]
+    more = ", …" if len(process.parameters) > KEY_PARAMETERS else ""
+    return f"{term}: {', '.join(texts)}{more}"
+
+
+def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
+    """Return a term with its values in the symbols and units of datasheets, as text; "" if it has no such values.
+
+    Parameters
+    ----------
+    term : str
+        Name of the term, such as "GM[1]".
+    process : Process
+        The process of the term with its estimates.
+    unit : str
+        Unit of the signal.
+    rate : float
+        Sampling rate (Hz).
+
+    >>> from gmwm.processes import AR, GM, SIN, WN
+    >>> datasheet_label("WN", WN(sigma2=4e-7), "rad/s", rate=100.0)
+    'WN: N = 0.22 deg/√h'
+    >>> datasheet_label("GM[1]", GM(beta=0.02, sigma2=9e-8), "rad/s", rate=100.0)
+    'GM[1]: T_c = 50 s, q_c = 740 deg/h/√h'
+    >>> datasheet_label("SIN", SIN(frequency=0.7, power=2e-8), "rad/s", rate=100.0)
+    'SIN: 0.700 Hz, A = 41 deg/h'
+    >>> datasheet_label("AR(2)", AR(phi=[0.59, -0.9], sigma2=1e-7), "rad/s", rate=100.0)
+    'AR(2): N = 0.083 deg/√h, f_b = 36.6 Hz, f_r = 20.0 Hz, Q_r = 12'
+    """
+    numbers = process.physical(rate)
+    # The frequency of a sinusoid needs no symbol, but the bandwidth of a noise process does.
+    named = any(number.signal_power and number.time_power for number in numbers)
+    return f"{term}: {', '.join(_physical_text(number, unit, named) for number in numbers)}" if numbers else ""
+
+
+def _physical_text(number: Physical, unit: str, named: bool) -> str:
+    """Format a datasheet value with symbol and unit. A frequency has a symbol only if `named` is True."""
+    if not number.signal_power:
+        if number.time_power < 0:
+            return f"{f'{number.symbol} = ' if named else ''}{_three_digits(number.value)} Hz"
+        if number.time_power == 0:
+            return f"{number.symbol} = {number_text(number.value, DIGITS)}"
+        return f"{number.symbol} = {duration_text(number.value)}"
+    si, factor = noise_unit(number.time_power, unit)
+    name, size = next(iter(datasheet_units(si).items()))
+    return f"{number.symbol} = {number_text(factor * size * number.value, DIGITS)} {name}".replace("-", "−")
+
+
+def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: float) -> str:
+    """Format the amplitude that belongs to a power parameter, in the unit of the plot; "" for any other parameter."""
+    if (parameter.signal_power, parameter.time_power) != (2, 0) or parameter.symbol.endswith("²"):
+        return ""
+    for number in process.physical(rate):
+        if (number.signal_power, number.time_power) == (1, 0.0) and dict(number.slopes) == {parameter.name: 0.5}:
+            return f"{number.symbol} = {number_text(view.factor * number.value, DIGITS)} {view.unit}".rstrip()
+    return ""
+
+
+def parameter_text(parameter: Parameter, value: float, view: View) -> str:
+    """Format the estimate of a parameter with symbol and unit.
+
+    A variance is given as its square root, and a rate as its inverse. A frequency has no symbol.
+    """
+    unit = f" {view.unit}" if view.unit else ""
+    if parameter.signal_power == 2 and parameter.time_power == 0:
+        if not parameter.symbol.endswith("²"):
+            square = f" {view.square}" if view.unit else ""
+            return f"{parameter.symbol} = {number_text(view.factor**2 * value, DIGITS)}{square}"
+        root = parameter.symbol.removesuffix("²")
+        return f"{root} = {number_text(view.factor * value**0.5, DIGITS)}{unit}"
+    if parameter.signal_power == 1 and parameter.time_power == 0:
+        per = " per sample" if parameter.per_sample else ""
+        return f"{parameter.symbol} = {number_text(view.factor * value, DIGITS)}{unit}{per}"
+    if parameter.unit_name == "Hz":
+        return f"{_three_digits(value)} Hz"
+    if parameter.signal_power == 0 and parameter.time_power == -1 and value > 0:
+        return f"T = {duration_text(1 / value)}"
+    return f"{parameter.symbol} = {number_text(value)}".replace("-", "−")
+
+
+def _three_digits(value: float) -> str:
+    """Format a number with three significant digits, including trailing zeros."""
+    return f"{value:#.3g}".rstrip(".") if 1e-3 <= value < 999.5 else number_text(value)
+
+
+def duration_text(seconds: float) -> str:
+    """Format a duration in a unit that suits its size.
+
+    >>> duration_text(0.0042), duration_text(53.0), duration_text(5400.0), duration_text(40000.0)
+    ('4.2 ms', '53 s', '90 min', '11 h')
+    """
+    for unit, size, least in _DURATIONS:
+        if seconds >= least:
+            return f"{number_text(seconds / size, DIGITS)} {unit}"
+    return f"{number_text(1e6 * seconds, DIGITS)} µs"
+
+
+def model_text(terms: Iterable[str]) -> str:
+    """Return a short name of a model from the names of its terms.
+
+    >>> model_text(["GM[1]", "GM[2]", "WN"])
+    '2·GM + WN'
+    """
+    counts: dict[str, int] = {}
+    for term in terms:
+        name = re.sub(r"\[\d+\]$", "", term)
+        counts[name] = counts.get(name, 0) + 1
+    return " + ".join(name if count == 1 else f"{count}·{name}" for name, count in counts.items())

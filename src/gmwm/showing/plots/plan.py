@@ -1,0 +1,146 @@
+"""Plot of the relative standard errors of parameters against the duration of a planned recording."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.text import duration_text
+from gmwm.fitting.inference.planning import SEEN, Plan, as_accuracy
+from gmwm.showing.plots.axes import limits_of, time_axis, value_axis
+from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.figure import Band, Line, Mark, Panel, Stroke, Symbol, single_panel
+from gmwm.showing.plots.labels import model_text
+from gmwm.showing.plots.style import BLACK, DOTTED, GREY, term_strokes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+HIGHEST = 2.0
+"""Largest relative standard error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
+FURTHER = (2.0, 100.0)
+"""Smallest and largest duration at which the curves may end, as multiples of the planned duration. Between these
+limits, they end where all parameters have reached the accuracy. Pinned by tests/plots/test_plot_limits.py."""
+PER_DECADE = 8
+"""Number of points of a curve per decade of duration. Pinned by tests/plots/test_plot_limits.py."""
+SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
+OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
+"""Symbols that are used unfilled too. The unfilled circle is not among them, because it marks where a parameter reaches
+the accuracy."""
+
+
+def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
+    """Return the panel that `plot_plan` draws, with a curve for each parameter and a circle at the accuracy."""
+    wanted, needed = as_accuracy(accuracy), plan.needed(accuracy)
+    times, curves = _curves(plan, needed)
+    strokes = _strokes(plan)
+    heights = np.concatenate([100 * curve for curve in curves.values()])
+    y = value_axis(limits_of(np.append(np.minimum(heights, 100 * HIGHEST), [100 * HIGHEST, 50 * wanted])), _LABEL)
+    x = time_axis(times, "Length of the recording (s)")
+    across, along = np.array(x.limits), np.array(y.limits)
+    length = f"{duration_text(plan.duration)}: planned duration"
+    unseen = f"above {100 * SEEN:g} %: not determined by the data"
+    marks: list[Mark] = []
+    for name, curve in curves.items():
+        label = f"{name}: {_need_text(name, needed[name], plan, wanted)}"
+        if np.all(np.isfinite(curve) & (curve > HIGHEST)):
+            label += f", above {100 * HIGHEST:g} % throughout"
+        marks.append(
+            Line(
+                times, np.where(curve <= HIGHEST, 100 * curve, np.nan), stroke=strokes[name], label=label, layer=MIDDLE
+            )
+        )
+    reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
+    dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)
+    marks += [
+        Line(reached, np.full(reached.shape, 100 * wanted), stroke=dots, label="", layer=FRONT),
+        Line(
+            across,
+            np.full(2, 100 * wanted),
+            stroke=Stroke(BLACK, 0.7),
+            label=f"{100 * wanted:g} %: chosen accuracy",
+            layer=BEHIND,
+        ),
+        Line(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
+        Band(
+            x=across,
+            lower=np.full(2, 100 * SEEN),
+            upper=np.full(2, np.inf),
+            colour=GREY,
+            opacity=0.16,
+            label=unseen,
+            layer=BAND,
+        ),
+    ]
+    return Panel(x, y, tuple(marks), f"{model_text(plan.model.terms)} at {plan.rate:g} Hz, weighting {plan.weighting}")
+
+
+_LABEL = "Relative standard error (%)"
+
+
+def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
+    """Return the durations (s) at which the curves have points, and the relative standard errors of each parameter
+    there.
+
+    The durations start where the first error falls below `HIGHEST`, and end after the last error has reached the
+    accuracy.
+    """
+    furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
+    least, most = (plan.duration * factor for factor in FURTHER)
+    end = min(max(1.5 * furthest, least), most, plan.horizon)
+    count = max(1, math.ceil(PER_DECADE * math.log10(end / plan.duration)))
+    beyond = np.geomspace(plan.duration, end, count + 1)[1:]
+    further = [plan.at(t) for t in beyond.tolist()]
+    times = np.concatenate([plan.durations, beyond])
+    curves = {name: np.append(curve, [at[name] for at in further]) for name, curve in plan.errors.items()}
+    shown = np.min(np.array(list(curves.values())), axis=0) <= HIGHEST
+    first = int(np.argmax(shown)) if np.any(shown) else 0
+    return times[first:], {name: curve[first:] for name, curve in curves.items()}
+
+
+def _strokes(plan: Plan) -> dict[str, Stroke]:
+    """Return the stroke of each parameter.
+
+    A scale parameter, such as a variance, has the stroke of its term. Any other parameter has a solid line with symbols
+    in the colour of the term.
+    """
+    strokes = {}
+    symbols = cycle([*((symbol, True) for symbol in SYMBOLS), *((symbol, False) for symbol in OPEN)])
+    by_term = term_strokes(plan.model.terms, plan.model.processes)
+    for term, process in zip(plan.model.terms, plan.model.processes, strict=True):
+        for parameter in process.parameters:
+            stroke = replace(by_term[term], width=1.3)
+            if parameter.scale_power is None:
+                symbol, filled = next(symbols)
+                stroke = Stroke(stroke.colour, 0.8, symbol=symbol, filled=filled)
+            strokes[f"{term}.{parameter.name}"] = stroke
+    return strokes
+
+
+def _need_text(name: str, seconds: float, plan: Plan, accuracy: float) -> str:
+    if math.isfinite(seconds):
+        return f"{100 * accuracy:g} % in {duration_text(seconds)}"
+    if math.isinf(plan.errors[name][-1]):
+        return "not determined"
+    return f"more than {100 * accuracy:g} % in {duration_text(plan.horizon)}"
+
+
+def plot_plan(
+    plan: Plan,
+    *,
+    accuracy: float = 0.1,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw the relative standard errors of a plan. `Plan.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    panel = plan_panel(plan, accuracy=accuracy)
+    return draw(single_panel(panel, 84.0), ax=ax, path=path)

@@ -1,0 +1,154 @@
+"""Plot of the standardised innovations of a model: over time, against normal quantiles, and their autocorrelation."""
+
+from __future__ import annotations
+
+import math
+import os
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.fitting.likelihood.innovations import Residuals
+from gmwm.showing.plots.autocorrelation import DOTTED, EXPECTED, LEVEL, autocorrelation_panel, percent
+from gmwm.showing.plots.axes import number_text, power_text
+from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.labels import axis_title, model_text
+from gmwm.showing.plots.linear import even_axis, number_at, time_unit
+from gmwm.showing.plots.series import DOTS, PAGE
+from gmwm.showing.plots.style import BLUE, GREY, VERMILLION
+from gmwm.showing.plots.trace import even_trace, isolated
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+LEAST_P = 1e-6
+"""Smallest p-value that is shown as a number. Smaller p-values are shown as "p < 10⁻⁶". Pinned by
+tests/plots/test_plot_residuals.py."""
+LINE = Stroke(BLUE, 0.5)
+LIMIT = Stroke(VERMILLION, 0.9)
+
+
+# --- what is drawn, as data ---------------------------------------------------------------------------
+
+
+def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
+    """Return the figure that `plot_residuals` draws."""
+    below = (quantile_panel(residuals), correlation_panel(residuals, lags))
+    return Figure(((time_panel(residuals),), below), width=PAGE, height=126.0, heights=(0.8, 1.0), legend_columns=4)
+
+
+def time_panel(residuals: Residuals) -> Panel:
+    """Return the panel of the residuals over time.
+
+    If the model is right, the largest residual exceeds the limits in the panel with a probability of 5 %.
+    """
+    z = residuals.observed
+    largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
+    one = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
+    unit, size = time_unit(residuals.values.size / residuals.rate)
+    last = (residuals.values.size - 1) / residuals.rate / size
+    x = even_axis(0.0, last, f"Time since the first sample ({unit})", margin=0.01, at_most=10)
+    y = even_axis(min(one.low, -largest), max(one.high, largest), "Standardised innovation", margin=0.06, at_most=7)
+    times = one.seconds / size
+    across = np.array([*x.limits, math.nan, *x.limits])
+    limits = np.array([largest, largest, math.nan, -largest, -largest])
+    lone = isolated(one.y)
+    marks: list[Mark] = [Line(times, one.y, stroke=LINE, label="", layer=MIDDLE)]
+    if np.any(lone):
+        marks.append(Line(times[lone], one.y[lone], stroke=DOTTED, label="", layer=MIDDLE))
+    marks.append(Line(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
+    beyond = int(np.count_nonzero(np.abs(z) > largest))
+    name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
+    mean, spread = (number_at(round(float(value), 3), 3) for value in (np.mean(z), np.std(z)))
+    return Panel(x, y, tuple(marks), f"{name}: mean {mean}, standard deviation {spread}, {beyond} beyond the limit")
+
+
+def quantile_panel(residuals: Residuals) -> Panel:
+    """Return the panel of observed against normal quantiles.
+
+    If the model is right, the points are near the diagonal and mostly within the limits.
+    """
+    normal, observed = residuals.quantiles()
+    lower, upper = order_limits(normal, residuals.observed.size)
+    reach = float(np.max(np.abs(normal)))
+    x = even_axis(-reach, reach, "Normal quantile", margin=0.05, at_most=7)
+    # The panel shows all points, but the limits of the outermost points may lie outside.
+    low, high = min(-reach, float(np.min(observed))), max(reach, float(np.max(observed)))
+    y = even_axis(low, high, "Observed quantile", margin=0.08, at_most=7)
+    normality = residuals.normality()
+    marks = (
+        Band(
+            x=normal,
+            lower=lower,
+            upper=upper,
+            colour=GREY,
+            opacity=0.25,
+            label=f"{percent(LEVEL)} limits of each point",
+            layer=BAND,
+        ),
+        Line(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
+        Line(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
+    )
+    return Panel(x, y, marks, f"Jarque-Bera: {_p_text(normality.p_value)}")
+
+
+def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vector, Vector]:
+    """Return the lower and upper confidence limits (n,) of order statistics of a standard normal sample.
+
+    For the k-th smallest value z of N, Φ(z) has the distribution Beta(k, N − k + 1), where Φ is the normal distribution
+    function.
+
+    Parameters
+    ----------
+    normal : (n,) array
+        Normal quantiles that are the expected values of the order statistics.
+    count : int
+        Sample size N.
+    level : float
+        Probability that an order statistic lies within its limits.
+
+    >>> low, high = order_limits(np.array([-2.0, 2.0]), 10_000)
+    >>> print(*(f"{a:.3f} to {b:.3f};" for a, b in zip(low, high, strict=True)))
+    -2.054 to -1.946; 1.946 to 2.054;
+    """
+    from scipy.special import betaincinv, ndtr, ndtri
+
+    # The limits are computed for negative quantiles, where small probabilities have full relative precision.
+    mirrored = -np.abs(normal)
+    place = np.clip(np.round(ndtr(mirrored) * count + 0.5), 1, count)
+    ends = [ndtri(betaincinv(place, count - place + 1, share)) for share in ((1 - level) / 2, (1 + level) / 2)]
+    below = normal <= 0
+    return np.where(below, ends[0], -ends[1]), np.where(below, ends[1], -ends[0])
+
+
+def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
+    """Return the panel of the autocorrelation of the residuals, with confidence limits for white noise."""
+    r = residuals.acf(lags)[1:]
+    return autocorrelation_panel(r, residuals.acf_error(r.size), _whiteness(residuals, lags))
+
+
+def _whiteness(residuals: Residuals, lags: int | None) -> str:
+    """Return the result of the Ljung-Box test as a title."""
+    if (residuals.usual_lags if lags is None else lags) <= residuals.estimated:
+        return f"No Ljung-Box test: {residuals.estimated} parameters were estimated"
+    test = residuals.ljung_box(lags)
+    return f"Ljung-Box, {test.lags} lags: {_p_text(test.p_value)}"
+
+
+def _p_text(p_value: float) -> str:
+    return f"p < {power_text(LEAST_P)}" if p_value < LEAST_P else f"p = {number_text(p_value, 2)}"
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+def plot_residuals(
+    residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
+) -> MatplotlibFigure:
+    """Draw residuals and the results of their tests. `Residuals.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(residuals_figure(residuals, lags), path=path)

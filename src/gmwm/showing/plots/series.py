@@ -1,0 +1,247 @@
+"""Plots over time: one signal, all axes of a recording, or a simulated signal with its latent processes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.base.units import Quantity, find_unit
+from gmwm.recording.signals import Imu, Signal
+from gmwm.showing.plots.axes import number_text, quiet
+from gmwm.showing.plots.curves import FRONT
+from gmwm.showing.plots.figure import Figure, Line, Mark, Panel, Stroke, Symbol
+from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
+from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
+from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
+from gmwm.showing.plots.trace import Trace, isolated, removed, trace
+from gmwm.showing.plots.view import UnitSystem, View, view_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.theory.simulation.components import SimulatedSignal
+
+PAGE = 174.0
+"""Width of a plot (mm) that fills two columns of a printed page."""
+DOTS = 15.0
+"""Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
+WIDTH = 0.5
+"""Width of the line through a long signal (points)."""
+FEW = 60
+"""Largest number of samples for which each sample has a symbol. Pinned by tests/plots/test_plot_limits.py."""
+ALIKE = 8.0
+"""Panels share a vertical scale if the ratio of their largest to their smallest span is at most this number. With a
+larger ratio, the signal with the smallest span would look constant. Pinned by tests/plots/test_plot_series.py."""
+ONE_POWER = 1e3
+"""Panels share a power of ten in their labels if the ratio of their largest values is at most this number. Pinned by
+tests/plots/test_plot_limits.py."""
+CLIPPED = "#1b1f24"
+"""Colour of the symbols that mark clipped samples."""
+NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
+
+
+# --- what is drawn, as data ---------------------------------------------------------------------------
+
+
+def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
+    """Return the panel that `plot_signal` draws."""
+    shown = view_of(signal.unit, "allan", units)
+    one = trace(signal, shown.factor, round(DOTS * width))
+    mean = removed(one)
+    title = _without_mean(axis_title(signal.axis), mean, shown.unit)
+    return _panels([_Row(one.less(mean), _stroke(signal.axis), title)], shown, _name(signal.unit))[0]
+
+
+def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
+    """Return the figure that `plot_recording` draws, with a column for each sensor and a row for each axis letter."""
+    places = {axis: sensor_and_letter(axis) for axis in imu}
+    named = all(sensor for sensor, _ in places.values())
+    sensors = list(dict.fromkeys(sensor for sensor, _ in places.values())) if named else [""]
+    columns: list[dict[str, Panel]] = []
+    for sensor in sensors:
+        members = [axis for axis, place in places.items() if place[0] == sensor or not named]
+        columns.append(dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors)), strict=True)))
+    letters = sorted({letter for _, letter in places.values()}) if named else []
+    rows: list[tuple[Panel | None, ...]] = [
+        tuple(column.get(f"{sensor}_{letter}") for sensor, column in zip(sensors, columns, strict=True))
+        for letter in letters
+    ] or [(panel,) for panel in columns[0].values()]
+    return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 44.0) * len(rows))
+
+
+def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: float) -> list[Panel]:
+    """Return the panels of the axes of a sensor, with a common vertical scale if their spans are similar."""
+    panels: dict[str, Panel] = {}
+    for unit in dict.fromkeys(imu[axis].unit for axis in axes):
+        members = [axis for axis in axes if imu[axis].unit == unit]
+        shown = view_of(unit, "allan", units)
+        left = imu.time_base.left if imu.time_base else 0.0
+        traces = [trace(imu[axis], shown.factor, round(DOTS * width), left, clip=True) for axis in members]
+        means = [removed(one) for one in traces]
+        rows = [
+            _Row(one.less(mean), _stroke(axis), _without_mean(axis_title(axis), mean, shown.unit) + _clipped(one))
+            for axis, one, mean in zip(members, traces, means, strict=True)
+        ]
+        panels |= dict(zip(members, _panels(rows, shown, _name(unit)), strict=True))
+    return [panels[axis] for axis in axes]
+
+
+def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -> Figure:
+    """Return the figure that `plot_components` draws: the signal, and below it the process of each term."""
+    signal, model = simulated.signal, simulated.model
+    shown = view_of(signal.unit, "allan", units)
+    columns = round(DOTS * PAGE)
+    offset = shown.factor * simulated.offset
+    name = axis_title(signal.axis) if signal.axis else "Signal"
+    less = f" less {_number(offset)} {shown.unit}".rstrip() if offset else ""
+    step = simulated.resolution
+    rounded = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
+    title = f"{name}{less}: {model_text(model.terms)}{rounded}"
+    rows = [_Row(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, WIDTH), title)]
+    strokes = term_strokes(model.terms, model.processes)
+    for term, process in zip(model.terms, model.processes, strict=True):
+        one = trace(simulated[term], shown.factor, columns)
+        rows.append(_Row(one, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate)))
+    panels = _panels(rows, shown)
+    stacked = time_once([(panel,) for panel in panels])
+    return Figure(stacked, width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    trace: Trace
+    stroke: Stroke
+    title: str
+
+
+def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
+    """Return panels of one quantity over the same time.
+
+    If possible, they have a common vertical scale, or at least a common power of ten in their labels.
+    """
+    seconds = np.array([[np.min(row.trace.seconds), np.max(row.trace.seconds)] for row in rows])
+    unit, size = time_unit(float(np.max(seconds) - np.min(seconds)))
+    label = f"Time since the first sample ({unit})"
+    x = even_axis(float(np.min(seconds)) / size, float(np.max(seconds)) / size, label, margin=0.01, at_most=10)
+    spans = [row.trace.span for row in rows]
+    sizes = [max(abs(row.trace.low), abs(row.trace.high)) for row in rows]
+    one_power = max(sizes) <= ONE_POWER * min(sizes)
+    one_scale = max(spans) <= ALIKE * min(spans)
+    low, high = min(row.trace.low for row in rows), max(row.trace.high for row in rows)
+    panels = []
+    for row, largest in zip(rows, sizes, strict=True):
+        power = power_of(max(sizes) if one_power else largest)
+        ends = (low, high) if one_scale else (row.trace.low, row.trace.high)
+        written = scaled_unit(shown.unit, power)
+        y = even_axis(
+            ends[0] / 10.0**power,
+            ends[1] / 10.0**power,
+            f"{name} ({written})" if name else written,
+            margin=0.06,
+            at_most=5,
+        )
+        panels.append(Panel(x, y, _marks(row, size, 10.0**power), row.title))
+    return panels
+
+
+def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
+    """Return the line of a signal, and symbols for clipped samples and for single samples between two gaps."""
+    x, y = row.trace.seconds / size, row.trace.y / scale
+    stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
+    alone = isolated(y)
+    line = Line(x, y, stroke=stroke, label="", layer=FRONT)
+    symbols: tuple[Symbol, Symbol] = ("triangle", "down")
+    beyond = tuple(
+        Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), label="", layer=FRONT)
+        for mask, symbol in zip(row.trace.beyond(), symbols, strict=True) if np.any(mask)
+    )  # fmt: skip
+    if stroke.symbol or not np.any(alone):
+        return line, *beyond
+    return (
+        line,
+        *beyond,
+        Line(x[alone], y[alone], stroke=Stroke(stroke.colour, 0.0, symbol="circle"), label="", layer=FRONT),
+    )
+
+
+def _stroke(axis: str) -> Stroke:
+    letter = letter_stroke(sensor_and_letter(axis)[1])
+    return Stroke(letter.colour if letter else BLUE, WIDTH)
+
+
+def _clipped(one: Trace) -> str:
+    """Return the end of a title that explains the symbols of clipped samples; "" if there are none."""
+    return " (▲▼: beyond the limits)" if any(one.clipped) else ""
+
+
+def _without_mean(title: str, mean: float, unit: str) -> str:
+    """Return the title with the mean that was subtracted from the signal; unchanged if the mean is 0."""
+    return f"{title} less its mean of {_number(mean)} {unit}".strip() if mean else title
+
+
+def _number(value: float) -> str:
+    return number_text(value, 6).replace("-", "−")
+
+
+def _name(unit: str) -> str:
+    known = find_unit(unit)
+    return NAMES[known.quantity] if known else "Signal"
+
+
+def row_height(rows: int, usual: float) -> float:
+    """Return the height of a row of panels (mm), at most `usual`, so that all rows fit on a printed page.
+
+    A row has at least 20 mm, because it would not be readable otherwise.
+    """
+    return max(min(usual, 235.0 / rows), 20.0)
+
+
+def time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
+    """Return the panels with labels of the time axis only at the lowest panel of each column."""
+    lowest = {k: i for i, row in enumerate(rows) for k, panel in enumerate(row) if panel is not None}
+    return tuple(
+        tuple(
+            panel if panel is None or lowest[k] == i else replace(panel, x=quiet(panel.x))
+            for k, panel in enumerate(row)
+        )
+        for i, row in enumerate(rows)
+    )
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+def plot_signal(
+    signal: Signal,
+    *,
+    units: UnitSystem = "si",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a signal over time. `Signal.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0), ax=ax, path=path)
+
+
+def plot_recording(
+    imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+) -> MatplotlibFigure:
+    """Draw all axes of a recording over time. `Imu.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(recording_figure(imu, units=units), path=path)
+
+
+def plot_components(
+    simulated: SimulatedSignal, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+) -> MatplotlibFigure:
+    """Draw a simulated signal and its latent processes. `SimulatedSignal.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(components_figure(simulated, units=units), path=path)

@@ -1,0 +1,201 @@
+"""Plot of a power spectral density with its lines and bumps, and with the density of a model."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.axis_names import by_sensor
+from gmwm.base.errors import OptionError
+from gmwm.base.units import datasheet_units, noise_unit
+from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
+from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_axis
+from gmwm.showing.plots.curves import ABOVE, BAND, FRONT, MIDDLE
+from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.showing.plots.fit import LINES
+from gmwm.showing.plots.labels import axis_title, model_text
+from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
+from gmwm.theory.processes.model import ModelLike, as_model
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.measuring.spectrum import PowerSpectrum
+    from gmwm.showing.plots.view import UnitSystem
+
+REACH = 5.0
+"""Largest factor by which limits and models may extend the vertical axis beyond the data. Pinned by
+tests/plots/test_plot_limits.py."""
+FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
+"""Stroke of the symbol that marks a line in the spectrum."""
+BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
+"""Stroke of the symbol that marks a bump in the spectrum."""
+ABOVE_PEAK = 1.35
+"""Ratio of the value at which a symbol is drawn to the root density at its peak."""
+
+
+def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
+    """Return the unit of the root density of data in `unit`, and the conversion factor to this unit.
+
+    Raises
+    ------
+    OptionError
+        If `units` is unknown, or is "datasheet" and the data are neither an angular rate nor an acceleration.
+
+    >>> density_unit("rad/s", "si"), density_unit("m/s²", "datasheet")[0]
+    (('rad/s/√Hz', 1.0), 'µg/√Hz')
+    """
+    if units not in ("si", "datasheet"):
+        raise OptionError(argument="units", expected='"si" or "datasheet" (deg/s/√Hz, µg/√Hz)', got=units)
+    si, factor = noise_unit(0.5, unit)
+    if units == "si":
+        return si, factor
+    known = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
+    if not known:
+        raise OptionError(
+            f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",
+            argument="units",
+            got=units,
+            advice="Use {--units=si}, or give the signal a unit such as rad/s.",
+        )
+    return known[0][0], factor * known[0][1]
+
+
+def spectrum_panel(
+    spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", alone: bool = True
+) -> Panel:
+    """Return the panel that `plot_spectrum` draws.
+
+    If `alone` is False, several panels share the legend. Then it names neither frequencies nor the model.
+    """
+    shown = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
+    unit, factor = density_unit(shown.unit, units)
+    f, y = shown.frequencies, drawable(factor * np.sqrt(shown.density))
+    lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
+    marks: list[Mark] = [
+        Line(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
+        Band(
+            f, lower, upper, colour=BLUE, opacity=0.22, label=f"{100 * shown.confidence:g} % confidence", layer=BAND
+        ),
+    ]  # fmt: skip
+    curves: list[Line] = []
+    if model is not None:
+        curves = _model_lines(shown, model, factor=factor, alone=alone)
+    marks += [*curves, *_found(shown, y, alone=alone)]
+    symbols = [mark.y for mark in marks[2 + len(curves) :] if isinstance(mark, Line)]
+    tops = [line.y[:1] for line in curves[:1]]
+    limits = limits_near(y, [lower, upper, *tops, *symbols], reach=REACH)
+    return Panel(
+        _frequency_axis(f), value_axis(limits, f"One-sided root density ({unit})"), marks=tuple(marks),
+        title=axis_title(shown.axis),
+    )  # fmt: skip
+
+
+def _frequency_axis(frequencies: Vector) -> Axis:
+    limits = limits_of(frequencies, margin=0.03)
+    ticks, minor = power_ticks(limits)
+    return Axis("Frequency (Hz)", limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
+
+
+def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Line]:
+    """Return curves of the one-sided root density of a model and of each term.
+
+    A sinusoid is a symbol at the root density that its peak would have in this spectrum.
+    """
+    f, rate = spectrum.frequencies, spectrum.rate
+    model = as_model(given)
+    strokes = term_strokes(model.terms, model.processes)
+    total, terms = np.zeros(f.size), []
+    lines = [term for term, process in zip(model.terms, model.processes, strict=True) if process.line(rate) is not None]
+    many = len(lines) > LINES
+    for term, process in zip(model.terms, model.processes, strict=True):
+        line = process.line(rate)
+        if line is not None:
+            # A sinusoid of power P has the density P / (b Δf) if bins have the width Δf and the window has a noise
+            # bandwidth of b bins.
+            power, cycles = line
+            height = np.array([factor * np.sqrt(power / (ENERGY_WIDTH * rate / spectrum.length))])
+            symbol = Stroke(strokes[lines[0] if many else term].colour, 0.0, SOLID, "cross")
+            label = "" if many and term != lines[0] else f"{len(lines)} lines" if many else term
+            terms.append(Line(np.array([cycles * rate]), drawable(height), stroke=symbol, label=label, layer=ABOVE))
+        elif process.has("psd"):
+            density = 2 * process.psd(f, rate)
+            total += density
+            if np.any(density > 0):
+                y = drawable(factor * np.sqrt(density))
+                terms.append(Line(f, y, stroke=strokes[term], label=term, layer=ABOVE))
+    name = f"Model: {model_text(model.terms)}" if alone else "Model"
+    return [Line(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
+
+
+def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
+    """Return the symbols that mark the lines and the bumps of a spectrum."""
+    marks = []
+    lines = {line.frequency: line.height for line in spectrum.lines}
+    bumps = {bump.frequency: bump.height for bump in spectrum.bumps}
+    for ratios, stroke, noun in ((lines, FOUND, "Lines"), (bumps, BROAD, "Broad peaks")):
+        if not ratios:
+            continue
+        x = np.array(list(ratios))
+        y = np.array([_top(spectrum, heights, frequency) for frequency in ratios]) * ABOVE_PEAK
+        strongest = sorted(ratios, key=lambda frequency: -ratios[frequency])[:3]
+        more = ", …" if len(ratios) > len(strongest) else ""
+        name = f"{noun}: {', '.join(f'{frequency:.4g}' for frequency in strongest)}{more} Hz" if alone else noun
+        marks.append(Line(x, y, stroke=stroke, label=name, layer=FRONT))
+    return marks
+
+
+def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
+    """Return the largest value of `heights` at most two bins or 2 %, whichever is more, away from a frequency."""
+    near = np.abs(spectrum.frequencies - frequency) <= max(2 * spectrum.resolution, 0.02 * frequency)
+    values = heights[near & np.isfinite(heights)]
+    return float(values.max()) if values.size else float("nan")
+
+
+def spectra_figure(
+    spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si"
+) -> Figure:
+    """Return the figure that `plot_spectra` draws, with one row for each sensor and one panel for each axis."""
+    rows = [
+        tuple(
+            spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
+            for axis, spectrum in axes.items()
+        )
+        for axes in by_sensor(spectra).values()
+    ]
+    columns = max(len(row) for row in rows)
+    full = tuple((*row, *([None] * (columns - len(row)))) for row in rows)
+    return Figure(full, width=max(70.0 * columns, 100.0), height=20.0 + 62.0 * len(rows), legend_columns=4)
+
+
+def plot_spectrum(
+    spectrum: PowerSpectrum,
+    *,
+    model: ModelLike | None = None,
+    units: UnitSystem = "si",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a power spectral density. `PowerSpectrum.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    panel = spectrum_panel(spectrum, model=model, units=units)
+    return draw(single_panel(panel), ax=ax, path=path)
+
+
+def plot_spectra(
+    spectra: Mapping[str, PowerSpectrum],
+    *,
+    models: Mapping[str, ModelLike] | None = None,
+    units: UnitSystem = "si",
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw the power spectral densities of several axes. `PowerSpectra.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(spectra_figure(spectra, models=models, units=units), path=path)

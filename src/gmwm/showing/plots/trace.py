@@ -1,0 +1,208 @@
+"""Reduction of a long signal to the samples that its plot needs.
+
+Each column of dots keeps its first, smallest, largest and last sample. A line through them looks the same as a line
+through all samples (U. Jugel et al., *M4: a visualization-oriented time series data aggregation*, 2014).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.time_base import begins_of
+from gmwm.recording.signals import Signal
+
+TAIL = 0.005
+"""Fraction of the smallest and of the largest samples that are ignored when the limits of a clipped plot are chosen."""
+FAR = 2.0
+"""Distance of the limits of a clipped plot from the other samples, as a multiple of their span. Gaussian noise is never
+clipped, because a sample would have to be 12 standard deviations from the mean (tests/plots/test_plot_series.py)."""
+_FEW = 100_000
+
+
+def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
+    """Return the sorted indices of the first, smallest, largest and last value of each of `columns` equal parts.
+
+    If the parts have at most 4 values each, all indices are returned.
+
+    >>> extremes(np.array([0.0, 5.0, 1.0, -3.0, 2.0, 2.0, 2.0, 2.0, 9.0, 2.0]), 2)
+    array([0, 1, 3, 4, 5, 8, 9])
+    """
+    n = values.size
+    if n <= 4 * columns:
+        return np.arange(n)
+    edges = np.linspace(0, n, columns + 1).astype(np.int64)
+    inner = [
+        (a + int(np.argmin(values[a:b])), a + int(np.argmax(values[a:b])))
+        for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+    ]
+    return np.unique(np.concatenate([edges[:-1], edges[1:] - 1, np.array(inner).ravel()]))
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The samples of a signal that are drawn, with a NaN in each gap.
+
+    Parameters
+    ----------
+    seconds : (n,) array, s
+        Times since the first sample.
+    y : (n,) array
+        Values in the unit of the plot; NaN interrupts the line.
+    low, high : float
+        The smallest and the largest value of `y`.
+    mean : float
+        Mean of all samples; their median if samples are clipped.
+    clipped : (bool, bool)
+        Whether samples below `low`, and samples above `high`, were clipped to these limits, for example after a knock.
+    """
+
+    seconds: Vector
+    y: Vector
+    low: float
+    high: float
+    mean: float
+    clipped: tuple[bool, bool] = (False, False)
+
+    @property
+    def span(self) -> float:
+        """Difference between `high` and `low`."""
+        return self.high - self.low
+
+    def less(self, amount: float) -> Trace:
+        """Return the trace with the constant `amount` subtracted from all values."""
+        return Trace(
+            self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount,
+            clipped=self.clipped,
+        )  # fmt: skip
+
+    def beyond(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return a mask of the samples that were clipped at `high`, and a mask of those clipped at `low`."""
+        below, above = self.clipped
+        return above & (self.y >= self.high), below & (self.y <= self.low)
+
+
+def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Trace:
+    """Reduce a signal to the trace for a plot with `columns` columns of dots.
+
+    The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far from
+    nearly all others are clipped, so that a knock does not flatten the rest of the plot.
+    """
+    # Times are measured from the first sample, because seconds since 1970 do not resolve a microsecond in doubles.
+    starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
+    clock = Signal(signal.values, signal.rate, segments=signal.segments, starts=starts)
+    seconds: list[Vector] = []
+    y: list[Vector] = []
+    for start, stop, share in _runs(signal, columns):
+        index = start + extremes(signal.values[start:stop], share)
+        times = clock.times(index)
+        seconds += [times, times[-1:]]
+        y += [factor * signal.values[index], np.array([math.nan])]
+    shown: Vector = np.concatenate(y)[:-1]
+    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
+    if clip:
+        few = factor * signal.values[:: max(1, signal.values.size // _FEW)]
+        first, middle, last = (float(x) for x in np.quantile(few, (TAIL, 0.5, 1 - TAIL)))
+        least, most = first - FAR * (last - first), last + FAR * (last - first)
+        if last > first and (low < least or high > most):
+            return Trace(
+                np.concatenate(seconds)[:-1], np.clip(shown, least, most), low=max(low, least), high=min(high, most),
+                mean=middle, clipped=(low < least, high > most),
+            )  # fmt: skip
+    return Trace(np.concatenate(seconds)[:-1], shown, low=low, high=high, mean=factor * float(np.mean(signal.values)))
+
+
+def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
+    """Reduce evenly sampled values, with NaN for missing samples, to the trace for a plot with `columns` columns."""
+    index = extremes_there(values, columns)
+    y = factor * values[index]
+    mean = factor * float(np.mean(values, where=np.isfinite(values)))
+    return Trace(index / rate, y, low=float(np.nanmin(y)), high=float(np.nanmax(y)), mean=mean)
+
+
+def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
+    """Return indices like `extremes`, but ignore NaN. A part with NaN only has one index, which interrupts the line.
+
+    >>> extremes_there(np.array([0.0, 5.0, 1.0, np.nan, np.nan, np.nan, np.nan, np.nan, 9.0, 2.0]), 2)
+    array([0, 1, 2, 8, 9])
+    >>> extremes_there(np.array([0.0, 5.0, 1.0, 4.0, 2.0, *6 * [np.nan], 7.0, 8.0, 6.0, 7.0]), 3)
+    array([ 0,  1,  4,  5, 11, 12, 13, 14])
+    """
+    n, there = values.size, np.isfinite(values)
+    if n <= 4 * columns or np.all(there):
+        return extremes(values, columns)
+    least, greatest = np.where(there, values, math.inf), np.where(there, values, -math.inf)
+    kept: list[int] = []
+    for a, b in pairwise(np.linspace(0, n, columns + 1).astype(np.int64).tolist()):
+        run = there[a:b]
+        if not np.any(run):
+            kept.append(a)
+            continue
+        first, last = a + int(np.argmax(run)), b - 1 - int(np.argmax(run[::-1]))
+        kept += [first, a + int(np.argmin(least[a:b])), a + int(np.argmax(greatest[a:b])), last]
+    return np.unique(np.array(kept, dtype=np.int64))
+
+
+def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
+    """Reduce a band to `columns` parts, and return the positions and the lower and upper edges of the parts.
+
+    The edges of a part are its smallest lower and its largest upper edge; NaN if no sample of the part has two finite
+    edges. Positions are sample numbers. If there are at most `columns` samples, all of them are returned.
+
+    >>> envelope(np.array([0.0, -1.0, 2.0, 3.0]), np.array([1.0, 2.0, np.inf, 5.0]), 2)
+    (array([0., 3.]), array([-1.,  3.]), array([2., 5.]))
+    """
+    n, there = lower.size, np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(there, lower, math.nan), np.where(there, upper, math.nan)
+    if n <= columns:
+        return np.arange(float(n)), low, high
+    starts = np.linspace(0, n, columns + 1).astype(np.int64)[:-1]
+    # A part is narrower than a visible dot, so its position may be shifted so that the band reaches both ends.
+    return np.linspace(0.0, n - 1.0, columns), np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
+
+
+def isolated(y: Vector) -> NDArray[np.bool_]:
+    """Return a mask of the finite values whose neighbours are missing, so that a line cannot show these values.
+
+    >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
+    [True, False, False, False]
+    """
+    there = np.concatenate([[False], np.isfinite(y), [False]])
+    return np.asarray(there[1:-1] & ~there[:-2] & ~there[2:])
+
+
+def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
+    """Yield the ranges of samples that are drawn as one line, as (start, stop, number of columns).
+
+    A gap that is narrower than a column is not visible, so the line continues across it.
+    """
+    ends = [start + (b - a) / signal.rate for start, (a, b) in zip(signal.starts, signal.segments, strict=True)]
+    total = max(ends) - min(signal.starts)
+    first, opened = 0, signal.starts[0]
+    for k, (_, stop) in enumerate(signal.segments):
+        follows = k + 1 < len(signal.segments)
+        if follows and 0 <= signal.starts[k + 1] - ends[k] < total / columns:
+            continue
+        yield first, stop, max(1, round(columns * (ends[k] - opened) / total))
+        if follows:
+            first, opened = stop, signal.starts[k + 1]
+
+
+def removed(one: Trace) -> float:
+    """Return the constant to subtract from a trace: its rounded mean if all samples are far from zero, otherwise 0."""
+    return 0.0 if one.low - one.span <= 0 <= one.high + one.span else in_digits(one.mean, one.span)
+
+
+def in_digits(mean: float, span: float) -> float:
+    """Round a mean to a few digits, so that a title can state exactly which constant was subtracted.
+
+    The rounding error is small compared with the span of the values.
+    """
+    digits = math.ceil(math.log10(abs(mean) / span)) + 2 if mean and span else 6
+    return float(f"{mean:.{min(max(digits, 2), 6) - 1}e}")

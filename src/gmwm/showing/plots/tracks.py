@@ -1,0 +1,282 @@
+"""Plot of estimated latent processes over time: the record with its bias, and below it each process with its band."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.errors import OptionError
+from gmwm.base.units import find_unit
+from gmwm.fitting.likelihood.system import LEVEL
+from gmwm.fitting.likelihood.tracks import BIAS, Kind, Tracks, wanders
+from gmwm.showing.plots.axes import number_text, quiet
+from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.labels import axis_title, model_text, term_label
+from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
+from gmwm.showing.plots.series import DOTS, NAMES, PAGE
+from gmwm.showing.plots.style import BLACK, BLUE, PALE
+from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, isolated, removed
+from gmwm.showing.plots.view import UnitSystem, View, view_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+COLUMNS = round(DOTS * PAGE)
+RECORD = Stroke(PALE, 0.5)
+TRACK = Stroke(BLUE, 1.1)
+TRUTH = Stroke(BLACK, 0.5)
+WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
+SETTLED = 2.0
+"""A filter counts as settled when its standard error is below this multiple of its median standard error. Earlier
+values have large errors and do not affect the vertical scale. Pinned by tests/plots/test_plot_tracks.py."""
+DENSE = 0.03
+"""Mean vertical distance of neighbouring points of a line, relative to the panel height, above which the line looks
+like a filled area. Pinned by tests/plots/test_plot_tracks.py."""
+FAR = 50.0
+"""Ratio of the largest value to the span of the values above which a constant is subtracted, because the tick labels
+would be too long. Pinned by tests/plots/test_plot_limits.py."""
+
+
+# --- what is drawn, as data ---------------------------------------------------------------------------
+
+
+def tracks_figure(
+    tracks: Tracks,
+    labels: str | Sequence[str] | None = None,
+    *,
+    truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
+    level: float = 0.95,
+    units: UnitSystem = "si",
+    record: bool = True,
+) -> Figure:
+    """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and a panel for each process.
+
+    Without `record`, or without data, the first panel is left out.
+    """
+    chosen, known = _as_labels(tracks, labels), _as_truth(tracks, truth)
+    shown = view_of(tracks.unit, "allan", units)
+    panels: list[Panel] = []
+    less = 0.0
+    if record and np.any(np.isfinite(tracks.data)):
+        panel, less = _record_panel(tracks, shown)
+        panels.append(panel)
+    panels += [
+        _track_panel(_Drawn(tracks, label, truth=known.get(label), level=level, shown=shown), less) for label in chosen
+    ]
+    stacked = [replace(panel, x=quiet(panel.x)) for panel in panels[:-1]] + panels[-1:]
+    height = max(min(46.0, 235.0 / len(panels)), 22.0)
+    return Figure(
+        tuple((panel,) for panel in stacked), width=PAGE, height=18.0 + height * len(panels), legend_columns=4
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What to draw in one panel: the process `label` of `tracks`, its true path (N,) if known, and the unit."""
+
+    tracks: Tracks
+    label: str
+    truth: Vector | None
+    level: float
+    shown: View
+
+
+def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
+    """Return the panel with the record and its bias, and the constant that was subtracted from both."""
+    one = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
+    mean = removed(one)
+    one = one.less(mean)
+    power = power_of(max(abs(one.low), abs(one.high)))
+    x, size = _time_axis(tracks)
+    scale = 10.0**power
+    y = even_axis(one.low / scale, one.high / scale, _height_label(tracks, shown, power), margin=0.06, at_most=5)
+    times, record = one.seconds / size, one.y / scale
+    marks: list[Mark] = [Line(times, record, stroke=RECORD, label="Record", layer=BEHIND)]
+    lone = isolated(record)
+    if np.any(lone):
+        marks.append(Line(times[lone], record[lone], stroke=Stroke(PALE, 0.0, symbol="circle"), label="", layer=BEHIND))
+    bias = _there(tracks, BIAS)
+    index = extremes_there(bias, COLUMNS)
+    path = (shown.factor * bias[index] - mean) / scale
+    marks.append(Line(index / tracks.rate / size, path, stroke=TRACK, label=WORDS[tracks.kind], layer=FRONT))
+    name = axis_title(tracks.axis) or "Record"
+    return Panel(x, y, tuple(marks), _less(f"{name} and its bias: {model_text(tracks.model.terms)}", mean, shown)), mean
+
+
+def _track_panel(drawn: _Drawn, less: float) -> Panel:
+    """Return the panel of one process with its confidence band. `less` is the constant subtracted from the record."""
+    tracks, shown = drawn.tracks, drawn.shown
+    mean = shown.factor * _there(tracks, drawn.label)
+    lower, upper = (shown.factor * end for end in tracks.band(drawn.label, drawn.level))
+    truth = None if drawn.truth is None else shown.factor * drawn.truth
+    low, high = _ends(tracks, drawn.label, lower=lower, upper=upper, truth=truth)
+    # Subtract the same constant as from the record, but only if the process contains the level of the record.
+    less = less if abs(low - less) < abs(low) else 0.0
+    if max(abs(low - less), abs(high - less)) > FAR * (high - low) > 0:
+        less = in_digits((low + high) / 2, high - low)
+    low, high = low - less, high - less
+    power = power_of(max(abs(low), abs(high)))
+    x, size = _time_axis(tracks)
+    scale = 10.0**power
+    y = even_axis(low / scale, high / scale, _height_label(tracks, shown, power), margin=0.06, at_most=5)
+    first = _first_time(tracks) / size
+    place, below, above = envelope((lower - less) / scale, (upper - less) / scale, COLUMNS)
+    marks: list[Mark] = [
+        Band(
+            x=first + place / tracks.rate / size,
+            lower=below,
+            upper=above,
+            colour=BLUE,
+            opacity=0.25,
+            label=f"{100 * drawn.level:g} % interval",
+            layer=BAND,
+        ),
+    ]
+    curves: list[tuple[Vector, Stroke, str, int]] = [(mean, TRACK, WORDS[tracks.kind], MIDDLE)]
+    if truth is not None:
+        curves.append((truth, TRUTH, "Truth", BEHIND if _dense(truth, high - low) else ABOVE))
+    for values, stroke, label, layer in curves:
+        index = extremes_there(values, COLUMNS)
+        marks.append(
+            Line(
+                first + index / tracks.rate / size,
+                (values[index] - less) / scale,
+                stroke=stroke,
+                label=label,
+                layer=layer,
+            )
+        )
+    return Panel(x, y, tuple(marks), _less(_title(tracks, drawn.label, shown), less, shown))
+
+
+def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vector | None) -> tuple[float, float]:
+    """Return the smallest and the largest value that the panel must show.
+
+    The first values of a filter, before it has settled, are ignored.
+    """
+    error = tracks.error[label]
+    there = np.isfinite(error)
+    if tracks.kind == "filter" and np.any(there):
+        there &= np.arange(error.size) >= int(np.argmax(error <= SETTLED * np.median(error[there])))
+    values = np.concatenate([lower[there], upper[there], [] if truth is None else truth[np.isfinite(truth)]])
+    return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
+
+
+def _dense(values: Vector, height: float) -> bool:
+    """Return whether a line varies so fast that it looks like a filled area and would hide the curves behind it."""
+    index = extremes_there(values, COLUMNS)
+    steps = np.abs(np.diff(values[index]))
+    return index.size > COLUMNS and bool(np.nanmean(steps) > DENSE * height)
+
+
+def _there(tracks: Tracks, label: str) -> Vector:
+    """Return the estimated values of a process, with NaN where the standard error is not finite."""
+    return np.where(np.isfinite(tracks.error[label]), tracks.mean[label], math.nan)
+
+
+def _first_time(tracks: Tracks) -> float:
+    """Return the time of the first value (s). A prediction starts one step after the end of the record."""
+    return 1 / tracks.rate if tracks.kind == "predict" else 0.0
+
+
+def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
+    """Return the time axis of the tracks, and the length of its unit (s)."""
+    unit, size = time_unit(len(tracks) / tracks.rate)
+    first = _first_time(tracks)
+    since = "the end of the record" if first else "the first sample"
+    last = (first + (len(tracks) - 1) / tracks.rate) / size
+    return even_axis(0.0, last, f"Time since {since} ({unit})", margin=0.01, at_most=10), size
+
+
+def _title(tracks: Tracks, label: str, shown: View) -> str:
+    if label == BIAS:
+        terms = zip(tracks.model.terms, tracks.model.processes, strict=True)
+        parts = [term for term, process in terms if wanders(process, tracks.rate)]
+        return f"Bias: {model_text([LEVEL] * (LEVEL in tracks.mean) + parts)}"
+    if label == LEVEL:
+        return "Level of the record"
+    process = tracks.model.processes[tracks.model.terms.index(label)]
+    return term_label(label, process, shown, tracks.rate)
+
+
+def _less(title: str, amount: float, shown: View) -> str:
+    """Return the title with the constant that was subtracted; unchanged if the constant is 0."""
+    written = number_text(amount, 6).replace("-", "−")
+    return f"{title}, less {written} {shown.unit}".rstrip() if amount else title
+
+
+def _height_label(tracks: Tracks, shown: View, power: int) -> str:
+    known = find_unit(tracks.unit)
+    return f"{NAMES[known.quantity] if known else 'Signal'} ({scaled_unit(shown.unit, power)})"
+
+
+# --- checks of the arguments --------------------------------------------------------------------------
+
+
+def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
+    wanted = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
+    unknown = [label for label in wanted if label not in tracks.mean]
+    if unknown or not wanted:
+        raise OptionError(
+            argument="labels",
+            expected=f"one or more of {', '.join(tracks.labels)}",
+            got=unknown[0] if unknown else labels,
+        )
+    return wanted
+
+
+def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None) -> dict[str, Vector]:
+    """Return the true paths (N,) by label. A single array is the path of the bias.
+
+    Raises
+    ------
+    OptionError
+        If a label is unknown, or a path has another length than the tracks.
+    """
+    if truth is None:
+        return {}
+    given = truth if isinstance(truth, Mapping) else {BIAS: truth}
+    unknown = [str(label) for label in given if label not in tracks.mean]
+    if unknown:
+        raise OptionError(
+            argument="truth", expected=f"a mapping with keys among {', '.join(tracks.labels)}", got=unknown[0]
+        )
+    paths = {label: as_vector(path, f"truth of {label}", finite=False) for label, path in given.items()}
+    for label, path in paths.items():
+        if path.size != len(tracks):
+            raise OptionError(
+                f"the truth of {label} has {path.size} values, but the tracks have {len(tracks)} samples",
+                argument="truth",
+                got=path.size,
+                advice="Pass one value for each sample.",
+            )
+    return paths
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+def plot_tracks(
+    tracks: Tracks,
+    labels: str | Sequence[str] | None = None,
+    *,
+    truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
+    level: float = 0.95,
+    units: UnitSystem = "si",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw estimated processes with their confidence bands. `Tracks.plot` describes the arguments."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)
+    return draw(figure, ax=ax, path=path)

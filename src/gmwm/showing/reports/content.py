@@ -1,0 +1,284 @@
+"""Content of a report: a dictionary of strings, numbers and lists that a template renders."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm.applications.navigation.table import budget_table
+from gmwm.base.axis_names import by_sensor
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.text import version
+from gmwm.calibration.findings import SIZE, rejected
+from gmwm.calibration.summary_text import rows_of
+from gmwm.calibration.tables import SENSORS
+from gmwm.choosing.datasheets.entry import Entry, significant
+from gmwm.choosing.selection.ranking import LISTED
+from gmwm.measuring.regression.against import WARM_UP
+from gmwm.showing.plots.labels import axis_title
+from gmwm.showing.reports.citation import citation
+from gmwm.showing.reports.configurations import configurations
+from gmwm.showing.reports.figures import (
+    axis_pictures,
+    recordings_pictures,
+    regression_pictures,
+    sensor_pictures,
+    spectrum_pictures,
+)
+from gmwm.showing.reports.recording_facts import Facts, recording_facts
+from gmwm.showing.reports.spectrum_tables import spectrum_tables
+from gmwm.showing.reports.verdict import notes, verdict
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.choosing.selection import Ranking
+    from gmwm.measuring.regression import Regression
+
+
+def report_data(calibration: Calibration) -> dict[str, Any]:
+    """Return the content of a report as plain data: verdict, tables, figures, configuration files and citation.
+
+    Remarks are HTML in which names from files are escaped. All other strings are plain text, which a template must
+    escape.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The result of `calibrate` or `Calibration.load`.
+
+    Returns
+    -------
+    dict
+        The content, with the keys `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`,
+        `sensors`, `axes`, `outliers`, `budget`, `configurations`, `left_out`, `citation`, `pictures` and `gmwm`.
+
+    Raises
+    ------
+    OptionError
+        If the argument is not a Calibration.
+
+    Examples
+    --------
+    >>> from gmwm import calibrate, simulate
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
+    >>> data = report_data(calibrate(imu, within="WN + RW"))
+    >>> data["axes"][0]["numbers"][0]["symbol"], data["verdict"]["state"]
+    ('N', 'good')
+    """
+    from gmwm.calibration.result import Calibration
+
+    if not isinstance(calibration, Calibration):
+        raise OptionError(
+            f"calibration must be a Calibration; got {type(calibration).__name__}",
+            argument="calibration",
+            advice="Make one with `gmwm.calibrate(recording)` or `gmwm.Calibration.load(path)`.",
+        )
+    pictures: dict[str, Any] = {}
+    sensors = []
+    for k, (sensor, variants) in enumerate(sensor_pictures(calibration).items(), 1):
+        pictures[f"sensor{k}"] = variants
+        sensors.append({"title": SENSORS.get(sensor, sensor), "picture": f"sensor{k}"})
+    files, left = configurations(calibration)
+    bad = rejected(calibration)
+    axes = []
+    for k, (axis, found) in enumerate(calibration.axes.items(), 1):
+        pictures[f"fit{k}"], pictures[f"distance{k}"] = axis_pictures(found)
+        spectrum = f"spectrum{k}" if found.spectrum is not None else ""
+        if spectrum:
+            pictures[spectrum] = spectrum_pictures(found)
+        regression = f"regression{k}" if found.regression is not None else ""
+        if found.regression is not None:
+            pictures[regression] = regression_pictures(found.regression)
+        recordings = f"recordings{k}" if found.replicates is not None else ""
+        if found.replicates is not None:
+            pictures[recordings] = recordings_pictures(found.replicates)
+        names = {
+            "id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", "spectrum": spectrum,
+            "regression": regression, "recordings": recordings,
+        }  # fmt: skip
+        axes.append({**names, **_axis(axis, found, axis in bad)})
+    return {
+        "title": _title(calibration),
+        "verdict": verdict(calibration),
+        "notes": notes(calibration),
+        "recording": recording_facts(calibration),
+        "settings": _settings(calibration),
+        "tables": [
+            {"title": SENSORS.get(sensor, sensor or "Axes"), "rows": rows_of(members)}
+            for sensor, members in by_sensor(calibration.axes).items()
+        ],
+        "sensors": sensors,
+        "axes": axes,
+        "outliers": [_outliers(axis, found) for axis, found in calibration.axes.items()],
+        "confidence": f"{100 * calibration.settings.confidence:g} %",
+        "budget": budget_table(calibration),
+        "configurations": files,
+        "left_out": left,
+        "citation": citation(),
+        "pictures": pictures,
+        "gmwm": version(),
+    }
+
+
+def _title(calibration: Calibration) -> str:
+    recording = calibration.recording
+    name = recording.file if recording is not None and recording.file else calibration.source
+    return f"Calibration of {name}" if name else "Calibration"
+
+
+# --- the recording and the settings -----------------------------------------------------------------
+
+
+def _settings(calibration: Calibration) -> Facts:
+    asked = calibration.settings
+    robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[asked.robust]
+    return [
+        ("Largest model", "searched for" if asked.searched else str(asked.within)),
+        *([("Given models", "; ".join(f"{a}: {m}" for a, m in asked.models.items()))] if asked.models else []),
+        ("Weights", asked.weighting),
+        ("Criterion", asked.criterion),
+        ("Robust wavelet variance", f"{robust}, efficiency {asked.efficiency:g}"),
+        ("Confidence", f"{100 * asked.confidence:g} %"),
+        ("Seed", str(asked.seed)),
+    ]
+
+
+# --- one axis ---------------------------------------------------------------------------------------
+
+
+def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
+    fit, ranking = found.fit, found.ranking
+    # The table already marks the recommended model and the equivalent models.
+    shown = [remark.about("") for remark in ranking.remarks if remark.code not in ("recommended", "as-good")]
+    return {
+        "axis": axis,
+        "title": axis_title(axis),
+        "model": fit.model.structure,
+        "numbers": [_number(e) for e in (*found.datasheet.entries, *(found.rest.entries if found.rest else ()))],
+        "parameters": _parameters(found),
+        "test": _test(found, rejected),
+        "rejected": rejected,
+        "certificate": _certificate(fit.gap),
+        "ranking": {"rows": _ranked(ranking), "remarks": texts(shown, Dialect.HTML)},
+        "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
+        "peaks": spectrum_tables(found.spectrum),
+        "conditions": regression_table(found.regression),
+        "replicates": [] if found.replicates is None else found.replicates.table(),
+    }
+
+
+def regression_table(found: Regression | None) -> dict[str, Any]:
+    """Return a text on a regression on conditions, and a table of its coefficients; {} without a regression.
+
+    The first row of the table has the headings.
+    """
+    if found is None:
+        return {}
+    rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
+    for name, one in found.items():
+        low, high = one.interval()
+        value = f"{one.value:.4g} ± {one.error:.2g}".replace("-", "−")
+        interval = f"{low:.4g} … {high:.4g}".replace("-", "−")
+        rows.append([name, value, interval, one.unit, f"{one.pvalue:.2g}"])
+    state = "removed before the noise was measured" if found.applied else "not removed"
+    zero = ", ".join(f"{name} = {value:g}" for name, value in found.references.items() if name != WARM_UP)
+    text = f"Effect of {found.against}: {state}. Joint F test: p = {found.pvalue:.2g}."
+    return {"text": text + (f" The effect is zero at {zero}." if zero else ""), "rows": rows}
+
+
+def _test(found: AxisCalibration, rejected: bool) -> str:
+    """Describe the goodness-of-fit test of one axis in words.
+
+    If several axes are tested, single p-values below 5 % are expected by chance. The text says so if it applies.
+    """
+    if found.test is None:
+        return "No test: there are too few levels"
+    alone = found.test.pvalue <= SIZE and not rejected
+    summary = found.test.summary()
+    whole = "; it is not rejected at the 5 % level for all axes together" if alone else ""
+    return f"{summary[:1].upper()}{summary[1:]}{whole}"
+
+
+def _ranked(ranking: Ranking) -> list[list[str]]:
+    """Return table rows of the best candidates and of all candidates equivalent to the best. The first has headings."""
+    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
+    listed = [c for k, c in enumerate(ranking.distinct) if k < LISTED or c.equivalent or c.recommended]
+    for candidate in listed:
+        word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
+        wic = candidate.wic
+        numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
+        rows.append([ranking.label(candidate), word, *(f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)])
+    left = len(ranking.distinct) - len(listed)
+    return [*rows, *([[f"… and {left} more", *[""] * 5]] if left else [])]
+
+
+def _certificate(gap: float | None) -> str:
+    """Describe the certificate of the global optimum in words; "" if there is none."""
+    if gap is None:
+        return ""
+    return Remark.of("optimal", gap=100 * gap, exact="no" if gap > 0 else "yes").text(Dialect.PYTHON)
+
+
+def _number(entry: Entry) -> dict[str, Any]:
+    """Return a datasheet number as text in its usual unit, in the SI unit, and in other units."""
+    usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
+    at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
+    return {
+        "symbol": entry.symbol,
+        "title": entry.title + at,
+        "datasheet": entry.text(usual),
+        "si": entry.text("si"),
+        "also": [_short(entry, unit) for unit in other],
+    }
+
+
+def _short(entry: Entry, unit: str) -> str:
+    """Format a number without its interval. A number that may be zero is given by its upper limit."""
+    value, low, high, _ = entry.in_units(unit)
+    estimated = low is not None and high is not None and math.isfinite(high) and not entry.upper_only
+    return f"{significant(value, 4)} {unit}" if estimated else entry.text(unit)
+
+
+def _parameters(found: AxisCalibration) -> list[dict[str, str]]:
+    """Return the parameters of the discrete-time model as texts, with values per sample and intervals."""
+    fit = found.fit
+    units = fit.units()
+    rows = []
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            nothing = name in fit.undetermined
+            interval = found.intervals.get(name)
+            held = process.is_fixed(parameter.name)
+            rows.append({
+                "name": name, "symbol": parameter.symbol, "title": parameter.description,
+                "value": "undetermined: the term is zero" if nothing else f"{fit.parameters[name]:.5g}",
+                "interval": "fixed" if held else "" if interval is None else _interval(*interval),
+                "unit": units[name],
+            })  # fmt: skip
+    return rows
+
+
+def _interval(low: float, high: float) -> str:
+    if not math.isfinite(high):
+        return "not determined"
+    return f"{low:.4g} … {high:.4g}"
+
+
+def _outliers(axis: str, found: AxisCalibration) -> dict[str, Any]:
+    """Return the result of the outlier test of an axis, which compares the classical and robust wavelet variances."""
+    verdict, robust = found.verdict, found.fit.wavelet_variance.robust
+    row = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
+    if verdict is None:
+        return row | {"remarks": ["not tested"]}
+    tested = verdict.tested & np.isfinite(verdict.excess)
+    if np.any(tested):
+        most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
+        percent = f"{100 * verdict.excess[most]:+.2g} %".replace("-", "−")
+        row["most"] = f"{percent} at {significant(verdict.tau[most], 3)} s"
+    p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
+    remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
+    return row | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}

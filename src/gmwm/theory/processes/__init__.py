@@ -1,0 +1,32 @@
+"""Noise processes and their sums. This package contains the theory only and uses no data.
+
+The modules imported here define the processes. The order of the imports is the order in which processes are listed.
+"""
+
+from gmwm.theory.processes.noise import WN as WN, QN as QN  # isort: skip
+from gmwm.theory.processes.walk import RW as RW  # isort: skip
+from gmwm.theory.processes.drift import DR as DR  # isort: skip
+from gmwm.theory.processes.markov import AR1 as AR1, GM as GM  # isort: skip
+from gmwm.theory.processes.power import FN as FN, PL as PL, FGN as FGN  # isort: skip
+from gmwm.theory.processes.matern import MAT as MAT  # isort: skip
+from gmwm.theory.processes.sinusoid import SIN as SIN  # isort: skip
+from gmwm.theory.processes.arma import AR as AR, MA as MA, ARMA as ARMA, SARMA as SARMA  # isort: skip
+from gmwm.theory.processes.base import Process as Process
+from gmwm.theory.processes.base import registry as registry
+from gmwm.theory.processes.model import Model as Model
+from gmwm.theory.processes.model import ModelLike as ModelLike
+from gmwm.theory.processes.model import as_model as as_model
+from gmwm.theory.processes.ordered import Ordered as Ordered
+from gmwm.theory.processes.ordered import every_class as every_class
+from gmwm.theory.processes.ordered import ordered_classes as ordered_classes
+from gmwm.theory.processes.parameter import Branch as Branch
+from gmwm.theory.processes.parameter import Fixed as Fixed
+from gmwm.theory.processes.parameter import Parameter as Parameter
+from gmwm.theory.processes.parameter import fixed as fixed
+from gmwm.theory.processes.physical import Physical as Physical
+
+__all__ = [
+    "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",
+    "Fixed", "Model", "ModelLike", "Ordered", "Parameter", "Physical", "Process", "as_model", "every_class", "fixed",
+    "ordered_classes", "registry",
+]  # fmt: skip

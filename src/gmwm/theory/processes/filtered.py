@@ -1,0 +1,342 @@
+"""Wavelet variance of processes under any wavelet filter, at full accuracy at all levels.
+
+The wavelet filter h_j of level j and the smoothing filter g satisfy h_j(z) = g(z) h_{j−1}(z²). White noise filtered by
+1/(1 − φz) is a first-order Markov process; φ = 1 gives a random walk and φ = 0 white noise. With 1 − φz =
+(1 − φ²z²)/(1 + φz), its wavelet coefficients follow the same recursion:
+
+    h_j(z)/(1 − φz) = g(z)(1 + φz) · [h_{j−1}(w)/(1 − φ²w)],   w = z².
+
+For quantization noise, (1 − z) h_j(z) = g(z)/(1 + z) · [(1 − w) h_{j−1}(w)]. The wavelet variance is the sum of the
+squared coefficients of these series. It is computed level by level from autocorrelations of short filters,
+u_{j+1}(m) = Σ_k u_j(k) t(k − 2m) and ν_j² = Σ_m u_j(m) a_j(m). Here t is the autocorrelation of the factor in front of
+the bracket, and a_j is the autocorrelation of the bracket at level 1. This avoids differences of large numbers for any
+filter length and any φ.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.theory.filters import WaveletFilter
+from gmwm.theory.processes.exponential import WHITE, log_decay
+from gmwm.theory.statespace import StateSpace
+
+Levels = NDArray[np.int64]
+
+
+# --- white noise, quantization noise, drift -----------------------------------------------------------
+
+
+def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """Compute the wavelet variances ν_j² = 2^−j (J,) of white noise of variance 1, which are the same for any
+    filter."""
+    return np.asarray(np.ldexp(1.0, -levels))
+
+
+def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """Compute the wavelet variances (J,) of quantization noise e_t − e_{t−1} with Var e = 1.
+
+    ν_j² = 2[r_j(0) − r_j(1)], where r_j is the autocorrelation of the wavelet filter of level j.
+    """
+    step = _transition(_autocorrelation(without_zero(filter)), filter.length)
+    base = _folded(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
+    u = np.zeros(base.size)
+    u[0] = 1.0
+    values = np.empty(int(levels[-1]))
+    for j in range(values.size):
+        values[j] = base @ u
+        u = step @ u
+    return values[levels - 1]
+
+
+def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Levels, Vector]]:
+    """Return the positions and taps of the filters (1 − z) h_j(z) at levels 1 … `level`.
+
+    These filters give the wavelet coefficients of X_t = e_t − e_{t−1} from the errors e_t. The list ends before the
+    first filter with more than `most` taps. For the Haar filter there are three taps at every level.
+    """
+    taps = np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])
+    places, factor = np.flatnonzero(taps), without_zero(filter)
+    taps = np.asarray(taps[places], dtype=np.float64)
+    filters: list[tuple[Levels, Vector]] = []
+    while len(filters) < level and taps.size <= most:
+        filters.append((places, taps))
+        spread = (2 * places[:, None] + np.arange(factor.size)).ravel()
+        places, where = np.unique(spread, return_inverse=True)
+        taps = np.asarray(np.bincount(where, np.outer(taps, factor).ravel()), dtype=np.float64)
+    return filters
+
+
+def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """Compute the wavelet variances (J,) of a drift of slope 1; 0 for a filter with two or more vanishing moments.
+
+    ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})².
+    """
+    return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
+
+
+def without_zero(filter: WaveletFilter) -> Vector:
+    """Return the taps of g(z)/(1 + z), where g is the smoothing filter, which has a zero at z = −1."""
+    sign = (-1.0) ** np.arange(filter.length)
+    return np.asarray((np.cumsum(filter.scaling / np.sqrt(2.0) * sign) * sign)[:-1])
+
+
+# --- first-order Markov processes and the random walk -------------------------------------------------
+
+_NEAR_MINUS_ONE = 0.1
+"""λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
+accurate."""
+
+_BLOCK = 2**18
+"""Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here."""
+
+
+def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """Compute the wavelet variances (J,) of a random walk with innovation variance 1."""
+    return np.asarray(_driven(np.zeros(1), np.ones(1), filter, levels, slopes=False)[0][0])
+
+
+def gm_shape(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """Compute the wavelet variances (n, J) for the autocovariances e^(−λ|k|) with λ (n,)."""
+    lam = np.minimum(lam, WHITE)
+    return -np.expm1(-2.0 * lam)[:, None] * _driven(lam, np.ones_like(lam), filter, levels, slopes=False)[0]
+
+
+def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """Compute the derivatives with respect to λ (n, J) of the wavelet variances of `gm_shape`."""
+    lam = np.minimum(lam, WHITE)
+    values, slopes = _driven(lam, np.ones_like(lam), filter, levels, slopes=True)
+    return 2.0 * np.exp(-2.0 * lam)[:, None] * values - np.expm1(-2.0 * lam)[:, None] * slopes
+
+
+def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """Compute the wavelet variances (n, J) of AR1 processes with φ (n,) and innovation variance 1."""
+    lam = log_decay(phi)
+    near = (phi < 0) & (lam < _NEAR_MINUS_ONE)
+    values = np.empty((phi.size, levels.size))
+    values[near] = _near_minus_one(lam[near], filter, levels)
+    values[~near] = _driven(lam[~near], np.where(phi[~near] < 0, -1.0, 1.0), filter, levels, slopes=False)[0]
+    return values
+
+
+def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
+    """Compute the variances (n, J) of unit white noise filtered by h_j(z)/(1 − φz), with φ = ±e^(−λ).
+
+    The second array (n, J) has their derivatives with respect to λ, which are computed for φ > 0 if `slopes`. The
+    recursion propagates u_j (K, n), with one column for each φ.
+    """
+    even, odd, spread = _markov_steps(filter)
+    most = _BLOCK // spread.size
+    if lam.size > most:
+        parts = [slice(k, k + most) for k in range(0, lam.size, most)]
+        done = [_driven(lam[part], sign[part], filter, levels, slopes=slopes) for part in parts]
+        return np.concatenate([v for v, _ in done]), np.concatenate([d for _, d in done])
+    u = np.zeros((even.shape[0], lam.size))
+    u[0] = 1.0
+    du = np.zeros_like(u)
+    values = np.empty((lam.size, int(levels[-1])))
+    derivatives = np.zeros_like(values)
+    for j in range(values.shape[1]):
+        decay = np.ldexp(lam, j)
+        phi, below = np.exp(-decay), -np.expm1(-decay)
+        above = 1.0 + phi
+        if j == 0:
+            phi, below, above = sign * phi, np.where(sign < 0, above, below), np.where(sign < 0, below, above)
+        values[:, j], by_phi = _against_ratio(spread @ u, phi, below, above)
+        u_even, u_odd = even @ u, odd @ u
+        if slopes:
+            dphi = -np.ldexp(phi, j)
+            derivatives[:, j] = _against_ratio(spread @ du, phi, below, above)[0] + by_phi * dphi
+            du = (1.0 + phi * phi) * (even @ du) + phi * (odd @ du) + dphi * (2.0 * phi * u_even + u_odd)
+        u = (1.0 + phi * phi) * u_even + phi * u_odd
+    return values[:, levels - 1], derivatives[:, levels - 1]
+
+
+def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
+    """Compute Σ_k v_k s(k) (n,) and its derivative with respect to φ (n,).
+
+    s is the autocovariance of unit white noise filtered by (1 − z)/(1 − φz): s(0) = 2/(1 + φ) and
+    s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is applied analytically, so there is no
+    cancellation for φ → 1. `below` is 1 − φ and `above` is 1 + φ.
+    """
+    polynomial, slope = np.zeros_like(phi), np.zeros_like(phi)
+    for k in range(len(v) - 1, 0, -1):
+        slope = slope * phi + polynomial
+        polynomial = polynomial * phi + v[k]
+    value = (2.0 * v[0] - below * polynomial) / above
+    return value, (2.0 * (polynomial - v[0]) / above - below * slope) / above
+
+
+@lru_cache(maxsize=64)
+def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
+    """Return the matrices E and O of the step u → [(1 + φ²) E + φ O] u to the next level, and a matrix C.
+
+    The step belongs to the factor g(z)(1 + φz). C maps u to Σ_m u(m) r_q(m − l), where r_q is the autocorrelation of
+    q(z) = h(z)/(1 − z), the wavelet filter without its factor 1 − z.
+    """
+    reach = filter.length
+    plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
+    shifted = np.convolve(plain, [1.0, 0.0, 1.0])
+    quotient = _autocorrelation(np.cumsum(filter.wavelet / np.sqrt(2.0))[:-1])
+    return _transition(plain, reach), _transition(shifted, reach), _convolution(quotient, reach)
+
+
+@lru_cache(maxsize=64)
+def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
+    """Compute r_j(0), 2r_j(1), …, 2r_j(L) (J, L + 1), where r_j is the autocorrelation of the wavelet filter of level
+    j."""
+    k, m = np.arange(filter.length + 1)[:, None], np.arange(filter.length + 1)
+    plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
+    step = _at(plain, k - 2 * m) + np.where(m > 0, _at(plain, k + 2 * m), 0.0)
+    rows = [_at(_autocorrelation(filter.wavelet / np.sqrt(2.0)), m)]
+    for _ in range(levels - 1):
+        rows.append(step @ rows[-1])
+    return np.array(rows) * np.where(m > 0, 2.0, 1.0)
+
+
+def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """Compute the wavelet variances (n, J) of AR1 processes with φ = −ψ = −e^(−λ) and innovation variance 1, λ small.
+
+    At level 1 the wavelet filter does not cancel the pole of 1/(1 + ψz). From level 2 on, the zero of the smoothing
+    filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ),
+    s(k) = (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). The autocovariance of the scaling coefficients is then that of a moving
+    average minus κ ψ^(2|k|).
+    """
+    psi, below, size = np.exp(-lam), -np.expm1(-lam), filter.length
+    above = 1.0 + psi
+    values = np.empty((lam.size, int(levels[-1])))
+    r = _folded(_autocorrelation(filter.wavelet / np.sqrt(2.0)), size)
+    k = np.arange(size + 1)
+    values[:, 0] = (np.exp(-np.outer(lam, k)) * (-1.0) ** k) @ r / (below * above)
+
+    def continued(lag: NDArray[np.int64]) -> Matrix:
+        return np.asarray((-1.0) ** (lag - 1) * np.exp(-np.outer(lam, lag - 1)) * (below / above)[:, None])
+
+    # c(k) = Σ_n r(n) s(2k − n), minus its form at lags beyond the support of r, continued to k = 0.
+    r = _autocorrelation(without_zero(filter))
+    n = np.arange(2 - size, size - 1)
+    near = np.zeros((size + 1, lam.size))
+    for place in range(size // 2):
+        lag = 2 * place - n
+        there = np.where(lag == 0, (2.0 / above)[:, None], continued(np.abs(lag)))
+        near[place] = (there - continued(lag)) @ r
+    kappa = -continued(-n) @ r
+    below_these = np.arange(1, values.shape[1])
+    if below_these.size:
+        table = _folded_autocorrelations(filter, below_these.size)
+        values[:, 1:] = (table @ near).T - kappa[:, None] * gm_shape(2.0 * lam, filter, below_these)
+    return values[:, levels - 1]
+
+
+# --- any process: from its state space, or from its autocovariance ------------------------------------
+
+
+def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
+    """Compute the wavelet variances ν_j² (J,) of a stationary process from its state space.
+
+    The recursion over levels propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Values at lags k ≤ L, the
+    filter length, are stored individually. Values at longer lags are the last component of −(A^k d). A is the
+    transition over 2^j samples with the accumulated difference as an additional state, which avoids cancellation if the
+    states change slowly. The rounding error grows to 2^j times the machine precision only if the spectrum vanishes at
+    f = 0, as for quantization noise, which has its own closed form. The cost is O(J(L² + L p²)) for p states.
+    """
+    p, reach = space.states, filter.length
+    a = np.zeros((p + 1, p + 1))
+    a[:p, :p], a[p, :p], a[p, p] = space.F, space.H[0] @ (np.eye(p) - space.F), 1.0
+    tail = np.append(space.P0 @ space.H[0], 0.0)
+    start = -_last(a, a @ tail, reach) - space.R[0, 0]
+    near = np.append(0.0, start)
+    tail[p] += space.R[0, 0]
+    offset = 0
+    smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
+    values = np.empty(int(levels[-1]))
+    for j in range(values.size):
+        far = np.linalg.matrix_power(a, reach + 1 - offset) @ tail
+        sequence = np.append(near, -_last(a, far, 2 * reach))
+        values[j] = sequence[np.abs(np.arange(1 - reach, reach))] @ detail
+        # A constant does not change ν². It is subtracted, because a large constant would lose digits after the
+        # covariance has decayed.
+        shift = sequence[reach]
+        sequence, tail[p] = sequence - shift, tail[p] + shift
+        near = np.array([sequence[np.abs(2 * k - np.arange(1 - reach, reach))] @ smooth for k in range(reach + 1)])
+        moved = (reach + offset) // 2
+        x = np.linalg.matrix_power(a, 2 * moved - (reach - 1) - offset) @ tail
+        total = np.zeros(p + 1)
+        for weight in smooth:
+            total += weight * x
+            x = a @ x
+        tail, offset, a = total, moved, a @ a
+    return values[levels - 1]
+
+
+def _last(a: Matrix, x: Vector, count: int) -> Vector:
+    """Compute the last components of the vectors x, Ax, …, A^(count−1)x."""
+    out = np.empty(count)
+    for k in range(count):
+        out[k] = x[-1]
+        x = a @ x
+    return out
+
+
+def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
+    """Compute the wavelet variances ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance c, known up to a constant.
+
+    `covariance` has the values at the lags 0, 1, …, `lags_needed` − 1. r_j is the autocorrelation of the wavelet filter
+    of level j.
+    """
+    smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
+    reach = filter.length - 1
+    values = np.empty(int(levels[-1]))
+    for j in range(values.size):
+        covariance = covariance - covariance[0]
+        values[j] = covariance[np.abs(np.arange(-reach, reach + 1))] @ detail
+        both = np.concatenate([covariance[reach:0:-1], covariance])
+        covariance = np.convolve(both, smooth, "valid")[::2]
+    return values[levels - 1]
+
+
+def lags_needed(filter: WaveletFilter, level: int) -> int:
+    """Return the number of lags 0, 1, … at which the autocovariance determines the wavelet variance at `level`."""
+    return filter.width(level)
+
+
+# --- autocorrelations as even sequences ---------------------------------------------------------------
+
+
+def _autocorrelation(filter: Vector) -> Vector:
+    """Return the autocorrelation r(−K) … r(K) of a short filter of K + 1 taps."""
+    return np.correlate(filter, filter, "full")
+
+
+def _folded(even: Vector, reach: int) -> Vector:
+    """Fold an even sequence a(−K) … a(K) into weights (a(0), 2a(1), …, 2a(reach))."""
+    middle = even.size // 2
+    half = np.zeros(reach + 1)
+    half[: middle + 1] = even[middle:]
+    half[1:] *= 2.0
+    return half
+
+
+def _transition(even: Vector, reach: int) -> Matrix:
+    """Return T with (T u)(m) = Σ_k u(k) t(k − 2m) for even sequences u, given at 0 … reach."""
+    k, m = np.arange(reach + 1), np.arange(reach + 1)[:, None]
+    return _at(even, k - 2 * m) + np.where(k > 0, _at(even, k + 2 * m), 0.0)
+
+
+def _convolution(even: Vector, reach: int) -> Matrix:
+    """Return C with (C u)(l) = Σ_m u(m) t(m − l) for even sequences u, given at 0 … reach. For l > 0 the results for l
+    and −l are added."""
+    l, m = np.arange(reach + even.size // 2 + 1)[:, None], np.arange(reach + 1)  # noqa: E741
+    once = _at(even, m - l) + np.where(m > 0, _at(even, m + l), 0.0)
+    return np.where(l > 0, 2.0, 1.0) * once
+
+
+def _at(even: Vector, lags: NDArray[np.int64]) -> Matrix:
+    """Return t(k) of an even sequence given as t(−K) … t(K); 0 outside this range."""
+    middle = even.size // 2
+    inside = np.abs(lags) <= middle
+    return np.asarray(np.where(inside, even[np.where(inside, lags + middle, 0)], 0.0))

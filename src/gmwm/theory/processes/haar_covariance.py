@@ -1,0 +1,143 @@
+"""Covariances of Haar wavelet coefficients, at full accuracy for any level and lag.
+
+Let K(m) be the generalised covariance of the running sum of a process, and h_j = 2^(j−1) the half-scale of level j:
+
+    2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a),
+
+where a takes the values 0, h_j, 2h_j and b the values 0, h_k, 2h_k, each with the weights c = (1, −2, 1). The nine
+terms cancel almost completely in double precision. Therefore the second difference over the finer level is computed
+first: D(m) = Σ_a c_a K(m + a) has a short closed form in y = |m + h_j|, and the sum is
+D(u) − 2 D(u − h_k) + D(u − 2 h_k). `cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers,
+because Gauss rules compute the sums over lags. A kink is a lag at which the covariance is not smooth, and each rule
+covers an interval between two kinks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Vector
+from gmwm.theory.processes import self_similar
+
+Indices = NDArray[np.int64]
+Pieces = tuple[Indices, Indices, Indices, Vector]
+
+
+@dataclass(frozen=True, eq=False)
+class LagGrid:
+    """Pairs of levels j ≤ k and lags u at which covariances of wavelet coefficients are computed.
+
+    Attributes
+    ----------
+    fine, coarse : (n,) array
+        Half-scales h_j and h_k (samples).
+    lag : (n,) array
+        Lags u (samples), which can be real numbers.
+    odd : (n,) array, optional
+        Marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
+    known : dict
+        Cached covariances of processes with scale coefficient 1 whose shape is fixed, by class and shape.
+    recent : dict
+        Cached covariances for the shapes that were used last; None for a shape that was used once.
+    whole : LagGrid, optional
+        The grid of which this one has the first nodes; it has the cached covariances of both.
+    pieces : tuple of arrays, optional
+        Groups of adjacent nodes of a pair of levels with no kink inside a group: the first node of each group, its
+        pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
+    """
+
+    fine: Vector
+    coarse: Vector
+    lag: Vector
+    odd: NDArray[np.uint8] | None = None
+    known: dict[Any, Vector] = field(default_factory=dict)
+    recent: dict[Any, Vector | None] = field(default_factory=dict)
+    pieces: Pieces | None = None
+    whole: LagGrid | None = None
+
+    def first(self, count: int) -> LagGrid:
+        """Return the grid of the first `count` nodes, which must end with a group."""
+        pieces = None
+        if self.pieces is not None:
+            firsts, patterns, begins, offsets = self.pieces
+            end = int(np.searchsorted(firsts, count))
+            pieces = (firsts[:end], patterns[:end], begins, offsets)
+        odd = None if self.odd is None else self.odd[:count]
+        return LagGrid(self.fine[:count], self.coarse[:count], self.lag[:count], odd, pieces=pieces, whole=self)
+
+
+WHITE = 40.0
+"""λ beyond which e^(−λ) is below the rounding error of 1."""
+WANDERING = 1e-40
+"""λ below which the process is treated as a random walk with innovation variance 2λ, because 1/λ² would overflow."""
+
+
+def white(at: LagGrid) -> Vector:
+    """Compute the covariances (n,) for white noise with σ² = 1, for which K(m) = −|m|/2."""
+    return _core.white_differences(at.fine, at.coarse, at.lag)
+
+
+def walk(at: LagGrid) -> Vector:
+    """Compute the covariances (n,) for a random walk with γ² = 1, for which K(m) = (|m|³ − |m|)/12."""
+    return _core.walk_differences(at.fine, at.coarse, at.lag)
+
+
+def quantization(at: LagGrid) -> Vector:
+    """Compute the covariances (n,) for quantization noise with Q² = 1, for which K(0) = 1 and K is 0 elsewhere."""
+    return _core.spike_differences(at.fine, at.coarse, at.lag)
+
+
+def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
+    """Compute the covariances (n,) for the autocovariance r(0), r(1), …, r(L), which is 0 at longer lags.
+
+    They equal the covariances of white noise of the same spectral density at f = 0, except near the kinks, where a
+    table is used.
+    """
+    return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
+
+
+def power(at: LagGrid, exponent: float) -> Vector:
+    """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`.
+
+    K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0.
+    """
+    fine = np.asarray(at.fine, dtype=np.float64)
+    size = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))) * fine ** (2.0 + exponent)
+    middle = (at.lag + at.fine - at.coarse) / fine
+    return np.asarray(size * self_similar.second_bend(at.coarse / fine, middle, exponent))
+
+
+def exponential(at: LagGrid, decay: float) -> Vector:
+    """Compute the covariances (n,) for the autocovariance e^(−λ|k|) with λ = `decay`."""
+    if decay > WHITE:
+        return white(at)
+    if decay < WANDERING:
+        return 2 * decay * walk(at)
+    if at.pieces is not None:
+        return _core.piecewise_exponential_differences(at.fine, at.coarse, at.lag, at.pieces, decay)
+    return _core.exponential_differences(at.fine, at.coarse, at.lag, decay)
+
+
+def alternating(at: LagGrid, decay: float) -> Vector:
+    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`.
+
+    They are a sum of nine terms, from which the constants that cancel are removed analytically.
+    """
+    phi = -np.exp(-decay)
+    fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
+    # If the grid does not mark odd lags, all nodes are integers.
+    odd = at.lag.astype(np.int64) & 1 if at.odd is None else at.odd
+    # Even offsets keep the sign and the weights sum to 0, so the constants remain only at h_j = h_k = 1.
+    total = np.where((fine == 1) & (coarse == 1), 16.0 * np.where(odd, -1.0, 1.0), 0.0)
+    for a, weight_a in ((0, 1.0), (1, -2.0), (2, 1.0)):
+        for b, weight_b in ((0, 1.0), (1, -2.0), (2, 1.0)):
+            m = at.lag - b * at.coarse + a * at.fine
+            flips = (odd + a * fine + b * coarse) % 2
+            total += weight_a * weight_b * np.where(flips, -1.0, 1.0) * np.expm1(-decay * np.abs(m))
+    share = (1 + phi) / (1 - phi) if decay > 0.5 else np.tanh(decay / 2)
+    return np.asarray(share * white(at) - phi / (1 - phi) ** 2 * total)

@@ -1,0 +1,599 @@
+"""Models: sums of independent noise processes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.errors import ModelError
+from gmwm.recording.signals import Signal
+from gmwm.theory.continuous_statespace import ContinuousStateSpace
+from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.kalman_methods import KalmanMethods
+from gmwm.theory.processes.parameter import Value
+from gmwm.theory.processes.validation import as_paths, as_rng, shape_of_paths
+from gmwm.theory.statespace import StateSpace
+
+MOST_TERMS = 100
+"""Largest number of terms of a model. A wavelet variance has at most 62 levels, so more terms can never be
+estimated."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Model(KalmanMethods):
+    """Sum of independent noise processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
+
+    Write it as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`. Two models are equal if
+    they have the same terms with the same values, in any order. The order is kept for display, and repeated terms are
+    numbered in this order: `GM[1]`, `GM[2]`.
+
+    The methods share their arguments with `Process`: `rate` in Hz; `levels`, their number J or an ascending list;
+    `lags` (samples); `frequencies` (Hz); `filter`, a name or a `WaveletFilter`; `n` and `paths`, the number of samples
+    and of sample paths; `rng`, a NumPy Generator or a seed. A method raises `MissingTheoryError` if a term does not
+    define the theory; check with `has`.
+
+    Parameters
+    ----------
+    processes : tuple of Process
+        Terms, in the order in which they are displayed.
+
+    Raises
+    ------
+    ModelError
+        If a process occurs twice that cannot be repeated, or one process occurs in two parametrisations.
+
+    Examples
+    --------
+    >>> from gmwm.processes import GM, WN
+    >>> model = 2 * GM() + WN(sigma2=4.0)
+    >>> model.terms
+    ('GM[1]', 'GM[2]', 'WN')
+    >>> model.names
+    ('GM[1].beta', 'GM[1].sigma2', 'GM[2].beta', 'GM[2].sigma2', 'WN.sigma2')
+    >>> str(model)
+    '2*GM + WN(sigma2=4.0)'
+    >>> model == WN(sigma2=4.0) + 2 * GM()
+    True
+    """
+
+    processes: tuple[Process, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "processes", tuple(self.processes))
+        given: tuple[object, ...] = self.processes
+        for process in given:
+            if not isinstance(process, Process):
+                raise _no_model(process, "every term of a model must be a process, such as GM()", "processes")
+        if not self.processes:
+            raise ModelError("a model needs at least one process; got none", got=self.processes, argument="processes")
+        if len(self.processes) > MOST_TERMS:
+            raise ModelError(
+                f"a model has at most {MOST_TERMS} terms; got {len(self.processes)}",
+                got=len(self.processes),
+                argument="processes",
+            )
+        _check_repeats(self.processes)
+        _check_parametrisations(self.processes)
+
+    @classmethod
+    def parse(cls, text: str) -> Model:
+        """Read a model from a text such as "3*GM + WN(sigma2=4) + RW"; `str(model)` writes one.
+
+        Parameters
+        ----------
+        text : str
+            A sum of processes. A number in front of a process repeats it: `3*GM`. Values are starting values; write
+            them by name or in the order of the parameters: `AR1(phi=0.9)`, `AR1(0.9, 0.1)`. Write `fixed(0.1)` for a
+            value that is not estimated. Orders come first: `ARMA(2, 1)`.
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        ModelError
+            If the text cannot be read, with the position of the error, or the processes cannot be summed.
+
+        Examples
+        --------
+        >>> Model.parse("2*GM + WN(sigma2=fixed(1e-6))")
+        Model('2*GM + WN(sigma2=fixed(1e-06))')
+        >>> Model.parse("AR1(0.9, 0.1)")
+        Model('AR1(phi=0.9, sigma2=0.1)')
+        """
+        from gmwm.theory.processes.parse import parse_model
+
+        return parse_model(text)
+
+    # --- parameters -----------------------------------------------------------------------------------
+
+    @cached_property
+    def terms(self) -> tuple[str, ...]:
+        """Label of each term, such as "WN". Terms of the same process are numbered, such as "GM[1]" and "GM[2]"."""
+        total, seen, labels = Counter(p.name for p in self.processes), Counter[str](), []
+        for process in self.processes:
+            seen[process.name] += 1
+            labels.append(f"{process.name}[{seen[process.name]}]" if total[process.name] > 1 else process.name)
+        return tuple(labels)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Labels of all parameters, such as "GM[1].beta" and "WN.sigma2", in the order of the terms."""
+        return tuple(f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters)
+
+    @property
+    def parameters(self) -> dict[str, float | None]:
+        """Value of each parameter by label; None if it is to be estimated."""
+        return {f"{t}.{k}": v for t, process in self._labelled() for k, v in process.values.items()}
+
+    @property
+    def structure(self) -> str:
+        """Text of the model without values, such as "3*GM + WN"."""
+        return _text(p.name for p in self.processes)
+
+    def units(self, signal_unit: str = "u") -> dict[str, str]:
+        """Unit of each parameter by label, for a signal in `signal_unit`; "" for a pure number.
+
+        >>> Model.parse("GM + RW").units("rad/s")
+        {'GM.beta': '1/s', 'GM.sigma2': '(rad/s)²', 'RW.gamma2': '(rad/s)² per sample'}
+        """
+        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._labelled() for p in process.parameters}
+
+    @cached_property
+    def fixed_names(self) -> frozenset[str]:
+        """Labels of the fixed parameters."""
+        return frozenset(
+            f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
+        )
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every parameter has a value."""
+        return all(process.is_complete for process in self.processes)
+
+    def with_values(self, values: Mapping[str, Value]) -> Model:
+        """Return a copy with other values, by label. A fixed parameter stays fixed if its new value is a number.
+
+        >>> from gmwm.processes import GM, fixed
+        >>> (GM() + GM(beta=fixed(1.0))).with_values({"GM[2].beta": 3.0, "GM[2].sigma2": 0.5})
+        Model('GM + GM(beta=fixed(3.0), sigma2=0.5)')
+        """
+        unknown = [label for label in values if label not in self.names]
+        if unknown:
+            raise ModelError(
+                f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}",
+                got=unknown[0],
+                argument="values",
+            )
+        return Model(
+            tuple(
+                process.with_values(
+                    **{p.name: values[f"{t}.{p.name}"] for p in process.parameters if f"{t}.{p.name}" in values}
+                )
+                for t, process in self._labelled()
+            )
+        )
+
+    def sorted(self, rate: float) -> Model:
+        """Return a copy with repeated terms in ascending order of correlation time; other terms stay in place."""
+        rate, ordered = as_rate(rate), list(self.processes)
+        for name in (name for name, count in Counter(p.name for p in ordered).items() if count > 1):
+            at = [k for k, p in enumerate(ordered) if p.name == name]
+            for k, process in zip(at, sorted((ordered[k] for k in at), key=lambda p: _order(p, rate)), strict=True):
+                ordered[k] = process
+        same = all(process is other for process, other in zip(ordered, self.processes, strict=True))
+        return self if same else Model(tuple(ordered))
+
+    # --- theory ---------------------------------------------------------------------------------------
+
+    def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
+        """Compute the theoretical wavelet variance ν_j² of the sum for a wavelet filter.
+
+        Parameters
+        ----------
+        levels : int or (J,) ascending ints
+            Levels j, with scales of 2^j samples; a number J means 1 … J.
+        rate : float
+            Sampling rate (Hz).
+        filter : str or WaveletFilter
+            Wavelet filter, see `gmwm.filters.find_filter`.
+
+        Returns
+        -------
+        (J,) array
+            Wavelet variance, in u² for a signal in the unit u.
+
+        Raises
+        ------
+        ModelError
+            If a parameter has no value.
+        OptionError
+            If the levels are not ascending integers from 1, the rate is not positive, or the filter is unknown.
+
+        Examples
+        --------
+        >>> from gmwm.processes import RW, WN
+        >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).wavelet_variance(3, rate=100.0, filter="d4").round(4)
+        array([2.1875, 1.2637, 0.9849])
+        """
+        return self._sum("wavelet_variance", lambda p: p.wavelet_variance(levels, rate, filter))
+
+    def decomposition(
+        self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR
+    ) -> dict[str, Vector]:
+        """Compute the wavelet variance (J,) of each term in u², by label; their sum is `wavelet_variance`.
+
+        The arguments and errors are the same as for `wavelet_variance`.
+
+        >>> Model.parse("WN(sigma2=4) + RW(gamma2=1)").decomposition(3, rate=100.0)
+        {'WN': array([2. , 1. , 0.5]), 'RW': array([0.25  , 0.375 , 0.6875])}
+        """
+        self._require_complete("decomposition")
+        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
+
+    def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
+        """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters, in the order of `names`."""
+        self._require_complete("Jacobian")
+        wanted, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
+        for process in self.processes:
+            theta = process.nonlinear.reshape(1, -1)
+            slopes = iter((process.scale * process.shape_jacobian(theta, wanted, rate, wavelet)[0]).T)
+            for parameter in process.parameters:
+                if (power := parameter.scale_power) is None:
+                    columns.append(next(slopes))
+                else:
+                    # power − 1 = 0 must give 1 for a value of 0 too, as 0**0 does.
+                    factor = power * process.value(parameter.name) ** (power - 1)
+                    columns.append(factor * process.shape(theta, wanted, rate, wavelet)[0])
+        return np.column_stack(columns)
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the generalised covariance K(m) of the running sum (u²), up to a linear function; see `Process`."""
+        return self._sum("running_sum_covariance", lambda p: p.running_sum_covariance(lags, rate))
+
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """Compute the Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
+
+        >>> from gmwm.processes import RW, WN
+        >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).allan_variance([1, 2, 3], rate=100.0).round(4)
+        array([4.5   , 2.75  , 2.3889])
+        """
+        return self._sum("allan_variance", lambda p: p.allan_variance(clusters, rate))
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the autocovariance r(k) in u² at integer `lags`."""
+        return self._sum("autocovariance", lambda p: p.autocovariance(lags, rate))
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Compute the two-sided power spectral density (u²/Hz) at |f| ≤ rate/2 (Hz)."""
+        return self._sum("psd", lambda p: p.psd(frequencies, rate))
+
+    def mean(self, t: ArrayLike) -> Vector:
+        """Return the mean (u) at sample numbers t; only a drift has a mean other than 0."""
+        return np.asarray(np.sum([p.mean(t) for p in self.processes], axis=0))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """Return the state space of the sum in discrete time, in which each term has its own states.
+
+        >>> from gmwm.processes import GM, RW, WN
+        >>> model = GM(beta=1.0, sigma2=4.0) + RW(gamma2=0.01) + WN(sigma2=3.0)
+        >>> space = model.state_space(rate=100.0)
+        >>> np.diag(space.F).round(4), space.H, space.R
+        (array([0.99, 1.  ]), array([[1., 1.]]), array([[3.]]))
+        >>> model.state_terms(rate=100.0)
+        ('GM', 'RW')
+        """
+        self._require("state_space")
+        return StateSpace.sum(p.state_space(rate) for p in self.processes)
+
+    def state_terms(self, rate: float) -> tuple[str, ...]:
+        """Return, for each state of `state_space`, the label of the term to which it belongs; white noise has no
+        state."""
+        self._require("state_space")
+        return tuple(t for t, process in self._labelled() for _ in range(process.state_space(rate).states))
+
+    def continuous(self, rate: float) -> ContinuousStateSpace:
+        """Return the state space of the sum in continuous time, in which each term has its own states.
+
+        Its discretisation at `rate` is `state_space`. The attribute `left_out` lists the terms that have no form in
+        continuous time, such as quantization noise.
+
+        >>> Model.parse("GM(beta=0.5, sigma2=4.0) + QN(q2=1.0) + RW(gamma2=0.01)").continuous(rate=100.0).left_out
+        ('QN',)
+        """
+        self._require("state_space")
+        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._labelled()})
+
+    def has(self, theory: str) -> bool:
+        """Return whether every term defines this theory; see `Process.has`."""
+        return all(p.has(theory) for p in self.processes)
+
+    # --- likelihood; `KalmanMethods` has the other methods that use the Kalman filter ----------------------
+
+    def loglikelihood(self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None) -> float:
+        """Compute the exact Gaussian log-likelihood of a recording, by the Kalman filter.
+
+            log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t]
+
+        v_t are the innovations and S_t their variances. Unknown levels (the mean of the recording and the initial value
+        of a random walk) have a flat prior and are integrated out, which equals an exact diffuse initialisation.
+
+        Parameters
+        ----------
+        data : Signal or (N,) array
+            The recording. Gaps of a signal are missing samples; in an array, NaN marks a missing sample.
+        rate : float, optional
+            Sampling rate (Hz), required if `data` is an array.
+        mean : float, optional
+            Mean of the recording, in its unit, if it is known; unknown by default.
+
+        Returns
+        -------
+        float
+            Natural logarithm of the joint density of the samples that are not missing.
+
+        Raises
+        ------
+        ModelError
+            If a parameter has no value, or the model predicts a sample without error.
+        MissingTheoryError
+            If a term has no state-space form.
+        DataError, OptionError
+            If the data, the rate or the mean is invalid.
+
+        References
+        ----------
+        Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapters 5 and 7.
+
+        Examples
+        --------
+        >>> from gmwm.processes import WN
+        >>> x = WN(sigma2=1.0).simulate(1000, 100.0, rng=1)
+        >>> reference = -0.5 * (1000 * np.log(2 * np.pi) + x @ x)
+        >>> bool(np.isclose(Model((WN(sigma2=1.0),)).loglikelihood(x, 100.0, mean=0.0), reference, rtol=1e-13))
+        True
+        """
+        from gmwm.fitting.likelihood.estimator import loglikelihood
+
+        return loglikelihood(self, data, rate, mean=mean)
+
+    # --- simulation -----------------------------------------------------------------------------------
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Simulate Gaussian sample paths of the sum; stationary terms start in their stationary distribution.
+
+        Parameters
+        ----------
+        n : int
+            Number of samples.
+        rate : float
+            Sampling rate (Hz).
+        rng : numpy.random.Generator or int
+            Random number generator, or its seed.
+        paths : int or None
+            Number of paths; None for a single path of shape (n,).
+
+        Returns
+        -------
+        (n,) or (paths, n) array
+            Sample paths, in the unit u of the signal.
+
+        Raises
+        ------
+        ModelError
+            If a parameter has no value.
+        MissingTheoryError
+            If a term cannot be simulated.
+        OptionError
+            If n or paths is not a positive integer, the rate is not positive, or rng is neither a generator nor a seed.
+
+        Examples
+        --------
+        >>> model = Model.parse("WN(sigma2=4) + RW(gamma2=1)")
+        >>> model.simulate(1000, rate=100.0, rng=1).shape
+        (1000,)
+        >>> model.simulate(1000, rate=100.0, rng=1, paths=3).shape
+        (3, 1000)
+        """
+        self._require("simulate")
+        as_paths(n, paths)
+        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
+        total = np.zeros(shape_of_paths(n, paths))
+        # Terms are added in the order of drawing, so that rounding does not depend on the order of the terms.
+        for label in self.drawing_order():
+            total += by_label[label].simulate(n, rate, generator, paths)
+        return total
+
+    def simulate_terms(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """Simulate each term separately, by label; with the same seed, their sum is the result of `simulate`.
+
+        >>> from gmwm.processes import RW, WN
+        >>> terms = (WN(sigma2=1.0) + RW(gamma2=0.01)).simulate_terms(1000, rate=100.0, rng=1)
+        >>> {label: path.shape for label, path in terms.items()}
+        {'WN': (1000,), 'RW': (1000,)}
+        """
+        self._require("simulate")
+        as_paths(n, paths)
+        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
+        drawn = {label: by_label[label].simulate(n, rate, generator, paths) for label in self.drawing_order()}
+        return {label: drawn[label] for label in self.terms}
+
+    def drawing_order(self) -> list[str]:
+        """Return the labels in the order in which `simulate` draws the terms, sorted by the text of each term."""
+        return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
+
+    # --- algebra and text -----------------------------------------------------------------------------
+
+    def __add__(self, other: Process | Model) -> Model:
+        if not isinstance(other, (Process, Model, type)):
+            return NotImplemented
+        # Model raises the error if a class is given instead of a process.
+        added = other.processes if isinstance(other, Model) else (other,)
+        return Model((*self.processes, *added))
+
+    def __mul__(self, count: int) -> Model:
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= MOST_TERMS:
+            raise ModelError(
+                f"a process must be repeated a whole number of times, from 1 to {MOST_TERMS}; got {count!r}",
+                got=count,
+                argument="count",
+            )
+        return Model(self.processes * int(count))
+
+    __rmul__ = __mul__
+
+    def __radd__(self, other: int) -> Model:
+        # sum() begins with 0.
+        return self if isinstance(other, int) and other == 0 else NotImplemented
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Model):
+            return NotImplemented
+        return self._counted == other._counted
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._counted.items()))
+
+    @cached_property
+    def _counted(self) -> Counter[Process]:
+        """Number of occurrences of each process."""
+        return Counter(self.processes)
+
+    @cached_property
+    def _written(self) -> str:
+        """Text of the model with its values."""
+        return _text(str(p) for p in self.processes)
+
+    def __str__(self) -> str:
+        return self._written
+
+    def __repr__(self) -> str:
+        return f"Model({str(self)!r})"
+
+    # --- private methods ------------------------------------------------------------------------------
+
+    def _labelled(self) -> list[tuple[str, Process]]:
+        return list(zip(self.terms, self.processes, strict=True))
+
+    def _sum(self, theory: str, of: Callable[[Process], Vector]) -> Vector:
+        self._require(theory)
+        return np.asarray(sum(of(p) for p in self.processes), dtype=np.float64)
+
+    def _require(self, theory: str) -> None:
+        self._require_complete(theory.replace("_", " "))
+        lacking = [p for p in self.processes if not p.has(theory)]
+        if lacking:
+            rest = [str(p) for p in self.processes if p not in lacking]
+            error = lacking[0].missing(theory)
+            if rest:
+                error.advice += " All other terms define it: use `{rest}`."
+                error.facts["rest"] = " + ".join(rest)
+            raise error
+
+    def _require_complete(self, what: str) -> None:
+        missing = [label for label, value in self.parameters.items() if value is None]
+        if missing:
+            raise ModelError(
+                f"the {what} of {self} needs a value for {', '.join(missing)}",
+                advice="Give the values in the model, or fit the model to data.",
+                missing=tuple(missing),
+            )
+
+
+ModelLike = Model | Process | str
+"""Types that are accepted as a model."""
+
+
+def as_model(model: Any, name: str = "model") -> Model:
+    """Convert a model, a single process or the text of a sum to a Model.
+
+    >>> as_model("GM + WN")
+    Model('GM + WN')
+    """
+    if isinstance(model, Model):
+        return model
+    if isinstance(model, Process):
+        return Model((model,))
+    if isinstance(model, str):
+        return Model.parse(model)
+    raise _no_model(model, f'{name} must be a sum of processes, such as "2*GM + WN"', name)
+
+
+def _no_model(got: object, message: str, argument: str) -> ModelError:
+    message = f"{message}; got {got!r}"
+    if isinstance(got, type) and issubclass(got, Process):
+        return ModelError(message, argument=argument, got=got, advice="Write `{term}`.", term=f"{got.name}()")
+    return ModelError(message, argument=argument, got=got)
+
+
+def _check_repeats(processes: tuple[Process, ...]) -> None:
+    counts = Counter(p.name for p in processes)
+    if len(counts) == len(processes):
+        return
+    for name, count in counts.items():
+        process = next(p for p in processes if p.name == name)
+        if count > 1 and not process.repeatable:
+            raise ModelError(
+                f"{name} cannot be repeated {count} times, because no data can distinguish the terms",
+                argument="processes",
+                got=name,
+                advice="Write `{instead}` once.",
+                instead=process.instead_of_repeats(count),
+                count=count,
+            )
+    fixed = [p for p in processes if all(p.is_fixed(q.name) for q in p.nonlinear_parameters())]
+    for a, b in combinations(fixed, 2):
+        if type(a) is type(b) and _hold_the_same_shape(a, b):
+            held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
+            raise ModelError(
+                f"two terms {a.name} are both fixed at {held}, so that no data can distinguish them",
+                advice="Fix them at different values, fix one of them only, or fix their variances too.",
+                name=a.name,
+            )
+
+
+def _hold_the_same_shape(a: Process, b: Process) -> bool:
+    shapes = [p.name for p in a.nonlinear_parameters()]
+    scale = a.scale_parameter().name
+    held = all(getattr(a, name) == getattr(b, name) for name in shapes)
+    return held and not (a.is_fixed(scale) and b.is_fixed(scale))
+
+
+def _check_parametrisations(processes: tuple[Process, ...]) -> None:
+    chosen: dict[str, str] = {}
+    for process in processes:
+        if process.parametrises is not None and chosen.setdefault(process.parametrises, process.name) != process.name:
+            first = chosen[process.parametrises]
+            raise ModelError(
+                f"{first} and {process.name} are two parametrisations of one process ({process.parametrises})",
+                advice="Write all such terms as {first}, or all as {second}.",
+                first=first,
+                second=process.name,
+            )
+
+
+def _text(terms: Iterable[str]) -> str:
+    runs = ((term, len(list(same))) for term, same in groupby(terms))
+    return " + ".join(f"{count}*{term}" if count > 1 else term for term, count in runs)
+
+
+def _order(process: Process, rate: float) -> tuple[float, ...]:
+    """Return the key that sorts terms: the correlation time, or inf if it is unknown, and the nonlinear parameters."""
+    time, values = process.correlation_time(rate), process.values
+    shape = [values[p.name] for p in process.nonlinear_parameters()]
+    return (math.inf if time is None else time, *(math.inf if value is None else value for value in shape))

@@ -1,0 +1,225 @@
+"""White noise and quantization noise.
+
+How to add a process
+--------------------
+Write a class like `WN` below, in this file or in a new one. Import it in `processes/__init__.py`; the order there is
+the order in which processes are listed. The class is a complete process with these members:
+
+1. `name`, `title` and `parameters`, and one dataclass field for each parameter. Exactly one parameter has a
+   `scale_power`: it scales the wavelet variance. `parameter.py` describes all properties of a parameter, and
+   `markov.py` has an example of a parameter that changes the shape. Read a value with `self.value("beta")`.
+2. One of the following methods, from which the base class derives the rest:
+
+   - `state_space` gives all theory, at every level;
+   - `autocovariance` gives all theory except a state space;
+   - `running_sum_covariance` gives the wavelet variance and its covariance;
+   - `shape` gives the wavelet variance only.
+
+3. `correlation_time` and `physical`, if the parameters correspond to quantities of a datasheet.
+
+The parser, the command line and the tests in `tests/laws` find the class by themselves. Run `pytest tests/laws` to test
+it. The docstring of `Process` in `base.py` has an example of ten lines.
+
+Override another method only if a closed form is more accurate or faster than the default of `base.py`. The tests in
+`tests/laws` compare each override with the default. For small x compute 1 − e^(−x) as −expm1(−x), which does not lose
+digits. Define `search` if the shape has one parameter, so that the global optimality of a fit can be proven.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.theory.filters import HAAR, WaveletFilter
+from gmwm.theory.processes import filtered, haar_covariance
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.haar_covariance import LagGrid
+from gmwm.theory.processes.parameter import Parameter, Value
+from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.start_context import Occasion
+from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.theory.statespace import StateSpace
+
+
+@dataclass(frozen=True, repr=False)
+class WN(Process):
+    """White noise, uncorrelated samples of variance σ² whose integral is an angular or velocity random walk.
+
+    ν_j² = σ²/τ_j, with τ_j = 2^j samples.
+
+    Parameters
+    ----------
+    sigma2 : float, fixed or None
+        Variance per sample σ² (u²).
+
+    Examples
+    --------
+    >>> WN(sigma2=4.0).wavelet_variance(3, rate=100.0)
+    array([2. , 1. , 0.5])
+    """
+
+    name = "WN"
+    title = "White noise"
+    parameters = (Parameter("sigma2", "σ²", "variance", signal_power=2, scale_power=1),)
+    elementary = "white"
+
+    sigma2: Value = None
+
+    def state_space(self, rate: float) -> StateSpace:
+        """Return a state space without states, with observation noise of variance σ²."""
+        return StateSpace(F=[], Q=[], H=[], R=self.scale)
+
+    def correlation_time(self, rate: float) -> float:
+        """Return 0 s, because different samples are uncorrelated."""
+        return 0.0
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """Return the white noise density N = √(σ²Δt), with the sampling interval Δt."""
+        density = math.sqrt(self.scale / as_rate(rate))
+        return (Physical("N", "white noise density", density, 0.5, slopes={"sigma2": 0.5}),)
+
+    # The process is complete here. The closed forms below are more accurate or faster than the defaults.
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """Compute the wavelet variance for σ² = 1, which is 1/τ for the Haar filter."""
+        if filter is not HAAR:
+            return np.tile(filtered.white_shape(filter, as_levels(levels)), (len(nonlinear), 1))
+        return np.tile(np.ldexp(1.0, -as_levels(levels)), (len(nonlinear), 1))
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """Draw σ² uniformly from σ̂_T²/2 to σ̂_T² if white noise dominates, and else from σ̂_T²/10⁵ to σ̂_T²/10.
+
+        σ̂_T² is the `total` of `Occasion`.
+        """
+        low, high = (0.5, 1.0) if occasion.dominant == "white" else (1e-5, 0.1)
+        return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the generalised covariance of the running sum, K(m) = −σ²|m|/2."""
+        return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the autocovariance, which is σ² at lag 0 and 0 at other lags."""
+        return np.where(as_lags(lags) == 0, self.scale, 0.0)
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
+
+        They are piecewise linear in the lag, and 0 if the coefficients use no common samples.
+        """
+        return self.scale * haar_covariance.white(at)
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Simulate Gaussian sample paths, an array (n,) or (paths, n)."""
+        as_paths(n, paths), as_rate(rate)
+        draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
+        draws *= math.sqrt(self.scale)
+        return draws
+
+
+@dataclass(frozen=True, repr=False)
+class QN(Process):
+    """Quantization noise of a sensor that rounds the integrated signal: X_t = e_t − e_{t−1}, Var e = Q².
+
+    ν_j² = 6Q²/τ_j², with τ_j = 2^j samples. The rounding errors e_t = √12·Q·(U − ½) are uniform.
+
+    Parameters
+    ----------
+    q2 : float, fixed or None
+        Variance of the rounding error Q² (u²).
+
+    Examples
+    --------
+    >>> QN(q2=2.0).wavelet_variance(3, rate=100.0)
+    array([3. , 0.75 , 0.1875])
+    """
+
+    name = "QN"
+    title = "Quantization noise"
+    parameters = (Parameter("q2", "Q²", "variance of the rounding error", signal_power=2, scale_power=1),)
+    elementary = "spike"
+
+    q2: Value = None
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """Compute the wavelet variance for Q² = 1, which is 6/τ² for the Haar filter."""
+        if filter is not HAAR:
+            return np.tile(filtered.quantization_shape(filter, as_levels(levels)), (len(nonlinear), 1))
+        return np.tile(np.ldexp(6.0, -2 * as_levels(levels)), (len(nonlinear), 1))
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """Draw Q² uniformly from σ̂_T²/8 to σ̂_T²/3 if quantization noise dominates, and else from σ̂_T²/(2·10⁵) to
+        σ̂_T²/100.
+
+        σ̂_T² is the `total` of `Occasion`.
+        """
+        low, high = (1 / 8, 1 / 3) if occasion.dominant == "quantization" else (5e-6, 0.01)
+        return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the generalised covariance of the running sum, which is Q² at lag 0 and 0 at other lags.
+
+        The running sum is e_t up to a constant.
+        """
+        return np.where(as_lags(lags) == 0, self.scale, 0.0)
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the autocovariance, which is 2Q² at lag 0, −Q² at lags ±1 and 0 at other lags."""
+        k = np.abs(as_lags(lags))
+        return self.scale * (np.where(k == 0, 2.0, 0.0) - np.where(k == 1, 1.0, 0.0))
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
+
+        For each pair of levels, they are nonzero at nine lags at most.
+        """
+        return self.scale * haar_covariance.quantization(at)
+
+    @property
+    def error_cumulant(self) -> float:
+        """Fourth cumulant −1.2 Q⁴ (u⁴) of the uniform rounding errors."""
+        return -1.2 * self.scale**2
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Compute the power spectral density S(f) = 4Q² sin²(πfΔt) Δt."""
+        f = as_frequencies(frequencies, as_rate(rate))
+        return np.asarray(4.0 * self.scale * np.sin(np.pi * f / rate) ** 2 / rate)
+
+    def state_space(self, rate: float) -> StateSpace:
+        """Return the state space with the states e_t and e_{t−1}, in which e_t is treated as Gaussian."""
+        q2 = self.scale
+        return StateSpace(
+            F=[[0.0, 0.0], [1.0, 0.0]],
+            Q=[[q2, 0.0], [0.0, 0.0]],
+            H=[1.0, -1.0],
+            P0=[[q2, 0.0], [0.0, q2]],
+        )
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Simulate sample paths with uniform rounding errors, an array (n,) or (paths, n)."""
+        as_paths(n, paths), as_rate(rate)
+        errors = as_rng(rng).random(shape_of_paths(n + 1, paths))
+        differences = np.diff(errors, axis=-1)
+        differences *= math.sqrt(12.0 * self.scale)
+        return differences
+
+    def correlation_time(self, rate: float) -> float:
+        """Return 0 s, because samples that are more than one sampling interval apart are uncorrelated."""
+        return 0.0
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """Return the quantization noise coefficient Q·Δt of IEEE Std 952, in the unit of the integrated signal."""
+        error = math.sqrt(self.scale) / as_rate(rate)
+        return (Physical("Q", "quantization noise", error, 1.0, slopes={"q2": 0.5}),)

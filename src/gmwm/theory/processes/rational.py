@@ -1,0 +1,108 @@
+"""Stationarity, coordinates, roots and squared modulus of polynomials 1 − a₁z − … − a_n z^n.
+
+Several polynomials of the same degree are given as the rows of an array of coefficients a.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.theory.filters import HAAR, WaveletFilter
+
+_GRID = 256
+"""Number of points on the half circle at which the modulus is evaluated, in addition to the angles of the roots."""
+
+
+def coordinates(rows: Matrix) -> Matrix:
+    """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion.
+
+    The result is NaN if a partial autocorrelation has a modulus of at least 1. The polynomial then has a zero with
+    |z| ≤ 1.
+
+    >>> coordinates(np.array([[0.5], [1.0]])).round(4).tolist()
+    [[0.5493], [nan]]
+    """
+    rows = np.ascontiguousarray(rows, dtype=np.float64)
+    out = np.empty(rows.shape)
+    _core.arma_coordinates(rows, out)
+    return out
+
+
+def at_coordinates(z: NDArray[Any]) -> NDArray[Any]:
+    """Compute the coefficients a (rows, n) from `coordinates` z. The function is analytic, so z can be complex."""
+    partial = np.tanh(z)
+    rows = np.empty_like(partial)
+    for n in range(partial.shape[1]):
+        k = partial[:, n : n + 1]
+        rows[:, :n] = rows[:, :n] - k * rows[:, :n][:, ::-1]
+        rows[:, n] = partial[:, n]
+    return np.asarray(rows)
+
+
+def roots(a: Vector) -> NDArray[np.complex128]:
+    """Compute the n roots λ of λ^n = a₁λ^(n−1) + … + a_n. All |λ| < 1 if the autoregression is stationary."""
+    return np.asarray(np.roots(np.concatenate(([1.0], -np.asarray(a)))), dtype=np.complex128)
+
+
+def clearance(rows: Matrix) -> Vector:
+    """Compute half the minimum modulus (rows,) of each polynomial on |z| = 1; 0 for a polynomial with a zero inside."""
+    rows = np.asarray(rows, dtype=np.float64)
+    inside = np.all(np.isfinite(coordinates(rows)), axis=1)
+    result = np.zeros(len(rows))
+    if np.any(inside):
+        good = rows[inside]
+        companion = np.zeros((len(good), rows.shape[1], rows.shape[1]))
+        companion[:, 0] = good
+        companion[:, np.arange(1, rows.shape[1]), np.arange(rows.shape[1] - 1)] = 1.0
+        near = np.angle(np.linalg.eigvals(companion)) / (2.0 * np.pi)
+        cycles = np.concatenate([near, np.broadcast_to(np.linspace(0.0, 0.5, _GRID + 1), (len(good), _GRID + 1))], 1)
+        result[inside] = 0.5 * np.sqrt(np.min(squared_size(good[:, None, :], cycles), axis=1))
+    return result
+
+
+def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles); the last axis of `rows` holds the coefficients.
+
+    Let c be 1 or −1, whichever is nearer to z. The polynomial is computed as 1 − Σ a_i c^i + Σ a_i (c^i − z^i), which
+    is accurate for zeros near c.
+    """
+    turned = np.asarray(cycles, dtype=np.float64)
+    turned = turned - np.round(turned)
+    behind = np.abs(turned) > 0.25
+    angle = 2.0 * np.pi * (turned - np.where(behind, np.copysign(0.5, turned), 0.0))
+    real = np.where(behind, _at_one(rows, -1.0), _at_one(rows, 1.0))
+    imaginary = np.zeros(real.shape)
+    for i in range(1, rows.shape[-1] + 1):
+        # c^i (1 − e^(−iδi)) = c^i (2 sin² + 2i sin cos) of δi/2
+        weight = rows[..., i - 1] * np.where(behind, (-1.0) ** i, 1.0)
+        sine, cosine = np.sin(0.5 * i * angle), np.cos(0.5 * i * angle)
+        real = real + 2.0 * weight * sine * sine
+        imaginary = imaginary + 2.0 * weight * sine * cosine
+    return np.asarray(real * real + imaginary * imaginary)
+
+
+def _at_one(rows: NDArray[np.float64], c: float) -> NDArray[np.float64]:
+    """Compute 1 − Σ a_i c^i by compensated summation, which is accurate even if the result is tiny."""
+    total, error = np.ones(rows.shape[:-1]), np.zeros(rows.shape[:-1])
+    for i in range(rows.shape[-1]):
+        term = -rows[..., i] * c ** (i + 1)
+        added = total + term
+        back = added - total
+        error = error + ((total - (added - back)) + (term - back))
+        total = added
+    return np.asarray(total + error)
+
+
+@lru_cache(maxsize=64)
+def odd_lags(filter: WaveletFilter) -> Vector:
+    """Return the autocorrelations of the scaling filter at the lags 1, 3, 5, …; those at the lags 2, 4, … are zero."""
+    if filter is HAAR:
+        return freeze(np.empty(0))
+    both = np.correlate(filter.scaling, filter.scaling, "full")
+    return freeze(np.ascontiguousarray(both[filter.length :: 2]))

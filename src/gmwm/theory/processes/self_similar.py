@@ -1,0 +1,263 @@
+"""Theory of self-similar noise, whose running sum has a covariance that is a power of the lag.
+
+Continuous-time noise with the spectrum |f|^(−α) is averaged over each sampling interval. The running sum of these means
+has the generalised covariance
+
+    K(m) = ½ ν_1² κ q(m),   q(m) = m² (|m|^ε − 1)/ε,   κ = ε/(2^ε − 1),   ε = α − 1 between −2 and 2,
+
+up to a + b m², where ν_1² is the Haar wavelet variance at the first level. For ε = 0, q(m) = m² ln|m| and κ = 1/ln 2.
+Multiplying the lag by h multiplies K by h^(ε+2), up to a + b m², so q determines all results of this module. Second
+differences of q use closed forms near 0 and series in 1/m² at longer lags. This avoids cancellation at any lag and for
+any ε.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.theory.filters import WaveletFilter
+from gmwm.theory.processes.filtered import without_zero
+
+Numbers = NDArray[Any]
+"""Real, or complex for complex-step derivatives."""
+
+_NEAR = 4.0
+"""Lag, as a multiple of the step of the difference, from which the series is used instead of the definition."""
+_TERMS = 15
+"""Number of terms of the series in (step/lag)² ≤ 1/16."""
+_REACH = 4
+"""Number of lags that are stored individually, as a multiple of the filter length."""
+
+
+def over_exponent(epsilon: Numbers, x: Numbers) -> Numbers:
+    """Compute (e^(εx) − 1)/ε, which is x for ε = 0."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(epsilon == 0, x, np.expm1(epsilon * x) / epsilon))
+
+
+def unit_factor(epsilon: Numbers) -> Numbers:
+    """Compute κ = ε/(2^ε − 1), which is positive."""
+    return np.asarray(1.0 / over_exponent(epsilon, np.asarray(math.log(2.0))))
+
+
+def sum_covariance(lags: Vector, epsilon: float) -> Vector:
+    """Compute q(m) = m² (|m|^ε − 1)/ε at real lags; m² ln|m| for ε = 0."""
+    m = np.abs(np.asarray(lags, dtype=np.float64))
+    log = np.log(m, where=m > 0, out=np.zeros_like(m))
+    return np.asarray(m * m * over_exponent(np.asarray(epsilon), log))
+
+
+def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
+    """Compute the binomial coefficients C(2 + ε, 2k) divided by ε, for k = 2, 3, …, `terms` + 1.
+
+    The factor ε of the binomial coefficients is omitted, so no division is needed.
+    """
+    found, product = [], (2 + epsilon) * (1 + epsilon) / 2
+    for k in range(2, terms + 2):
+        product = product * (epsilon - (2 * k - 3)) / ((2 * k - 1) * 2 * k)
+        if k > 2:  # omit the factor ε
+            product = product * (epsilon - (2 * k - 4))
+        found.append(product)
+    return found
+
+
+def bend(lags: Vector, epsilon: float) -> Vector:
+    """Compute the second difference q(m+1) − 2q(m) + q(m−1) at real lags m, accurate to rounding."""
+    t = np.abs(np.asarray(lags, dtype=np.float64))
+    out = np.empty_like(t)
+    near = t < _NEAR
+    x = t[near]
+    out[near] = sum_covariance(x + 1, epsilon) - 2 * sum_covariance(x, epsilon) + sum_covariance(x - 1, epsilon)
+    x = t[~near]
+    log = np.log(x)
+    power = np.exp(epsilon * log)
+    out[~near] = 2 * over_exponent(np.asarray(epsilon), log) + power * (3 + epsilon + 2 * _tail(x, epsilon))
+    return out
+
+
+def _tail(t: Vector, epsilon: float) -> Vector:
+    """Compute Σ_{k ≥ 2} C(2 + ε, 2k)/ε t^(2 − 2k)."""
+    y, total = 1.0 / (t * t), np.zeros_like(t)
+    for coefficient in reversed(falling(np.asarray(epsilon), _TERMS)):
+        total = (total + float(coefficient)) * y
+    return total
+
+
+def power_bend(lags: Vector, epsilon: float) -> Vector:
+    """Compute |m+1|^p − 2|m|^p + |m−1|^p with p = 2 + ε at real lags m; small results have full relative accuracy."""
+    t = np.abs(np.asarray(lags, dtype=np.float64))
+    p = 2.0 + epsilon
+    out = np.empty_like(t)
+    near = t < _NEAR
+    x = t[near]
+    out[near] = (x + 1) ** p - 2 * x**p + np.abs(x - 1) ** p
+    x = t[~near]
+    out[~near] = np.exp(epsilon * np.log(x)) * (p * (1 + epsilon) + 2 * epsilon * _tail(x, epsilon))
+    return out
+
+
+def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
+    """Compute the second difference of q by 1, and of the result by `step` ≥ 1, at real lags.
+
+    Covariances of wavelet coefficients of two levels are such differences.
+    """
+    t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
+    out = np.empty_like(t)
+    near = t < _NEAR * (1 + r)
+    x, by = t[near], r[near]
+    out[near] = bend(x + by, epsilon) - 2 * bend(x, epsilon) + bend(x - by, epsilon)
+    x, by = t[~near], r[~near]
+    # 4 Σ_s C(2 + ε, 2s)/ε (2s)! t^(2+ε−2s) Σ_{k+i=s} r^(2i)/((2k)!(2i)!): even derivatives of q times powers of steps.
+    derivatives = [float(c) * math.factorial(2 * k) for k, c in enumerate(falling(np.asarray(epsilon), _TERMS), 2)]
+    y, z = 1.0 / (x * x), (by / x) ** 2
+    total = np.zeros_like(x)
+    for i in range(_TERMS, 0, -1):
+        inner = np.zeros_like(x)
+        for k in range(_TERMS + 1 - i, 0, -1):
+            inner = inner * y + derivatives[i + k - 2] / (math.factorial(2 * k) * math.factorial(2 * i))
+        total = (total + inner) * z
+    out[~near] = 4 * np.exp(epsilon * np.log(x)) * total
+    return out
+
+
+def spectrum(frequencies: Vector, epsilon: float) -> Vector:
+    """Compute the spectral density of the sampled noise with ν_1² = 1, at |f| ≤ ½ (cycles per sample).
+
+    It is C (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1). The sum over k ≠ 0 consists
+    of two Hurwitz zeta functions.
+    """
+    from scipy.special import zeta
+
+    f, alpha = np.abs(frequencies), epsilon + 1.0
+    half = 0.5 * math.pi
+    sine = half * float(np.sinc(0.5 * epsilon)) * float(unit_factor(np.asarray(epsilon)))
+    constant = math.gamma(3.0 + epsilon) * sine * (2.0 * math.pi) ** -alpha
+    rest = (np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f))
+    with np.errstate(divide="ignore"):
+        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + rest))
+
+
+# --- wavelet variance -----------------------------------------------------------------------------------
+
+
+def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
+    """Compute 2^((j−1)ε) (n, J). The exponent is split into two parts to avoid rounding errors."""
+    coarse = np.round(np.real(epsilon) * 2.0**20) / 2.0**20
+    steps = (levels - 1).astype(np.float64)
+    rest = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
+    return np.asarray(np.exp2(np.outer(coarse, steps)) * rest)
+
+
+def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.int64]) -> Numbers:
+    """Compute the wavelet variances ν_j² (n, J) under any filter, for noise whose Haar variance at level 1 is 1.
+
+    If the spectrum vanishes at f = 0 (ε < −1), they are computed from the running sum and the differenced filter.
+    """
+    eps = np.asarray(epsilon)
+    out = np.empty((eps.size, int(levels[-1])), dtype=eps.dtype)
+    summed = np.real(eps) < -1
+    if np.any(~summed):
+        e = eps[~summed, None]
+        tail = np.concatenate([(2 + e) * (1 + e), *(2 * c for c in falling(e, _TERMS - 1))], axis=1)
+        near = _bend_rows(e, _REACH * filter.length) - (3 + e)
+        out[~summed] = (
+            -0.5 * unit_factor(e) * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=False)
+        )
+    if np.any(summed):
+        e = eps[summed, None] + 2
+        tail = np.concatenate([e, np.zeros((len(e), _TERMS - 1))], axis=1)
+        near = e * over_exponent(e, np.log(np.arange(1.0, _REACH * filter.length + 1)))
+        near = np.concatenate([np.full((len(e), 1), -1.0), near], axis=1)
+        out[summed] = (
+            0.5
+            * unit_factor(e - 2)
+            / (e - 2)
+            * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=True)
+        )
+    return np.asarray(out[:, levels - 1] * powers_of_two(eps, levels))
+
+
+def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
+    """Compute Σ_k d(k) c_j(k) / 2^((j−1)ε) (n, J) at levels j = 1 … J, where d is the autocorrelation of the wavelet
+    filter.
+
+    c_j(k) is the covariance of the input of level j, up to a constant; J is `count`. The smoothing filter maps c_j to
+    c_{j+1}. Values at short lags are stored individually; `near` has those of c_1. At longer lags c_j has the form
+    a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s); `tail` has the coefficients a of c_1. The filter preserves this form, and the
+    even moments of its autocorrelation give the new coefficients. The division at each level keeps the values bounded.
+    """
+    length, reach = filter.length, _REACH * filter.length
+    detail, step, moments = _tables(filter, reach, summed)
+    passed = _passages(eps, moments)
+    log = np.log(np.arange(reach + 1.0, 2 * reach + length))
+    first, inverse = over_exponent(eps, log), np.exp(-2.0 * np.outer(np.arange(1, _TERMS), log))
+    power, halved = np.exp(eps * log), np.exp(-eps * math.log(2.0))
+    shift = over_exponent(eps, np.asarray(math.log(2.0)))
+    values = np.empty((len(eps), count), dtype=near.dtype)
+    for j in range(count):
+        values[:, j] = near[:, : detail.size] @ detail
+        far = tail[:, :1] * first + power * (tail[:, 1:] @ inverse)
+        near = halved * (np.concatenate([near, far], axis=1) @ step - tail[:, :1] * shift)
+        tail = np.einsum("ns,nst->nt", tail, passed)
+    return values
+
+
+def _bend_rows(eps: Numbers, reach: int) -> Numbers:
+    """Compute the second differences of q at the lags 0 … `reach`, with one row for each exponent ε."""
+    m = np.arange(reach + 1.0)
+    log = np.log(np.maximum(np.arange(_NEAR + 1), 1.0))
+    q = np.arange(_NEAR + 1) ** 2 * over_exponent(eps, log)
+    k = np.arange(int(_NEAR))
+    near = q[:, k + 1] - 2 * q[:, k] + q[:, np.abs(k - 1)]
+    log = np.log(m[int(_NEAR) :])
+    tail = sum(2 * c * np.exp(-2.0 * i * log) for i, c in enumerate(falling(eps, _TERMS), 1))
+    far = 2 * over_exponent(eps, log) + np.exp(eps * log) * (3 + eps + tail)
+    return np.concatenate([near, far], axis=1)
+
+
+def _passages(eps: Numbers, moments: Vector) -> Numbers:
+    """Return the factors (n, S, S) by which a_s contributes to a_t at the next level, t ≥ s.
+
+    The factor is 4^(−t) C(ε − 2s, 2(t − s)) μ_(2(t−s)), where μ_i is moment i of the autocorrelation of the smoothing
+    filter. For a_0, the coefficient of (k^ε − 1)/ε, the binomial coefficient is divided by ε.
+    """
+    out = np.zeros((len(eps), _TERMS, _TERMS), dtype=eps.dtype)
+    for s in range(_TERMS):
+        top, coefficient = eps[:, 0] - 2 * s, np.ones(len(eps), dtype=eps.dtype)
+        for t in range(s, _TERMS):
+            i = 2 * (t - s)
+            if i == 2:
+                coefficient = (top - 1) / 2 * (1 if s == 0 else top)
+            elif i > 2:
+                coefficient = coefficient * (top - i + 2) * (top - i + 1) / ((i - 1) * i)
+            out[:, s, t] = np.ldexp(1.0, -2 * t) * coefficient * moments[t - s]
+    return out
+
+
+@lru_cache(maxsize=64)
+def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Matrix, Vector]:
+    """Return the tables of a filter that `_carried` uses.
+
+    They are the autocorrelation of the wavelet filter h at lags ≥ 0, the matrix of the step to the next level, and the
+    even moments of the autocorrelation of the smoothing filter g. If `summed`, the filters are (1 − z) h(z) and
+    2g(z)/(1 + z), for the running sum.
+    """
+    smooth, detail = filter.scaling / math.sqrt(2.0), filter.wavelet / math.sqrt(2.0)
+    if summed:
+        smooth, detail = 2.0 * without_zero(filter), np.convolve(detail, [1.0, -1.0])
+    folded = [
+        np.correlate(f, f, "full")[f.size - 1 :] * np.where(np.arange(f.size) > 0, 2.0, 1.0) for f in (smooth, detail)
+    ]
+    step = np.zeros((2 * reach + filter.length, reach + 1))
+    places = np.arange(reach + 1)
+    for n, weight in enumerate(folded[0]):
+        for lag in (2 * places - n, 2 * places + n):
+            np.add.at(step, (np.abs(lag), places), weight / 2)
+    lags = np.arange(folded[0].size, dtype=np.float64)
+    return folded[1], step, np.array([folded[0] @ lags ** (2 * i) for i in range(_TERMS)])

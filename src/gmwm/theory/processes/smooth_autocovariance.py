@@ -1,0 +1,217 @@
+"""Wavelet variances from autocovariances that are smooth functions of the lag, for any filter and level.
+
+The scaling coefficients of level i have the autocovariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), where r_g is the
+autocorrelation of the smoothing filter. The wavelet variance is ν_j² = Σ_n r_h(n) A_{j−1}(n), where r_h is the
+autocorrelation of the wavelet filter. Values at lags up to a few filter lengths are stored individually. At longer
+lags, A_i is interpolated by one polynomial per octave of lags, which is stored as its values at Chebyshev points. A
+step of the recursion is then a small matrix for each octave. All steps are linear in A_0. One adjoint recursion per
+filter expresses each ν_j² as a sum over about twenty lags per level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.theory.filters import WaveletFilter
+
+NODES = 20
+"""Chebyshev points per octave [a, 2a] of lags. The singularity at lag 0 is 1.5 a away from the centre of the octave, so
+the interpolation error is about 5.8^−20."""
+_SPILL = 8
+"""Octave from which the filter is so short compared with the octave that the polynomial of the next octave is
+extrapolated to lags slightly outside it."""
+_SHORT = 64
+"""Number of lags that are summed individually."""
+_TOGETHER = 2**14
+"""Number of lags that are interpolated at once, so that they fit into the cache."""
+
+Levels = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Sums ν_j² = Σ_p weights[j − 1, p] A(places[p]) that give the wavelet variances under one filter.
+
+    Attributes
+    ----------
+    places : (P,) array
+        Lags (samples), not necessarily integers, at which the autocovariance A is needed.
+    weights : (J, P) array
+        Weights of A at these lags, for each level.
+    """
+
+    places: Vector
+    weights: Matrix
+
+    def variance(self, known: Matrix, levels: Levels) -> tuple[Matrix, Matrix]:
+        """Compute the wavelet variances (n, J) from n autocovariances at `places` (n, P).
+
+        The second array (n, J) has the sums of the absolute values of the terms, which measure the cancellation.
+        """
+        weights = self.weights[levels - 1]
+        return np.asarray(known @ weights.T), np.asarray(np.abs(known) @ np.abs(weights).T)
+
+
+@lru_cache(maxsize=64)
+def sums(filter: WaveletFilter, level: int) -> Sums:
+    """Return the sums for levels 1 … `level` of a filter."""
+    reach, octaves = _reach(filter), level + _SPILL
+    near_step, far_step = _near_step(filter, reach), _far_step(filter, reach, octaves)
+    detail = np.correlate(filter.wavelet, filter.wavelet, "full")[filter.length - 1 :] / 2.0
+    near, far = np.zeros(reach + 1), np.zeros((octaves + 2, NODES))
+    near[: filter.length] = detail * np.where(np.arange(filter.length) > 0, 2.0, 1.0)
+    rows = np.empty((level, reach + 1 + octaves * NODES))
+    for j in range(level):
+        rows[j] = np.concatenate([near, far[:octaves].ravel()])
+        from_near, spread = near @ near_step, np.zeros_like(far)
+        parts = (far[:octaves, None] @ far_step)[:, 0]
+        for k in range(3):
+            spread[k : k + octaves] += parts[:, k * NODES : (k + 1) * NODES]
+        near = from_near[: reach + 1]
+        spread[:2] += from_near[reach + 1 :].reshape(2, NODES)
+        far = spread
+    return Sums(freeze(spread_places(reach, octaves)), freeze(rows))
+
+
+def _reach(filter: WaveletFilter) -> int:
+    """Return the number of lags that are stored individually."""
+    return max(64, 1 << (4 * filter.length - 1).bit_length())
+
+
+@lru_cache(maxsize=64)
+def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
+    """Return the matrix (T + 1, T + 1 + 2 NODES) that computes A_{i+1} at lags 0 … T from A_i; T is `reach`.
+
+    A_i is given at the lags 0 … T and at the points of the first two octaves.
+    """
+    lags = np.arange(2 * reach + filter.length)
+    takes = np.eye(lags.size, reach + 1 + 2 * NODES)
+    for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
+        start = reach + 1 + octave * NODES
+        takes[here] = 0.0
+        takes[here, start : start + NODES] = _polynomials(lags[here] / (reach << octave))
+    twice, table = 2 * np.arange(reach + 1), np.zeros((reach + 1, takes.shape[1]))
+    for n, weight in enumerate(np.correlate(filter.scaling, filter.scaling, "full") / 2.0, 1 - filter.length):
+        table += weight * takes[np.abs(twice - n)]
+    return freeze(table)
+
+
+@lru_cache(maxsize=64)
+def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.float64]:
+    """Return the matrices (octaves, NODES, 3 NODES) that compute A_{i+1} in each octave from A_i.
+
+    A_i is given at the points of the same octave and of the next two octaves.
+    """
+    smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
+    n = np.arange(1 - filter.length, filter.length)
+    table = np.zeros((octaves, NODES, 3 * NODES))
+    for p in range(octaves):
+        # In units of the start of the octave.
+        lags = 2.0 * (1.5 + 0.5 * _points())[:, None] - np.ldexp(n / reach, -p)
+        octave = np.clip(np.floor(np.log2(lags)).astype(np.int64), 0, 2) if p < _SPILL else np.ones(lags.shape, int)
+        rows = _polynomials(np.ldexp(lags, -octave).ravel()).reshape(NODES, n.size, NODES) * smooth[:, None]
+        for k in range(3):
+            table[p, :, k * NODES : (k + 1) * NODES] = np.sum(np.where((octave == k)[:, :, None], rows, 0.0), axis=1)
+    return freeze(table)
+
+
+# --- sums up to any lag -------------------------------------------------------------------------------
+
+
+def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
+    """Compute the sums of f(k) and of k f(k) over k = 1 … m, for functions f that are smooth in each octave.
+
+    A Gauss rule for sums over integers gives the sum over each octave. The last octave ends at m.
+
+    Parameters
+    ----------
+    known : function of lags (n,)
+        Returns the values (functions, n) of one or more functions f; lags need not be integers.
+    ends : (ends,) int array
+        Upper limits m ≥ 0.
+
+    Returns
+    -------
+    two (functions, ends) arrays
+    """
+    first = known(np.arange(1.0, _SHORT + 1))
+    moments = np.stack([first, first * np.arange(1.0, _SHORT + 1)])
+    near = np.concatenate([np.zeros_like(moments[:, :, :1]), np.cumsum(moments, axis=2)], axis=2)
+    octave = np.where(ends <= _SHORT, 0, np.frexp((ends - 0.5) / _SHORT)[1] - 1)
+    starts = _SHORT << np.arange(int(octave.max(initial=0)))
+    whole = np.concatenate([np.zeros((2, len(first), 1)), np.cumsum(_pieces(known, starts, starts), axis=2)], axis=2)
+    start = _SHORT << octave
+    total = near[:, :, np.minimum(ends, _SHORT)] + whole[:, :, octave]
+    beyond = ends > _SHORT
+    total[:, :, beyond] += _pieces(known, start[beyond], (ends - start)[beyond])
+    return total[0], total[1]
+
+
+def _pieces(
+    known: Callable[[Vector], Matrix], starts: NDArray[np.int64], counts: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Compute the sums (2, functions, pieces) of f(k) and k f(k) over the `counts` integers after each of `starts`."""
+    nodes, weights = _rules(counts.astype(np.float64))
+    lags = starts[:, None] + 0.5 * (counts[:, None] + 1.0) + nodes
+    values = known(lags.ravel())
+    values = values.reshape(len(values), *lags.shape) * weights
+    return np.stack([np.sum(values, axis=2), np.sum(values * lags, axis=2)])
+
+
+def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
+    """Compute Gauss rules for sums over M consecutive integers, with M from `counts` (n,).
+
+    Returns the nodes relative to the centre and their weights, both (n, NODES). The rules follow from Jacobi matrices
+    with b_i = i² (M² − i²)/(4(4i² − 1)). If M is less than the number of nodes, b_M = 0 removes the surplus nodes.
+    """
+    i = np.arange(1.0, NODES)
+    b = np.maximum(i**2 * (counts[:, None] ** 2 - i**2) / (4.0 * (4.0 * i**2 - 1.0)), 0.0)
+    matrices = np.zeros((counts.size, NODES, NODES))
+    matrices[:, np.arange(1, NODES), np.arange(NODES - 1)] = np.sqrt(b)
+    nodes, vectors = np.linalg.eigh(matrices)
+    return np.asarray(nodes), np.asarray(counts[:, None] * vectors[:, 0, :] ** 2)
+
+
+# --- interpolation ------------------------------------------------------------------------------------
+
+
+def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
+    """Interpolate a function at integer lags ≥ 0 from its values at the lags of `spread_places`."""
+    out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
+    for start in range(0, lags.size, _TOGETHER):
+        part, found = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
+        where = np.where(part <= reach, -1, np.frexp((part - 0.5) / reach)[1] - 1)
+        found[where < 0] = known[part[where < 0]]
+        for p in np.unique(where[where >= 0]).tolist():
+            here = where == p
+            found[here] = chebyshev.chebval(2.0 * np.ldexp(part[here] / reach, -p) - 3.0, coefficients[p])
+    return out
+
+
+def spread_places(reach: int, octaves: int) -> Vector:
+    """Return the lags 0 … T, with T = `reach`, and the Chebyshev points of the next `octaves` octaves."""
+    starts = np.ldexp(float(reach), np.arange(octaves))
+    return np.concatenate([np.arange(reach + 1.0), (starts[:, None] * (1.5 + 0.5 * _points())).ravel()])
+
+
+def _points() -> Vector:
+    return np.asarray(chebyshev.chebpts1(NODES))
+
+
+@lru_cache(maxsize=1)
+def _coefficients() -> Matrix:
+    """Return the matrix that maps values at the Chebyshev points to the coefficients of Chebyshev polynomials."""
+    table = chebyshev.chebvander(_points(), NODES - 1).T
+    return np.asarray(table * np.where(np.arange(NODES) > 0, 2.0, 1.0)[:, None] / NODES)
+
+
+def _polynomials(x: Vector) -> Matrix:
+    """Return the matrix that maps values at the Chebyshev points of the octave [1, 2] to values at x."""
+    return np.asarray(chebyshev.chebvander(2.0 * x - 3.0, NODES - 1) @ _coefficients())

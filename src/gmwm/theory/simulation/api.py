@@ -1,0 +1,327 @@
+"""Simulate static recordings and single signals from noise models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Literal, TypeVar, overload
+
+import numpy as np
+
+from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.axis_names import AXES, axis_quantity
+from gmwm.base.errors import GmwmError, ModelError, OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.model import Model, ModelLike, as_model
+from gmwm.theory.processes.validation import as_rng, as_seed
+from gmwm.theory.simulation.components import SimulatedImu, SimulatedSignal
+
+T = TypeVar("T")
+
+_PLACES = (*SI_UNIT, *AXES)
+_ACCELEROMETERS = tuple(axis for axis in AXES if axis_quantity(axis) == "accel")
+
+
+@overload
+def simulate(
+    models: Mapping[str, ModelLike] | ModelLike,
+    *,
+    rate: float,
+    rng: int | np.random.Generator,
+    duration: float | None = None,
+    samples: int | None = None,
+    resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z",
+    components: Literal[False] = False,
+) -> Imu: ...
+@overload
+def simulate(
+    models: Mapping[str, ModelLike] | ModelLike,
+    *,
+    rate: float,
+    rng: int | np.random.Generator,
+    duration: float | None = None,
+    samples: int | None = None,
+    resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z",
+    components: Literal[True],
+) -> SimulatedImu: ...
+def simulate(
+    models: Mapping[str, ModelLike] | ModelLike,
+    *,
+    rate: float,
+    rng: int | np.random.Generator,
+    duration: float | None = None,
+    samples: int | None = None,
+    resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z",
+    components: bool = False,
+) -> Imu | SimulatedImu:
+    """Simulate a static recording with known noise, from a noise model for each axis.
+
+    The noise of an axis is X_t = Σ_k X_t^(k), where X^(k) is the process of term k of its model. Each axis has its own
+    stream of random numbers, so the noise of gyro_y does not depend on which other axes are simulated.
+
+    Parameters
+    ----------
+    models : mapping of axis to model, or one model
+        Models with a value for every parameter, as objects or as text; variances in (rad/s)² or (m/s²)² per sample.
+        The keys are axes, or "gyro" and "accel" for all three axes of a sensor; the model of an axis replaces the model
+        of its sensor. A single model applies to all six axes.
+    rate : float
+        Sampling rate (Hz).
+    rng : int or numpy.random.Generator
+        Seed; the same integer gives the same recording. If a Generator is given, the seed is drawn from it. The remarks
+        of the recording state the seed.
+    duration : float, optional
+        Length (s); give this or `samples`.
+    samples : int, optional
+        Length (samples), at least 8.
+    resolution : mapping, optional
+        Least significant bit of the output (rad/s or m/s²) by axis or sensor. Each sample is rounded to a multiple of
+        it, which adds white noise of variance resolution²/12. By default no axis is rounded.
+    gravity : axis or None
+        The accelerometer to which 9.80665 m/s² is added, if it is simulated; None adds no gravity.
+    components : bool
+        Whether to return the latent process of each term as well. The recording does not depend on this option.
+
+    Returns
+    -------
+    Imu, or SimulatedImu with `components=True`
+        The recording in SI units; its remarks state the model of each axis and the seed. A `SimulatedImu` holds the
+        recording as `imu`, and the latent processes as `components["gyro_x"]["WN"]`.
+
+    Raises
+    ------
+    OptionError
+        If an argument has a value that is not allowed, or if the recording has fewer than 8 samples.
+    ModelError
+        If a model has a parameter without a value, or a process that cannot be simulated.
+
+    Examples
+    --------
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-8) + RW(gamma2=1e-14)"}, rate=100.0, duration=10.0, rng=1)
+    >>> imu
+    Imu(gyro_x: 1000 samples at 100 Hz, 10 s)
+    >>> imu.remarks[0].facts
+    {'model': 'WN(sigma2=4e-08) + RW(gamma2=1e-14)', 'seed': 1}
+    >>> simulated = simulate({"gyro": "WN(sigma2=4e-8)"}, rate=100.0, duration=10.0, rng=1, components=True)
+    >>> simulated["gyro_x"]["WN"]
+    Signal(gyro_x WN, 1000 samples at 100 Hz, rad/s)
+    """
+    rate, seed = as_rate(rate), as_seed(rng)
+    n = _length(rate, duration, samples)
+    truth = models_by_axis(models)
+    steps = {axis: _step(value, axis) for axis, value in _by_axis(resolution or {}, "resolution").items()}
+    if gravity is not None and gravity not in _ACCELEROMETERS:
+        raise OptionError(argument="gravity", expected=f"one of {', '.join(_ACCELEROMETERS)} or None", got=gravity)
+    streams = dict(zip(AXES, np.random.SeedSequence(seed).spawn(len(AXES)), strict=True))
+
+    arrays, made = {}, {}
+    for axis, model in truth.items():
+        generator = np.random.default_rng(streams[axis])
+        _require_values(axis, model)
+        offset = STANDARD_GRAVITY if axis == gravity else 0.0
+        with _errors_about(axis):
+            if components:
+                unit = SI_UNIT[axis_quantity(axis)]
+                made[axis] = _simulated(
+                    model, n, rate, generator, unit=unit, axis=axis, offset=offset, step=steps.get(axis)
+                )
+                arrays[axis] = made[axis].signal.values
+            else:
+                arrays[axis] = _finished(model.simulate(n, rate, generator), offset, steps.get(axis))
+    imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
+    remarks = tuple(Remark.of("simulated", axis, model=str(truth[axis]), seed=seed) for axis in imu.axes)
+    imu = replace(imu, remarks=remarks)
+    return SimulatedImu(imu=imu, axes=made) if components else imu
+
+
+def simulate_signal(
+    model: ModelLike,
+    *,
+    rate: float,
+    rng: int | np.random.Generator,
+    duration: float | None = None,
+    samples: int | None = None,
+    unit: str = "",
+    resolution: float | None = None,
+) -> SimulatedSignal:
+    """Simulate one signal from a model, and return it with the latent process of each term.
+
+    The signal is X_t = Σ_k X_t^(k), where X^(k) is the latent process of term k of the model.
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        A model with a value for every parameter; variances in the square of `unit` per sample.
+    rate : float
+        Sampling rate (Hz); 1 to count time in samples.
+    rng : int or numpy.random.Generator
+        Seed or generator; the signal is the same as from `model.simulate(n, rate, rng)`.
+    duration : float, optional
+        Length (s); give this or `samples`.
+    samples : int, optional
+        Length (samples), at least 8.
+    unit : str
+        Unit of the signal; none by default.
+    resolution : float, optional
+        Step, in the unit of the signal, to whose multiples the signal is rounded. The latent processes are not rounded.
+
+    Returns
+    -------
+    SimulatedSignal
+        The simulated `signal`, its `components` by term, and `plot()`.
+
+    Raises
+    ------
+    OptionError
+        If an argument has a value that is not allowed, or if the signal has fewer than 8 samples.
+    ModelError
+        If the model has a parameter without a value, or a process that cannot be simulated.
+
+    Examples
+    --------
+    >>> text = "GM(beta=0.05, sigma2=1.0) + WN(sigma2=4.0) + RW(gamma2=0.001)"
+    >>> simulated = simulate_signal(text, rate=1.0, samples=1000, rng=1)
+    >>> simulated
+    SimulatedSignal(Signal(unnamed, 1000 samples at 1 Hz, no unit) = GM + WN + RW)
+    >>> bool(np.all(sum(simulated[term].values for term in simulated) == simulated.signal.values))
+    True
+    """
+    truth, rate = as_model(model), as_rate(rate)
+    n = _length(rate, duration, samples)
+    step = None if resolution is None else _step(resolution)
+    _require_values("", truth)
+    return _simulated(truth, n, rate, as_rng(rng), unit=unit, step=step)
+
+
+def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
+    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`.
+
+    Raises
+    ------
+    OptionError
+        If `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty.
+
+    >>> models_by_axis({"gyro": "WN(sigma2=1.0)", "gyro_y": "QN(q2=2.0)"})
+    {'gyro_x': Model('WN(sigma2=1.0)'), 'gyro_y': Model('QN(q2=2.0)'), 'gyro_z': Model('WN(sigma2=1.0)')}
+    """
+    if isinstance(models, str | Process | Model):
+        return dict.fromkeys(AXES, as_model(models))
+    if not isinstance(models, Mapping) or not models:
+        raise OptionError(
+            argument="models",
+            expected="a model, or a mapping of axes to models such as {'gyro': 'WN(sigma2=4e-8)'}",
+            got=models,
+        )
+    return {axis: as_model(model) for axis, model in _by_axis(models, "models").items()}
+
+
+def _by_axis(given: Mapping[str, T], name: str) -> dict[str, T]:
+    """Return one value for each axis that is a key, or whose sensor is a key."""
+    unknown = [key for key in given if key not in _PLACES]
+    if unknown:
+        raise OptionError(argument=name, expected=f"a mapping with keys among {', '.join(_PLACES)}", got=unknown[0])
+    of = {axis: axis if axis in given else axis[:-2] for axis in AXES}
+    return {axis: given[key] for axis, key in of.items() if key in given}
+
+
+def _length(rate: float, duration: float | None, samples: int | None) -> int:
+    """Return the number of samples from the length in seconds or in samples."""
+    if (duration is None) == (samples is None):
+        what = "no length is given" if duration is None else "two lengths are given, a duration and a number of samples"
+        raise OptionError(
+            what,
+            argument="duration",
+            got=duration,
+            advice="Pass either {--duration} (s) or {--samples}.",
+        )
+    if duration is not None:
+        if not (math.isfinite(duration) and duration > 0):
+            raise OptionError(argument="duration", expected="a positive, finite number (s)", got=duration)
+        n = round(duration * rate)
+        if n < MINIMUM_SAMPLES:
+            raise OptionError(
+                f"{duration:g} s at {rate:g} Hz are {n} samples, but at least {MINIMUM_SAMPLES} are needed",
+                argument="duration",
+                got=duration,
+                advice="Pass a longer {--duration}.",
+            )
+        return n
+    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < MINIMUM_SAMPLES:
+        raise OptionError(argument="samples", expected=f"an integer, at least {MINIMUM_SAMPLES}", got=samples)
+    return int(samples)
+
+
+def _require_values(axis: str, model: Model) -> None:
+    missing = [name for name, value in model.parameters.items() if value is None]
+    if missing:
+        process = next(process for process in model.processes if not process.is_complete)
+        values = (f"{name}={'…' if value is None else f'{value:g}'}" for name, value in process.values.items())
+        raise ModelError(
+            f"a simulation needs a value for every parameter, but {model} has none for {', '.join(missing)}",
+            advice='Write the values in the model, such as "{example}".',
+            example=f"{process.name}({', '.join(values)})",
+        ).about(axis)
+
+
+@contextmanager
+def _errors_about(axis: str) -> Iterator[None]:
+    """Add the axis to errors that are raised in the block."""
+    try:
+        yield
+    except GmwmError as error:
+        error.about(axis)
+        raise
+
+
+def _simulated(
+    model: Model,
+    n: int,
+    rate: float,
+    rng: np.random.Generator,
+    *,
+    unit: str,
+    axis: str = "",
+    offset: float = 0.0,
+    step: float | None,
+) -> SimulatedSignal:
+    """Simulate a signal and its latent processes, and add these in the same order as `Model.simulate`."""
+    drawn = model.simulate_terms(n, rate, rng)
+    total = np.zeros(n)
+    parts = {}
+    for term in model.drawing_order():
+        total += drawn[term]
+        parts[term] = Signal(drawn[term], rate, unit, f"{axis} {term}".strip())
+    signal = Signal(_finished(total, offset, step), rate, unit, axis)
+    return SimulatedSignal(signal=signal, components=parts, model=model, offset=offset, resolution=step)
+
+
+def _finished(path: Vector, offset: float, step: float | None) -> Vector:
+    """Add an offset to a path, in place, and round the result."""
+    if offset:
+        path += offset
+    return path if step is None else _rounded(path, step)
+
+
+def _step(step: float, axis: str = "") -> float:
+    if not (math.isfinite(step) and step > 0):
+        raise OptionError(
+            argument="resolution", expected="a positive, finite number in the unit of the signal", got=step
+        ).about(axis)
+    return float(step)
+
+
+def _rounded(path: Vector, step: float) -> Vector:
+    """Round to the nearest multiple of `step`."""
+    inverse = round(1 / step)
+    # Division by an integer gives the double nearest to a decimal such as 0.0123, which is short in a text file.
+    if inverse and math.isclose(inverse * step, 1, rel_tol=1e-12):
+        return np.asarray(np.rint(path * inverse) / inverse)
+    return np.asarray(np.rint(path / step) * step)
