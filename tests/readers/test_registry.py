@@ -122,7 +122,7 @@ def test_a_file_cut_anywhere_is_an_error_or_a_shorter_recording(tmp_path, suffix
 @pytest.mark.slow
 def test_import_is_light():
     code = (
-        "import sys, gmwm.readers, gmwm.writers, gmwm.inspection;"
+        "import sys, gmwm.readers, gmwm.recording.writers, gmwm.inspection;"
         "heavy = {'polars', 'matplotlib', 'scipy.optimize', 'scipy.stats'} & set(sys.modules);"
         "sys.exit(str(heavy) if heavy else 0)"
     )

@@ -80,19 +80,19 @@ def budget(
         noise = noise_of(text, rate, option)
         return budgeted(noise.axes, seconds, rate=noise.rate, rest=before, latitude=latitude, level=level)
 
-    found = made(source)
-    document = {"source": source, **found.to_dict()}
-    text = found.summary()
+    errors = made(source)
+    document = {"source": source, **errors.to_dict()}
+    text = errors.summary()
     if against is not None:
         if against == source:
             raise OptionError(argument="against", expected="another source", got=against)
         other = made(against, "--against")
         document["against"] = {"source": against, **other.to_dict()}
-        text += "\n\n" + found.compare(other, (short(source), short(against)))
-    files = () if plot is None else (NewFile(plot, lambda target: found.plot(path=target)),)
+        text += "\n\n" + errors.compare(other, (short(source), short(against)))
+    files = () if plot is None else (NewFile(plot, lambda target: errors.plot(path=target)),)
     return Outcome(
         command="budget", document={**document, "written": file_names(files)}, text=text, files=files,
-        in_text=found.remarks,
+        in_text=errors.remarks,
     )  # fmt: skip
 
 

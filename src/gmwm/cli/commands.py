@@ -29,12 +29,12 @@ class Commands(Mapping[str, Any]):
     """
 
     def __init__(self, others: Mapping[str, Any]) -> None:
-        self._names, self._loaded = (*NAMES, *others), dict(others)
+        self._names, self._load = (*NAMES, *others), dict(others)
 
     def __getitem__(self, name: str) -> Any:
-        if name not in self._loaded and name in NAMES:
-            self._loaded[name] = _loaded(name)
-        return self._loaded[name]
+        if name not in self._load and name in NAMES:
+            self._load[name] = _load(name)
+        return self._load[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -60,11 +60,11 @@ def help_text(text: str | None) -> str:
     return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
 
 
-def _loaded(name: str) -> Any:
+def _load(name: str) -> Any:
     """Import a command."""
     module = import_module(f"gmwm.cli.{name}")
     function = getattr(module, name)
-    made = typer.Typer(rich_markup_mode="rich", pretty_exceptions_enable=False, add_completion=False)
+    program = typer.Typer(rich_markup_mode="rich", pretty_exceptions_enable=False, add_completion=False)
     epilog = "\n\n".join(("Examples:", *module.EXAMPLES))
-    made.command(name, cls=OnceCommand, help=help_text(function.__doc__), epilog=epilog)(function)
-    return typer.main.get_command(made)
+    program.command(name, cls=OnceCommand, help=help_text(function.__doc__), epilog=epilog)(function)
+    return typer.main.get_command(program)

@@ -121,12 +121,12 @@ def export(
     if source is not None:
         choice["rate"] = None
     written = DEFAULT if format is None else format
-    fitted = None if source is not None else _fitted(calibrations or [], None if all is not None else written)
-    files, found = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
+    fitted = None if source is not None else _fits_source(calibrations or [], None if all is not None else written)
+    files, calibration = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
     with named_as_options({"axes": "--axes"}):
         if all is not None:
-            return _all(found, files, made_directory(all, "all"), choice)
-        return _one(found, files, output=output, name=written, choice=choice)
+            return _all(calibration, files, made_directory(all, "all"), choice)
+        return _one(calibration, files, output=output, name=written, choice=choice)
 
 
 def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
@@ -148,7 +148,7 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
     return files, first.combined(*others)
 
 
-def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
+def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | None:
     """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json.
 
     Raises
@@ -173,7 +173,7 @@ def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
             "`gmwm calibrate`.",
         )
     recording, fits = fits_in(files[0])
-    return fitted_calibration({axis: Fit.from_dict(one) for axis, one in fits.items()}, recording or "")
+    return fitted_calibration({axis: Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
 
 
 def _is_fits(path: Path) -> bool:
@@ -218,14 +218,14 @@ def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choic
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
     from gmwm.showing.exporters import export_all
 
-    written, left = export_all(found, folder, **choice)
+    written, refused = export_all(found, folder, **choice)
     paths = tuple(written.values())
     return Outcome(
         command="export",
-        document={**document_of(files), "written": list(map(str, paths)), "left_out": left},
+        document={**document_of(files), "written": list(map(str, paths)), "left_out": refused},
         written=paths,
-        closing=f"\nWrote {len(paths)} of {len(paths) + len(left)} formats.",
-        remarks=tuple(_reasons(left)),
+        closing=f"\nWrote {len(paths)} of {len(paths) + len(refused)} formats.",
+        remarks=tuple(_reasons(refused)),
     )
 
 

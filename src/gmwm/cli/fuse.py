@@ -126,7 +126,7 @@ def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> di
     with progress(f"reading {files[0].name}"):
         units = read_units(files, reading)
     return {
-        name: Imu({one: imu[one] for one in chosen_names(imu.axes, axis)}) for name, imu in units.items()
+        name: Imu({a: imu[a] for a in chosen_names(imu.axes, axis)}) for name, imu in units.items()
     }  # fmt: skip
 
 

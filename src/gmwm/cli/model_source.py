@@ -177,15 +177,15 @@ def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) ->
     """
     if source.model is not None or chosen:
         return signals
-    there = {axis: signal for axis, signal in signals.items() if axis in source.fits}
-    if not there:
+    fitted = {axis: signal for axis, signal in signals.items() if axis in source.fits}
+    if not fitted:
         raise OptionError(
             f"the fits and the recording have no axis in common: {source.fits_file} has {', '.join(source.fits)}, the "
             f"recording has {', '.join(signals)}",
             argument="from_fits",
             got=source.fits_file,
         )
-    return there
+    return fitted
 
 
 def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:

@@ -91,5 +91,5 @@ def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSour
     if path.is_dir() or path.suffix == ".json":
         _, fits = fits_in(path)
         return NoiseSource({axis: Fit.from_dict(content) for axis, content in fits.items()}, rate)
-    found = given(text, rate, option)
-    return NoiseSource(found.models, found.rate)
+    noise = given(text, rate, option)
+    return NoiseSource(noise.models, noise.rate)

@@ -238,12 +238,12 @@ def parse_units(text: str | None) -> dict[str, str] | None:
     """
     if text is None:
         return None
-    known = (*SI_UNIT, "time")
+    sensors = (*SI_UNIT, "time")
     units = {}
     for part in text.split(","):
         name, mark, unit = (piece.strip() for piece in part.partition("="))
-        if not mark or name not in known or not unit:
-            expected = f"units of {', '.join(known)}, such as gyro=deg/s,accel=g"
+        if not mark or name not in sensors or not unit:
+            expected = f"units of {', '.join(sensors)}, such as gyro=deg/s,accel=g"
             raise OptionError(argument="units", expected=expected, got=part.strip())
         units[name] = unit
     return units

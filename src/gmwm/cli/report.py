@@ -63,9 +63,9 @@ def report(
 
     file = calibration_file(file)
     with progress("writing the report"):
-        found = Calibration.load(file)
+        calibration = Calibration.load(file)
         name = f"{'one_page' if one_page else 'report'}.{'pdf' if pdf else 'html'}"
         if pdf and output is not None and output.suffix.lower() != ".pdf":
             raise OptionError(argument="output", expected="a file name that ends in .pdf with {--pdf}", got=str(output))
-        page = found.report(file.with_name(name) if output is None else output, one_page=one_page)
+        page = calibration.report(file.with_name(name) if output is None else output, one_page=one_page)
     return Outcome(command="report", document={"file": str(file), "written": [str(page)]}, written=(page,))

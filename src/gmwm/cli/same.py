@@ -60,7 +60,7 @@ def same(
     if len(files) < 2:
         raise OptionError(f"pass at least two recordings; got one, {files[0]}", argument="files", got=str(files[0]))
     recordings = [Imu(chosen_axes(load(file, reading), axis)) for file in files]
-    found = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
+    noise = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
     return Outcome(
-        command="same", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary(Dialect.SHELL)
+        command="same", document={"files": list(map(str, files)), **noise.to_dict()}, text=noise.summary(Dialect.SHELL)
     )  # fmt: skip

@@ -102,7 +102,7 @@ def simulate(
     truth = models_by_axis(
         noise.models if source is not None else reference_imu() if reference else parse_models(model or [])
     )
-    imu, columns = _written(
+    imu, columns = _write(
         truth, 100.0 if rate is None else rate, seconds=seconds, seed=seed, output=output, components=components
     )
     lines = [f"{axis:<8} {m}" for axis, m in truth.items()]
@@ -122,7 +122,7 @@ def simulate(
     )  # fmt: skip
 
 
-def _written(
+def _write(
     truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
 ) -> tuple[Imu, tuple[str, ...]]:
     """Simulate a recording, and write it and its processes to their files.
@@ -132,14 +132,14 @@ def _written(
     from gmwm.base.text import duration_text
     from gmwm.theory.simulation import simulate as simulated
 
-    made = None
+    files = None
     with progress(f"simulating {duration_text(seconds)}"):
         if components is not None:
-            made = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
-        imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
+            files = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
+        imu = files.imu if files is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
     with progress(f"writing {output.name}"):
         imu.write(output)
-        return imu, () if components is None or made is None else tuple(made.write_components(components))
+        return imu, () if components is None or files is None else tuple(files.write_components(components))
 
 
 def _given_at(source: str, rate: float | None) -> Given:

@@ -95,7 +95,7 @@ class Signal:
         if ranges[0][0] != 0 or ranges[-1][1] != vector.size or any(a >= b for a, b in ranges):
             expected = f"non-empty ranges that cover all {vector.size} samples"
             raise DataError(argument="segments", expected=expected, got=segments)
-        if any(left[1] != right[0] for left, right in pairwise(ranges)):
+        if any(before[1] != right[0] for before, right in pairwise(ranges)):
             raise DataError(argument="segments", expected="consecutive ranges without overlap", got=segments)
         rate = as_rate(rate)
         times = tuple(map(float, starts)) or tuple(start + (a + k) / rate for k, (a, _) in enumerate(ranges))
@@ -324,9 +324,9 @@ class Imu:
         first = signals[0]
         for name, signal in self.signals.items():
             if len(signal) != len(first) or signal.rate != first.rate or signal.segments != first.segments:
-                given = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
+                difference = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
                 raise DataError(
-                    f"all axes of an Imu must have the same length, rate and segments, but {given}",
+                    f"all axes of an Imu must have the same length, rate and segments, but {difference}",
                     argument="signals",
                     got=self.signals,
                 )
@@ -392,12 +392,12 @@ class Imu:
             return read_table(arrays, rate, units, source)
         if rate is None:
             raise OptionError(argument="rate", expected="samples per second (Hz), because there is no time", got=rate)
-        given = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
+        columns = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
         unknown = sorted(set(units or {}) - set(SI_UNIT))
         if unknown:
             raise OptionError(argument="units", expected="a mapping of gyro and accel to units", got=units)
         signals = {}
-        for axis, values in given.items():
+        for axis, values in columns.items():
             quantity = axis_quantity(axis)
             si = SI_UNIT[quantity]
             factor = parse_unit((units or {}).get(quantity, si), quantity).factor
@@ -574,8 +574,8 @@ class Imu:
         remark = Remark.of("longest-segment", segments=len(self.segments), first=first, last=last - 1)
         signals = {axis: signal.longest() for axis, signal in self.signals.items()}
         base, start = self.time_base, next(iter(signals.values())).start
-        one = self[self.axes[0]]
-        begin = begins_of(one.rate, one.segments, one.starts)[self.segments.index(longest)]
+        leading = self[self.axes[0]]
+        begin = begins_of(leading.rate, leading.segments, leading.starts)[self.segments.index(longest)]
         return replace(
             self,
             signals=signals,

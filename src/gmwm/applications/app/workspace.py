@@ -67,11 +67,11 @@ class Workspace:
 
     def overview(self, session: Session) -> Job:
         """Reduce the recording for a plot over time, including the samples that the session leaves out."""
-        whole = self.recording(session, cut=False)
+        uncut = self.recording(session, cut=False)
 
         def work(job: Job) -> Imu:
             try:
-                recording = whole.result_for(job)
+                recording = uncut.result_for(job)
             except GmwmError:
                 # The selected part may be readable although the whole recording is not, for example because its
                 # sampling rate changes.
@@ -90,8 +90,8 @@ class Workspace:
         def work(recording: Imu | Stream, job: Job) -> WaveletVariances:
             if isinstance(recording, Stream):
                 return recording.wavelet_variance(robust=robust, done=lambda n: job.step(_length(n, recording)))
-            found: WaveletVariances = gmwm.wavelet_variance(recording, robust=robust)
-            return found
+            variances: WaveletVariances = gmwm.wavelet_variance(recording, robust=robust)
+            return variances
 
         return self._of_recording(f"curves{robust}", session, "Measuring", work)
 
@@ -120,8 +120,8 @@ class Workspace:
         def work(job: Job) -> Fit:
             if options.models:
                 return given_fit(options.general, self._axis(session, axis, job).measured(options).wv, options)
-            found: Searched = self.search(session, axis).result_for(job)
-            return final_fit(found.ranking.recommended.model, found.with_error, options.weighting)
+            search: Searched = self.search(session, axis).result_for(job)
+            return final_fit(search.ranking.recommended.model, search.with_error, options.weighting)
 
         key = self._of_axis(session, axis, session.models.get(axis))
         return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
@@ -131,8 +131,8 @@ class Workspace:
         options = replace(session.calibration, models={})
 
         def work(job: Job) -> Searched:
-            found = self._axis(session, axis, job).measured(options)
-            return chosen_model(found.wv, found.spectrum, options, check=job.check)
+            measured = self._axis(session, axis, job).measured(options)
+            return chosen_model(measured.wv, measured.spectrum, options, check=job.check)
 
         return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
 
@@ -141,11 +141,11 @@ class Workspace:
         path = self.path(session)
 
         def work(recording: Imu | Stream, job: Job) -> Any:
-            found = gmwm.calibrate(
+            calibration = gmwm.calibrate(
                 recording, robust=session.robust, confidence=session.confidence, models=session.models,
                 progress=lambda done, total, text: job.step(text, done, total),
             )  # fmt: skip
-            return found.of_file(path)
+            return calibration.of_file(path)
 
         more = (session.robust, session.confidence, _key(session.models))
         return self._of_recording("calibration", session, "Calibrating", work, *more)
@@ -157,8 +157,8 @@ class Workspace:
         return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
 
     def _axis(self, session: Session, axis: str, job: Job) -> AxisData:
-        found: AxisData = self.data(session).result_for(job)[axis]
-        return found
+        axis_data: AxisData = self.data(session).result_for(job)[axis]
+        return axis_data
 
     def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
         reading = dict(session.reading) if cut else _uncut(session.reading)

@@ -60,13 +60,13 @@ def joined_ranges(
     total = int(ranges[-1, 1])
     for first in range(0, total, BLOCK):
         last = min(first + BLOCK, total)
-        some = slice(*np.searchsorted(ranges[:, 0], [max(first - CONTEXT, 0) + 1, last + CONTEXT]).tolist())
-        some = slice(some.start - 1, some.stop)
-        near = np.clip(ranges[some], first - CONTEXT, last + CONTEXT)
-        behind = ranges[some.start + 1 : some.stop, 0]
-        own = np.flatnonzero((behind >= first) & (behind < last))
-        gaps = slice(some.start, some.stop - 1)
-        accepted[gaps][own] = fillable(near[:, 1] - near[:, 0], lost[gaps])[own]
+        subset = slice(*np.searchsorted(ranges[:, 0], [max(first - CONTEXT, 0) + 1, last + CONTEXT]).tolist())
+        subset = slice(subset.start - 1, subset.stop)
+        near = np.clip(ranges[subset], first - CONTEXT, last + CONTEXT)
+        behind = ranges[subset.start + 1 : subset.stop, 0]
+        places = np.flatnonzero((behind >= first) & (behind < last))
+        gaps = slice(subset.start, subset.stop - 1)
+        accepted[gaps][places] = fillable(near[:, 1] - near[:, 0], lost[gaps])[places]
     cuts = ranges[1:, 0][~accepted].tolist()
     return tuple(pairwise([0, *cuts, total]))
 
@@ -85,17 +85,17 @@ def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.
     total = int(lengths.sum() + missing.sum())
     corners = np.stack([ends, begins], axis=1).ravel()
     for gap in np.unique(lost[is_short(lost)])[::-1].tolist():
-        some = np.flatnonzero(lost == gap)
+        subset = np.flatnonzero(lost == gap)
         away = np.where(accepted, 0, missing)
         summed = np.stack([np.cumsum(away) - away, np.cumsum(away)], axis=1).ravel()
         context = min(max(AROUND * gap, LEAST_AROUND), CONTEXT)
-        far = np.maximum(ends[some] - context, 0), np.minimum(begins[some] + context, total)
+        far = np.maximum(ends[subset] - context, 0), np.minimum(begins[subset] + context, total)
         unknown = (
-            summed[2 * some] - np.interp(far[0], corners, summed, left=0.0),
-            np.interp(far[1], corners, summed) - summed[2 * some + 1],
+            summed[2 * subset] - np.interp(far[0], corners, summed, left=0.0),
+            np.interp(far[1], corners, summed) - summed[2 * subset + 1],
         )
-        sizes = np.stack([ends[some] - far[0], far[1] - begins[some]])
-        known = sizes - np.stack(unknown)
+        sizes = np.stack([ends[subset] - far[0], far[1] - begins[subset]])
+        counts = sizes - np.stack(unknown)
         least = np.maximum(SHARE * sizes, (BESIDE if gap <= SHORT else BESIDE_LONG) * gap)
-        accepted[some] = np.all(known >= least, axis=0)
+        accepted[subset] = np.all(counts >= least, axis=0)
     return accepted
