@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from gmwm.applications.monitor import Baseline
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
@@ -30,13 +31,11 @@ from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
     from gmwm.applications.navigation import Budget
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
     from gmwm.showing.exporters.reduction import Rule
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 T = TypeVar("T")
 
@@ -121,7 +120,7 @@ class AxisCalibration:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Calibration(Summarised, Mapping[str, Fit]):
+class Calibration(Summarised, Plotted, Mapping[str, Fit]):
     """The calibration of an inertial sensor: a mapping of axis to the recommended Fit.
 
     Attributes
@@ -357,41 +356,6 @@ class Calibration(Summarised, Mapping[str, Fit]):
             return cls.from_dict(content)
         except ReadError as error:
             raise error.at(str(path)) from error
-
-    def plot(
-        self,
-        *,
-        split: bool = True,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the wavelet variance and the model of every axis.
-
-        Parameters
-        ----------
-        split : bool
-            If True, draw one panel for each axis and one row of panels for each sensor. If False, draw one panel for
-            each sensor, with x, y and z in vermilion, green and blue.
-        view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or there is nothing to draw.
-        """
-        from gmwm.showing.plots.imu import plot_imu
-
-        return plot_imu(self, split=split, view=view, units=units, path=path)
 
     def export(
         self,

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,16 +15,11 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, as_rate, as_vector, freeze, runs_of
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase, begins_of, times_of
 from gmwm.base.units import SI_UNIT, Quantity, parse_unit, require_measurable
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
 
 __all__ = ["Imu", "Signal"]
 
@@ -33,7 +28,7 @@ MINIMUM_SAMPLES = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Signal:
+class Signal(Plotted):
     """One axis of a static recording.
 
     Parameters
@@ -217,35 +212,6 @@ class Signal:
         """
         return [self.values[first:last] for first, last in self.segments]
 
-    def plot(
-        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
-    ) -> MatplotlibFigure:
-        """Draw the signal over time, with its line broken where samples are missing.
-
-        If the samples are far from zero, their mean is subtracted, and the title states it.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg. A signal in another unit is not converted.
-        ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the signal does not support it.
-        """
-        from gmwm.showing.plots.series import plot_signal
-
-        return plot_signal(self, units=units, ax=ax, path=path)
-
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the signal as a recording of one axis to the file `path` in a `format`; see `Imu.write`."""
         from gmwm.recording.writers import write
@@ -280,7 +246,7 @@ class Signal:
 
 
 @dataclass(frozen=True, eq=False)
-class Imu:
+class Imu(Plotted):
     """A recording of several axes with one time base.
 
     Parameters
@@ -499,32 +465,6 @@ class Imu:
         from gmwm.recording.time_ranges import cut
 
         return cut(self, start, stop, skip)
-
-    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
-
-        If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
-        The axes of a sensor have the same scale, unless a curve would be flat.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown.
-        """
-        from gmwm.showing.plots.series import plot_recording
-
-        return plot_recording(self, units=units, path=path)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.

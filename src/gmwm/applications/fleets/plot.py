@@ -102,7 +102,26 @@ def fleet_figure(fleet: FleetLike) -> Figure:
 
 
 def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the values of all units. `Fleet.plot` describes the arguments."""
+    """Draw the datasheet parameters of all units in ascending order, for each axis.
+
+    Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
+    value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
+    are outlying units, and triangles are upper limits.
+
+    Parameters
+    ----------
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If there is nothing to draw, or if the picture cannot be written to `path`.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(fleet_figure(fleet), path=path)

@@ -93,7 +93,24 @@ def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vect
 
 
 def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the signals with the events, and the control charts. `Trace.plot` describes the arguments."""
+    """Draw the signals with the events, and the chart statistics over time.
+
+    Parameters
+    ----------
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    DataError
+        If there are no samples.
+    OptionError
+        If the ending of `path` is unknown.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(trace_figure(trace), path=path)

@@ -107,7 +107,17 @@ def _upper(text: str) -> str:
 
 
 def plot_budget(budget: Budget, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw an error budget. `Budget.plot` describes the arguments."""
+    """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors.
+
+    Parameters
+    ----------
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(budget_figure(budget), path=path)

@@ -67,7 +67,19 @@ def _panel(found: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confiden
 def plot_cross(
     found: CrossCovariance, *, confidence: bool = True, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw the correlations by scale. `CrossCovariance.plot` describes the arguments."""
+    """Draw the correlation of each pair as a function of the scale. Filled symbols mark significant correlations.
+
+    Parameters
+    ----------
+    confidence : bool
+        Whether to draw the confidence limits.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(cross_figure(found, confidence=confidence), path=path)

@@ -57,7 +57,18 @@ def _panel(one: VirtualAxis) -> Panel:
 
 
 def plot_fusion(virtual: VirtualSensor, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the deviations of each sensor, of their average and of the virtual sensor, like `VirtualSensor.plot`."""
+    """Draw the wavelet deviations of each signal, of their average and of the virtual sensor as functions of the
+    scale.
+
+    Parameters
+    ----------
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(fusion_figure(virtual), path=path)

@@ -60,7 +60,18 @@ def _correlations(tau: np.ndarray, data: np.ndarray, model: np.ndarray, *, x: Ax
 
 
 def plot_joint(fit: JointFit, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the deviations and the correlations of a joint fit. `JointFit.plot` describes the arguments."""
+    """Draw the wavelet deviation of each signal and the correlation of each pair of signals, for the data and the
+    model.
+
+    Parameters
+    ----------
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(joint_figure(fit), path=path)

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Matrix, Vector, as_vector, freeze
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, duration_text
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, Term
 from gmwm.measuring.regression.columns import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
 
 LEFT = 0.5
 """If the regression leaves less than this share of the noise at a level, this level and all coarser levels are dropped
@@ -109,7 +103,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Regression(Summarised, Mapping[str, Coefficient]):
+class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     """Regression of one axis on conditions: a mapping from the names of the columns to their coefficients.
 
     Attributes
@@ -326,34 +320,6 @@ class Regression(Summarised, Mapping[str, Coefficient]):
             diagnostics=dict(wv.diagnostics) | ({"robust": robust} if robust else {}),
             excess=lost if excess is None else excess + lost, regression=self,
         )  # fmt: skip
-
-    def plot(
-        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
-    ) -> MatplotlibFigure:
-        """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
-        band.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
-        ax : matplotlib Axes, optional
-            Axes to draw on; a new figure by default.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown.
-        """
-        from gmwm.showing.plots.regression import plot_regression
-
-        return plot_regression(self, units=units, ax=ax, path=path)
 
     def summary(self) -> str:
         """Write the coefficients with 95 % confidence intervals, and the joint test."""

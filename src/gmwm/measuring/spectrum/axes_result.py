@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.errors import DataError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
 from gmwm.measuring.spectrum.result import PowerSpectrum
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
-    from gmwm.theory.processes.model import ModelLike
-
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
+class PowerSpectra(Summarised, Plotted, Mapping[str, PowerSpectrum]):
     """Power spectral densities of the axes of one recording, as a mapping of axis to `PowerSpectrum`.
 
     Parameters
@@ -68,37 +62,6 @@ class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
     def get(self, axis: str, default: Any = None) -> Any:
         """Return the spectrum of an axis, or `default` if there is none."""
         return self.spectra.get(axis, default)
-
-    def plot(
-        self,
-        *,
-        models: Mapping[str, ModelLike] | None = None,
-        units: UnitSystem = "si",
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the spectrum of every axis, with one row for each sensor; see `PowerSpectrum.plot`.
-
-        Parameters
-        ----------
-        models : mapping of axis to Model, Process or str, optional
-            Models with values, whose densities are drawn on top of the spectra.
-        units : "si" or "datasheet"
-            Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If `units` is unknown, or is "datasheet" and an axis is neither an angular rate nor an acceleration.
-        """
-        from gmwm.showing.plots.spectrum import plot_spectra
-
-        return plot_spectra(self, models=models, units=units, path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of each axis as plain numbers, lists and strings, by axis."""

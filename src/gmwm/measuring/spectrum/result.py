@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, counted
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.spectrum.line import Bump, Line
@@ -21,16 +21,11 @@ from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 from gmwm.recording.options import as_confidence
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
-
-    from gmwm.showing.plots.view import UnitSystem
-    from gmwm.theory.processes.model import ModelLike
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PowerSpectrum(Summarised):
+class PowerSpectrum(Summarised, Plotted):
     """Power spectral density of a signal by Welch's method, with confidence limits, lines and bumps.
 
     Attributes
@@ -163,44 +158,6 @@ class PowerSpectrum(Summarised):
         from gmwm.measuring.spectrum.detection import detectable_amplitude
 
         return detectable_amplitude(self, frequency, power)
-
-    def plot(
-        self,
-        *,
-        model: ModelLike | None = None,
-        units: UnitSystem = "si",
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
-
-        The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
-        two-sided density N of a datasheet is drawn at √2 N.
-
-        Parameters
-        ----------
-        model : Model, Process or str, optional
-            Model with values, such as `fit.model`. Its density and the densities of its terms are drawn on top of the
-            spectrum. A cross marks the height of a sinusoid of the model in this spectrum.
-        units : "si" or "datasheet"
-            Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If `units` is unknown, or is "datasheet" and the signal is neither an angular rate nor an acceleration.
-        """
-        from gmwm.showing.plots.spectrum import plot_spectrum
-
-        return plot_spectrum(self, model=model, units=units, ax=ax, path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain numbers, lists and strings for JSON."""

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Summarised, with_article
 from gmwm.measuring.variance.allan import allan_variance
@@ -21,12 +21,6 @@ from gmwm.measuring.variance.phase import contradicting_rate
 from gmwm.measuring.variance.slope_line import LAWS, SlopeLine, Term, coefficient_unit
 from gmwm.recording.signals import Signal
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
-
 _Reason = Literal["slope", "chance", "few", "rising"]
 """Reason why a term is not found."""
 OCTAVE = 1.9
@@ -34,7 +28,7 @@ OCTAVE = 1.9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class AllanRegression(Summarised):
+class AllanRegression(Summarised, Plotted):
     """Noise coefficients from the slopes of an Allan deviation, with the fitted lines.
 
     Attributes
@@ -105,41 +99,6 @@ class AllanRegression(Summarised):
         rows += texts(self.remarks)
         rows.append("a graphical method: inconsistent where several terms share the range; see avlr")
         return "\n".join(rows)
-
-    def plot(
-        self,
-        *,
-        units: UnitSystem = "si",
-        guides: bool = True,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
-        guides : bool
-            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
-            (ramp).
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-        """
-        from gmwm.showing.plots.allan import plot_avlr
-
-        return plot_avlr(self, units=units, guides=guides, ax=ax, path=path)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{term}={value:.4g}" for term, value in self.coefficients.items())

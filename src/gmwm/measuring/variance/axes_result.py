@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -11,19 +10,17 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.errors import DataError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import texts
 from gmwm.base.text import Summarised
 from gmwm.measuring.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
-
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
+class WaveletVariances(Summarised, Plotted, Mapping[str, WaveletVariance]):
     """Wavelet variances of the axes of one recording, as a mapping of axis to `WaveletVariance`.
 
     Parameters
@@ -70,42 +67,6 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
     def get(self, axis: str, default: Any = None) -> Any:
         """Return the wavelet variance of an axis, or `default` if there is none."""
         return self.curves.get(axis, default)
-
-    def plot(
-        self,
-        *,
-        split: bool = True,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the wavelet variance of every axis.
-
-        Parameters
-        ----------
-        split : bool
-            Whether to draw one panel for each axis, with a row for each sensor. Otherwise there is one panel for each
-            sensor, with x, y and z in vermillion, green and blue.
-        view : "wavelet" or "allan"
-            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-            averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown.
-        """
-        from gmwm.showing.plots.imu import plot_imu
-
-        return plot_imu(self, split=split, view=view, units=units, path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of each axis as plain numbers, lists and strings, by axis."""

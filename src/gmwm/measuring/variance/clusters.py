@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
 from gmwm.measuring.variance.noise_type import noise_type
 from gmwm.measuring.variance.phase import Data
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
 
 Family: TypeAlias = Literal["allan", "hadamard", "total"]
 Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
@@ -36,7 +30,7 @@ _TITLES = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ClusterVariance(Summarised):
+class ClusterVariance(Summarised, Plotted):
     """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
 
     Attributes
@@ -161,43 +155,6 @@ class ClusterVariance(Summarised):
 
     def __len__(self) -> int:
         return int(self.clusters.size)
-
-    def plot(
-        self,
-        *,
-        units: UnitSystem = "si",
-        guides: bool = True,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
-
-        A variance of zero is marked at the lower edge of the plot.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        guides : bool
-            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
-            (ramp).
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-        """
-        from gmwm.showing.plots.allan import plot_allan
-
-        return plot_allan(self, units=units, guides=guides, ax=ax, path=path)
 
     def __repr__(self) -> str:
         return (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised
 from gmwm.measuring.confidence_limits import chi_square_limits
@@ -26,11 +26,7 @@ from gmwm.recording.options import one_of
 from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
-
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 
 _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
@@ -38,7 +34,7 @@ _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class WaveletVariance(Summarised):
+class WaveletVariance(Summarised, Plotted):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
 
     Attributes
@@ -462,57 +458,6 @@ class WaveletVariance(Summarised):
             excess=None if self.excess is None else self.excess[np.ix_(kept, kept)],
             recordings={name: one._at(kept[kept < len(one)]) for name, one in self.recordings.items()},
         )
-
-    def plot(
-        self,
-        *,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        label: str | None = None,
-        color: str | None = None,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
-
-        Levels with a variance of zero are marked at the lower edge of the plot.
-
-        Parameters
-        ----------
-        view : "wavelet" or "allan"
-            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-            averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        label : str, optional
-            Name of the curve in the legend. Use it to draw several curves on the same axes, as in
-            `monday.plot(ax=ax, label="monday")`. Each curve then has its own colour and symbol.
-        color : str, optional
-            Matplotlib colour such as "#D55E00"; by default a colour that no earlier curve has.
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, if the data do not support it, or if an earlier curve on `ax` has another unit.
-
-        Examples
-        --------
-        >>> wv = WaveletVariance.from_values([4e-6, 2e-6, 1e-6], samples=1000, rate=100.0, unit="rad/s")
-        >>> figure = wv.plot(view="allan", units="datasheet")
-        >>> figure.axes[0].get_ylabel()
-        'Allan deviation (deg/h)'
-        """
-        from gmwm.showing.plots.variance import plot_wavelet_variance
-
-        return plot_wavelet_variance(self, view=view, units=units, label=label, color=color, ax=ax, path=path)
 
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""

@@ -255,7 +255,31 @@ def plot_allan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a deviation over its averaging times. `ClusterVariance.plot` describes the arguments."""
+    """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
+
+    A variance of zero is marked at the lower edge of the plot.
+
+    Parameters
+    ----------
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg.
+    guides : bool
+        Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+        (ramp).
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default the axes of a new figure.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the data do not support it.
+    """
     panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
     return _drawn(panel, ax, path)
 
@@ -268,7 +292,29 @@ def plot_avlr(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw an Allan deviation with its fitted lines. `AllanRegression.plot` describes the arguments."""
+    """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
+
+    Parameters
+    ----------
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
+    guides : bool
+        Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+        (ramp).
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default the axes of a new figure.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the data do not support it.
+    """
     return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
 
 

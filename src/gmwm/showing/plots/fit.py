@@ -185,7 +185,38 @@ def plot_fit(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a fit. `Fit.plot` describes the arguments."""
+    """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
+
+    Parameters
+    ----------
+    view : "wavelet" or "allan"
+        Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+        averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg.
+    decomposition : bool, optional
+        Whether to draw the curves of the terms. By default they are drawn unless `label` or `color` is given.
+    label : str, optional
+        Name of the fit in the legend. Use it to draw several fits on the same axes, as in
+        `monday.plot(ax=ax, label="monday")`. Each fit then has its own colour and symbol.
+    color : str, optional
+        Matplotlib colour such as "#D55E00"; by default a colour that no earlier fit has.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default the axes of a new figure.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, if the data do not support it, or if an earlier fit on `ax` has another unit.
+    ModelError
+        If a maximum-likelihood fit was read from a file, which does not hold the recording.
+    """
     from gmwm.showing.plots.matplotlib import draw
     from gmwm.showing.plots.shared_axes import named_fit_panel
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -19,9 +19,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from gmwm.fitting.estimation.conditions_fit import AtCondition
+    from gmwm.base.arrays import Vector
+    from gmwm.fitting.estimation.conditions_fit import ConditionsFit
     from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.variance.result import WaveletVariance
+
+
+class AtCondition(NamedTuple):
+    """Measured wavelet variance at one condition, and the wavelet variance that the model implies there."""
+
+    wavelet_variance: WaveletVariance
+    implied: Vector
+
 
 Item: TypeAlias = "WaveletVariance | Fit | AtCondition"
 """Something to draw as a curve: a wavelet variance, or a fit, which contains a wavelet variance."""
@@ -150,3 +159,38 @@ def plot_comparison(
 
     panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
     return draw(single_panel(panel, legend_rows=2), ax=ax, path=path)
+
+
+def plot_conditions(
+    fit: ConditionsFit,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw the curves of all conditions with their models.
+
+    Parameters
+    ----------
+    view : "wavelet" or "allan"
+        Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+        averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown.
+    """
+    items: dict[str, Item] = {
+        f"{fit.condition} {c:g}": AtCondition(wv, fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
+        for c, wv in fit.curves.items()
+    }
+    return plot_comparison(items, view=view, units=units, path=path)

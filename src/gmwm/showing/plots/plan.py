@@ -139,7 +139,29 @@ def plot_plan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the relative standard errors of a plan. `Plan.plot` describes the arguments."""
+    """Draw the relative standard error of each parameter over the length of the recording.
+
+    The curves continue beyond the planned duration, which is marked.
+
+    Parameters
+    ----------
+    accuracy : float
+        Desired relative standard error. It is drawn as a horizontal line, with a ring where each parameter reaches
+        it.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default the axes of a new figure.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If `accuracy` is not between 0 and 0.5, or the plot cannot be drawn on `ax` or written to `path`.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     panel = plan_panel(plan, accuracy=accuracy)

@@ -217,7 +217,39 @@ def plot_ranking(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the best models of a ranking with the data. `Ranking.plot` describes the arguments."""
+    """Draw the best models with the data, their distances from the data, and the criteria.
+
+    The curves of different models often look the same. The second panel shows their distances from the data, scaled
+    so that the confidence limits are at −1 and 1. With several recordings, the mean wavelet variance is drawn.
+
+    Parameters
+    ----------
+    limit : int
+        Number of the best distinct candidates to draw. The recommended candidate is always drawn.
+    view : "wavelet" or "allan"
+        Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the data do not support it.
+
+    Examples
+    --------
+    >>> from gmwm import QN, RW, WN, select
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+    >>> figure = select(WN() + QN() + RW(), x, rate=100.0).plot()
+    >>> figure.axes[2].get_xlabel()
+    'WIC above the best'
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(ranking_figure(ranking, limit=limit, view=view, units=units), path=path)
@@ -230,7 +262,28 @@ def plot_candidates(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw two candidates of a ranking with the data. `Comparison.plot` describes the arguments."""
+    """Draw the two candidates with the data, and their distances from the data.
+
+    The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
+
+    Parameters
+    ----------
+    view : "wavelet" or "allan"
+        Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the data do not support it.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(candidates_figure(comparison, view=view, units=units), path=path)

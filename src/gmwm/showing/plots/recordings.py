@@ -58,7 +58,15 @@ def recordings_figure(found: Replicates) -> Figure:
 
 
 def plot_recordings(found: Replicates, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the difference of each recording from the mean. `Replicates.plot` describes the arguments."""
+    """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
+
+    A band shows the range of differences that chance explains.
+
+    Parameters
+    ----------
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(recordings_figure(found), path=path)

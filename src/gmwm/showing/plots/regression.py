@@ -71,7 +71,27 @@ def regression_figure(found: Regression, *, units: UnitSystem = "si") -> Figure:
 def plot_regression(
     found: Regression, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw a regression. `Regression.plot` describes the arguments."""
+    """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
+    band.
+
+    Parameters
+    ----------
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    ax : matplotlib Axes, optional
+        Axes to draw on; a new figure by default.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     if units not in ("si", "datasheet"):

@@ -148,7 +148,34 @@ def _p_text(p_value: float) -> str:
 def plot_residuals(
     residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw residuals and the results of their tests. `Residuals.plot` describes the arguments."""
+    """Draw the residuals over time, their normal probability plot, and their autocorrelation.
+
+    The titles give the results of the tests.
+
+    Parameters
+    ----------
+    lags : int, optional
+        Number of lags of the autocorrelation and of the Ljung-Box test; 10 log₁₀ N by default.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN
+    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+    >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
+    >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
+    ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(residuals_figure(residuals, lags), path=path)

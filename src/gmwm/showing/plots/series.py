@@ -223,7 +223,28 @@ def plot_signal(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a signal over time. `Signal.plot` describes the arguments."""
+    """Draw the signal over time, with its line broken where samples are missing.
+
+    If the samples are far from zero, their mean is subtracted, and the title states it.
+
+    Parameters
+    ----------
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg. A signal in another unit is not converted.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the signal does not support it.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0), ax=ax, path=path)
@@ -232,7 +253,27 @@ def plot_signal(
 def plot_recording(
     imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw all axes of a recording over time. `Imu.plot` describes the arguments."""
+    """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
+
+    If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
+    The axes of a sensor have the same scale, unless a curve would be flat.
+
+    Parameters
+    ----------
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(recording_figure(imu, units=units), path=path)
@@ -241,7 +282,27 @@ def plot_recording(
 def plot_components(
     simulated: SimulatedSignal, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw a simulated signal and its latent processes. `SimulatedSignal.plot` describes the arguments."""
+    """Draw the simulated signal over time and, below it, each latent process.
+
+    Gravity is subtracted from the signal, and the title states it. All panels have the same scale, unless a curve
+    would be flat.
+
+    Parameters
+    ----------
+    units : "si" or "datasheet"
+        Units of the axes of the plot: rad/s and m/s², or deg/h and mg. Signals in other units are not converted.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the data do not support it.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(components_figure(simulated, units=units), path=path)

@@ -181,7 +181,32 @@ def plot_spectrum(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a power spectral density. `PowerSpectrum.plot` describes the arguments."""
+    """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
+
+    The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
+    two-sided density N of a datasheet is drawn at √2 N.
+
+    Parameters
+    ----------
+    model : Model, Process or str, optional
+        Model with values, such as `fit.model`. Its density and the densities of its terms are drawn on top of the
+        spectrum. A cross marks the height of a sinusoid of the model in this spectrum.
+    units : "si" or "datasheet"
+        Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default the axes of a new figure.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If `units` is unknown, or is "datasheet" and the signal is neither an angular rate nor an acceleration.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     panel = spectrum_panel(spectrum, model=model, units=units)
@@ -195,7 +220,26 @@ def plot_spectra(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the power spectral densities of several axes. `PowerSpectra.plot` describes the arguments."""
+    """Draw the spectrum of every axis, with one row for each sensor; see `PowerSpectrum.plot`.
+
+    Parameters
+    ----------
+    models : mapping of axis to Model, Process or str, optional
+        Models with values, whose densities are drawn on top of the spectra.
+    units : "si" or "datasheet"
+        Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If `units` is unknown, or is "datasheet" and an axis is neither an angular rate nor an acceleration.
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     return draw(spectra_figure(spectra, models=models, units=units), path=path)

@@ -275,7 +275,47 @@ def plot_tracks(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw estimated processes with their confidence bands. `Tracks.plot` describes the arguments."""
+    """Draw the recording with its bias and, below it, the bias or other tracks with their confidence bands.
+
+    The line of the recording has gaps where samples are missing; the tracks do not. Samples with an infinite
+    standard deviation are not drawn. For a prediction, only the tracks are drawn.
+
+    Parameters
+    ----------
+    labels : str or sequence of str, optional
+        The tracks to draw, one panel each; the bias by default.
+    truth : mapping of label to (N,) array, or (N,) array, optional
+        The true values, in the unit of the recording, if they are known. A single array is the true bias.
+    level : float
+        Probability that the band contains the process at a given sample, if the parameters of the model are exact.
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg. Other units are not converted.
+    ax : matplotlib Axes, optional
+        Axes on which to draw one track without the recording; a new figure by default.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If a label or an option is unknown, if `truth` has another length than the tracks, or if the picture cannot
+        be drawn on `ax`.
+    DataError
+        If `truth` is not a vector of real numbers.
+
+    Examples
+    --------
+    >>> from gmwm import simulate_signal
+    >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, rng=1)
+    >>> tracks = made.model.smooth(made.signal)
+    >>> picture = tracks.plot(truth=made["RW"])
+    >>> [axes.get_title() for axes in picture.axes]
+    ['Record and its bias: WN + RW', 'Bias: RW']
+    """
     from gmwm.showing.plots.matplotlib import draw
 
     figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)

@@ -33,7 +33,44 @@ def plot_wavelet_variance(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a wavelet variance over its scales. `WaveletVariance.plot` describes the arguments."""
+    """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
+
+    Levels with a variance of zero are marked at the lower edge of the plot.
+
+    Parameters
+    ----------
+    view : "wavelet" or "allan"
+        Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+        averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg.
+    label : str, optional
+        Name of the curve in the legend. Use it to draw several curves on the same axes, as in
+        `monday.plot(ax=ax, label="monday")`. Each curve then has its own colour and symbol.
+    color : str, optional
+        Matplotlib colour such as "#D55E00"; by default a colour that no earlier curve has.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default the axes of a new figure.
+    path : path, optional
+        File to write the picture to, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, if the data do not support it, or if an earlier curve on `ax` has another unit.
+
+    Examples
+    --------
+    >>> from gmwm import WaveletVariance
+    >>> wv = WaveletVariance.from_values([4e-6, 2e-6, 1e-6], samples=1000, rate=100.0, unit="rad/s")
+    >>> figure = wv.plot(view="allan", units="datasheet")
+    >>> figure.axes[0].get_ylabel()
+    'Allan deviation (deg/h)'
+    """
     from gmwm.showing.plots.matplotlib import draw
     from gmwm.showing.plots.shared_axes import named_panel
 
