@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gmwm.applications.several.result import SharedNoise
 from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.base.threads import in_threads
+from gmwm.calibration.additions import recording_additions
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
-from gmwm.calibration.baselines import kept_samples, with_baseline, with_baselines
+from gmwm.calibration.beginnings import kept_samples, with_additions, with_missing_additions
 from gmwm.calibration.choice import chosen_model, final_fit
 from gmwm.calibration.data import chosen_axes, common_axes, named, require_axes, require_one
 from gmwm.calibration.findings import LEAST_SCALES, SIZE, WANTED
 from gmwm.calibration.measurement import Measured
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.reading import inspected
-from gmwm.calibration.recording_findings import recording_remarks, shared_remarks
+from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import Means, means_of, with_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
@@ -213,10 +213,10 @@ def calibrate_recording(
     steps = _Progress(len(axes) * len(STAGES), progress)
     parts: dict[str, dict[str, Part]] = {axis: {} for axis in axes}
     inspections: dict[str, Inspection] = {}
-    shared: dict[str, tuple[SharedNoise, ...]] = {}
+    findings: dict[str, tuple[object, ...]] = {}
     for name, recording in recordings.items():
         own = {axis: chosen[name][axis] for axis in axes}
-        items, inspection, shared[name], conditions = inspected(
+        items, inspection, findings[name], conditions = inspected(
             recording, own, options=options, threads=threads, scheduler=scheduler, workers=workers,
             read=partial(_read, steps, name),
         )  # fmt: skip
@@ -263,32 +263,32 @@ def calibrate_recording(
     one = recordings.get("")
     source = one.source if isinstance(one, Imu | Stream) else ""
     return Calibration(
-        axes=with_baselines(done, parts, recordings, threads),
+        axes=with_missing_additions(done, parts, recordings, threads),
         failed=missing | {axis: error.reason for axis, error in failed.items()},
         settings=options,
         source=", ".join(recordings) if several else source,
-        recording_remarks=tuple(dict.fromkeys(_recording_remarks(inspections, done, verdicts, shared))),
+        recording_remarks=tuple(dict.fromkeys(_recording_remarks(inspections, done, verdicts, findings))),
         recording=None if several else described.get(""),
         recordings=described if several else {},
     )
 
 
 def _calibrated(axis: _Axis, samples: Sequence[Signal], means: Means) -> AxisCalibration:
-    """Calibrate an axis, and compute its baseline from these samples and its bias from these means."""
+    """Calibrate an axis, and compute its additions from these samples and its bias from these means."""
     return _completed(axis.calibrated(), samples, means, axis.options.confidence)
 
 
 def _completed(found: AxisCalibration, samples: Sequence[Signal], means: Means, level: float) -> AxisCalibration:
-    return with_baseline(with_rest(found, means, level), samples)
+    return with_additions(with_rest(found, means, level), samples)
 
 
 def _recording_remarks(
     inspections: Mapping[str, Inspection],
     axes: Mapping[str, AxisCalibration],
     verdicts: Mapping[str, Mapping[str, Verdict]],
-    shared: Mapping[str, Sequence[SharedNoise]],
+    findings: Mapping[str, Sequence[object]],
 ) -> Iterator[Remark]:
-    """Yield the remarks on the recordings from their inspections, outlier tests and shared noise.
+    """Yield the remarks on the recordings from their inspections, outlier tests and additions.
 
     If a remark does not apply to all recordings, its subject names the recording.
     """
@@ -297,7 +297,9 @@ def _recording_remarks(
         own = [of[name] for of in verdicts.values() if name in of]
         found[name] = list(recording_remarks(inspection, axes, own))
         still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
-        found[name] += shared_remarks(shared[name], still, SIZE / len(inspections))
+        for addition, finding in zip(recording_additions(), findings[name], strict=False):
+            if finding is not None:
+                found[name] += addition.remarks(finding, still, SIZE / len(inspections))
     for name, remarks in found.items():
         for remark in remarks:
             if all(remark in others for others in found.values()):

@@ -6,18 +6,19 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import metadata
 from types import NoneType, UnionType
 from typing import Any, TypeVar
 
 import numpy as np
 
-from gmwm.applications.monitor import Baseline
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document, require_kinds
 from gmwm.base.remarks import Remark
 from gmwm.base.text import with_article
+from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.options import AGAIN, CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
@@ -90,7 +91,10 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "left_in": found.left_in,
         "rest": None if found.rest is None else found.rest.to_dict(),
         "replicates": None if found.replicates is None else found.replicates.to_dict(),
-        "baseline": None if found.baseline is None else found.baseline.to_dict(),
+        **{
+            addition.name: None if (value := found.additions.get(addition.name)) is None else addition.to_dict(value)
+            for addition in axis_additions()
+        },
     }
 
 
@@ -140,8 +144,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
-    removed, known = content["regression"], content.get("baseline")
-    rest = content.get("rest")
+    removed, rest = content["regression"], content.get("rest")
     spectrum, misfit = content["spectrum"], content["misfit"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
@@ -159,7 +162,11 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
         left_in=content["left_in"],
         rest=None if rest is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(rest)),
-        baseline=None if known is None else _read(f"{axis}.baseline", lambda: Baseline.from_dict(known)),
+        additions={
+            addition.name: _read(f"{axis}.{addition.name}", partial(addition.from_dict, content[addition.name]))
+            for addition in axis_additions()
+            if content.get(addition.name) is not None
+        },
     )
 
 

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gmwm.applications.several.block_means import shared_noise
-from gmwm.applications.several.result import SharedNoise
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads
+from gmwm.calibration.additions import axis_additions, recording_additions
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.streams import Stream
@@ -46,9 +45,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
-BEGINNING = 1 << 19
-"""Number of samples at the beginning of a recording that are used for the baseline of a monitor (1.5 h at 100 Hz). With
-them, the standard deviation of every chart statistic is known to a few per cent."""
+def beginning() -> int:
+    """Return the number of samples at the beginning of a recording that the additions need."""
+    return max((addition.beginning for addition in axis_additions()), default=0)
 
 
 def clean(signal: Signal) -> Signal:
@@ -130,7 +129,7 @@ class AxisMeasurement:
     Attributes
     ----------
     beginning : Signal or None
-        The first `BEGINNING` samples, with isolated wrong samples and knocks replaced; None before the first batch.
+        The first `beginning()` samples, with isolated wrong samples and knocks replaced; None before the first batch.
     """
 
     def __init__(
@@ -149,8 +148,8 @@ class AxisMeasurement:
         """Return a batch with its isolated wrong samples and knocks replaced, and count them."""
         found = self.samples.clean(signal)
         have = 0 if self.beginning is None else len(self.beginning)
-        if have < BEGINNING:
-            first = cut(found, 0, BEGINNING - have)
+        if have < beginning():
+            first = cut(found, 0, beginning() - have)
             if self.beginning is not None:
                 first = _continued(self.beginning, first)
             elif len(first) < len(found):
@@ -258,14 +257,11 @@ def measured_axis(
 
 
 class RecordingMeasurement(NamedTuple):
-    """The measurements of the axes of a recording, its inspection, and the noise that its axes share.
-
-    Shared noise is only estimated for recordings in memory.
-    """
+    """The measurements of the axes of a recording, its inspection, and the findings of the additions to recordings."""
 
     axes: Mapping[str, AxisMeasurement | Pair]
     inspection: Inspection
-    shared: tuple[SharedNoise, ...] = ()
+    findings: tuple[object, ...] = ()
 
 
 def measured_recording(
@@ -305,7 +301,7 @@ def measured_recording(
     inspector = FirstPass(batches)
     measured = _measure(batches, axes, options, threads=threads, inspector=inspector, conditions=conditions)
     inspection = _inspected(batches, inspector, _curves(measured), threads, conditions=conditions)
-    return RecordingMeasurement(measured, inspection, _shared(recording, measured, threads))
+    return RecordingMeasurement(measured, inspection, _findings(recording, measured, threads))
 
 
 def curves_and_inspection(
@@ -364,7 +360,7 @@ def _measure(
     recording = batches.recording
     curves = curves_of(recording, axes, efficiency=options.efficiency, change=clean)
     turn = nullcontext() if isinstance(recording, Imu) else Lock()
-    keep = isinstance(recording, Imu) and len(axes) > 1
+    keep = isinstance(recording, Imu) and any(addition.needs(axes) for addition in recording_additions())
     made = {
         axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis), turn, keep)
         for axis, one in curves.items()
@@ -375,17 +371,18 @@ def _measure(
     return made
 
 
-def _shared(
+def _findings(
     recording: Imu | Streamed, measured: Mapping[str, AxisMeasurement], threads: int | None
-) -> tuple[SharedNoise, ...]:
-    """Return the noise that the axes of a recording in memory share; nothing for a stream or a single axis.
-
-    The effect of the conditions is removed, and isolated wrong samples and knocks are replaced, before it is estimated.
-    """
-    if not isinstance(recording, Imu) or len(measured) < 2:
+) -> tuple[object, ...]:
+    """Return the findings of the additions about a recording in memory, in the order of `recording_additions`."""
+    needed = [isinstance(recording, Imu) and addition.needs(list(measured)) for addition in recording_additions()]
+    if not isinstance(recording, Imu) or not any(needed):
         return ()
-    kept = {axis: replace(recording[axis], values=one.taken()) for axis, one in measured.items()}
-    return shared_noise(kept, threads=threads)
+    samples = {axis: replace(recording[axis], values=item.taken()) for axis, item in measured.items()}
+    return tuple(
+        addition.of_recording(samples, threads=threads) if need else None
+        for addition, need in zip(recording_additions(), needed, strict=True)
+    )
 
 
 def _curves(measured: Mapping[str, AxisMeasurement]) -> dict[str, AxisCurves]:

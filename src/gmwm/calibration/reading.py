@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gmwm.applications.several.result import SharedNoise
 from gmwm.base.errors import OptionError
 from gmwm.base.threads import in_threads
 from gmwm.calibration.data import chosen_axes
@@ -32,7 +31,7 @@ def inspected(
     scheduler: str | Client | None,
     workers: int | None,
     read: Callable[[str], None],
-) -> tuple[dict[str, Measured], Inspection | None, tuple[SharedNoise, ...], dict[str, Conditions]]:
+) -> tuple[dict[str, Measured], Inspection | None, tuple[object, ...], dict[str, Conditions]]:
     """Measure and inspect one recording.
 
     Parameters
@@ -53,8 +52,8 @@ def inspected(
         The measured data of each axis.
     inspection : Inspection or None
         The inspection; None without a recording.
-    shared : tuple of SharedNoise
-        The noise that the axes share.
+    findings : tuple of object
+        The findings of `recording_additions`.
     conditions : dict of axis to Conditions
         The conditions whose effect is removed, with the regression of each axis.
 
@@ -77,7 +76,7 @@ def inspected(
             data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=read,
             conditions=conditions,
         )  # fmt: skip
-        return dict(measured.axes), measured.inspection, measured.shared, dict.fromkeys(chosen, conditions)
+        return dict(measured.axes), measured.inspection, measured.findings, dict.fromkeys(chosen, conditions)
     items, found = {}, {}
     for axis, item in chosen.items():
         if item is not None:

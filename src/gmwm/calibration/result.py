@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gmwm.applications.monitor import Baseline
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
 from gmwm.base.plotting import Plotted
@@ -33,6 +32,7 @@ from gmwm.measuring.spectrum import PowerSpectrum
 if TYPE_CHECKING:
     from polars import DataFrame
 
+    from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
     from gmwm.showing.exporters.reduction import Rule
@@ -78,9 +78,8 @@ class AxisCalibration:
         this K could not be estimated.
     rest : BiasAtRest or None
         Bias at rest; None if the data were a wavelet variance.
-    baseline : Baseline or None
-        Statistics of the innovations of the model in the recording, with which `gmwm.Monitor` compares later samples;
-        None if the data were a wavelet variance, or if the recording is too short.
+    additions : mapping of name to object
+        What applications have computed, such as the "baseline" with which `gmwm.Monitor` compares later samples.
     """
 
     fit: Fit
@@ -97,7 +96,7 @@ class AxisCalibration:
     regression: Regression | None = None
     left_in: float | None = None
     rest: BiasAtRest | None = None
-    baseline: Baseline | None = None
+    additions: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def replicates(self) -> Replicates | None:
@@ -197,7 +196,17 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
     @property
     def baselines(self) -> dict[str, Baseline]:
         """Baselines for a monitor (statistics of the innovations in the recording), for the axes that have one."""
-        return {axis: found.baseline for axis, found in self.axes.items() if found.baseline is not None}
+        return self.addition("baseline")
+
+    def addition(self, name: str) -> dict[str, Any]:
+        """Return what an application has added to the calibration, for the axes that have it.
+
+        Parameters
+        ----------
+        name : str
+            Name of the addition, such as "baseline".
+        """
+        return {axis: found.additions[name] for axis, found in self.axes.items() if name in found.additions}
 
     @property
     def rest(self) -> dict[str, BiasAtRest]:

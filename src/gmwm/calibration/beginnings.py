@@ -1,4 +1,4 @@
-"""Compute the baseline of each calibrated axis, with which a monitor compares later samples."""
+"""Compute the additions to each calibrated axis from the first samples of its recordings."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from gmwm.applications.monitor import Baseline
-from gmwm.base.errors import DataError, ModelError
 from gmwm.base.threads import in_threads
-from gmwm.calibration.measurement import BEGINNING, AxisMeasurement, clean
+from gmwm.calibration.additions import axis_additions
+from gmwm.calibration.measurement import AxisMeasurement, beginning, clean
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.several import Part
 from gmwm.files.readers.streams import Stream
@@ -25,25 +24,21 @@ def kept_samples(axis: str, parts: Mapping[str, Part]) -> list[Signal]:
     return kept if len(kept) == len(parts) else []
 
 
-def with_baseline(found: AxisCalibration, signals: Sequence[Signal]) -> AxisCalibration:
-    """Return the calibration of an axis with the baseline of these samples."""
+def with_additions(found: AxisCalibration, signals: Sequence[Signal]) -> AxisCalibration:
+    """Return the calibration of an axis with its additions, which are computed from these samples."""
     if not signals:
         return found
-    segments = [values for signal in signals for values in signal.segment_values()]
-    try:
-        baseline = Baseline.of(found.fit.model, segments, signals[0].rate)
-    except (DataError, ModelError):
-        return found  # too short, or the model has no Kalman filter; the monitor reports it
-    return replace(found, baseline=baseline)
+    values = {addition.name: addition.of_axis(found.fit, signals) for addition in axis_additions()}
+    return replace(found, additions={name: value for name, value in values.items() if value is not None})
 
 
-def with_baselines(
+def with_missing_additions(
     done: Mapping[str, AxisCalibration],
     parts: Mapping[str, Mapping[str, Part]],
     recordings: Mapping[str, Any],
     threads: int | None,
 ) -> dict[str, AxisCalibration]:
-    """Return the calibrations with the baselines of the axes whose first samples were not kept.
+    """Return the calibrations with the additions to the axes whose first samples were not kept.
 
     As in the calibration, isolated wrong samples and knocks are replaced, because they are not part of the normal noise
     and a monitor must report them. The effect of conditions is not removed, because a monitor does not remove it
@@ -55,7 +50,7 @@ def with_baselines(
     parts : mapping of axis to mapping of recording to Part
         The measurements, which contain the first samples.
     recordings : mapping of name to Imu, Signal, Stream, or mapping of axis to Signal
-        The recordings that were calibrated. If there are several, a baseline is computed from all of them together.
+        The recordings that were calibrated. If there are several, an addition is computed from all of them together.
     threads : int or None
         Number of axes that are processed at the same time.
     """
@@ -74,21 +69,21 @@ def with_baselines(
         if own := kept(axis, name):
             return own[0]
         signal = firsts[name].get(axis)
-        return None if signal is None else clean(cut(signal, 0, BEGINNING))
+        return None if signal is None else clean(cut(signal, 0, beginning()))
 
     def work(axis: str, found: AxisCalibration) -> AxisCalibration:
-        return with_baseline(found, [one for name in recordings if (one := first_samples(axis, name)) is not None])
+        return with_additions(found, [one for name in recordings if (one := first_samples(axis, name)) is not None])
 
     return {**done, **in_threads(work, missing, threads=threads)}
 
 
 def _first_samples(data: Any) -> Mapping[str, Signal]:
-    """Return the signals of a recording by axis, at least up to the last sample that a baseline needs."""
+    """Return the signals of a recording by axis, at least up to the last sample that an addition needs."""
     if isinstance(data, Imu | Stream):
         parts: list[Batch] = []
         for batch in batches(data):
             parts.append(batch)
-            if batch.stop >= BEGINNING:
+            if batch.stop >= beginning():
                 break
         return joined(parts).signals
     items = {data.axis or "signal": data} if isinstance(data, Signal) else data
