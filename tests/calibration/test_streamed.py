@@ -9,7 +9,7 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.calibration.measurement import curves_and_inspection, measured_recording
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.files.readers import text
+from gmwm.files.formats import text
 from gmwm.measuring.inspection.api import FirstPass
 from gmwm.measuring.streaming import passes
 from gmwm.recording import batches

@@ -68,7 +68,7 @@ def test_small_batches_give_the_same(tmp_path, monkeypatch):
         path = recorded(tmp_path, container, data)
         for name in ("bag_ros1", "bag_sqlite", "bag_mcap"):
             monkeypatch.setattr(f"gmwm.files.readers.{name}.BATCH_BYTES", 1000)
-        monkeypatch.setattr("gmwm.files.readers.bag_sqlite._FIRST", 3)
+        monkeypatch.setattr("gmwm.files.formats.bag_sqlite._FIRST", 3)
         assert read(path)["gyro_y"].values.tolist() == data[:, 1].tolist()
 
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from gmwm.base.errors import OptionError, ReadError, TimeBaseWarning, UnitError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.files.clock.clock import clock_of
+from gmwm.files.clock.time_stamps import as_stamps
 from gmwm.files.readers import read
-from gmwm.files.readers.clock import clock_of
-from gmwm.files.readers.time_stamps import as_stamps
 from tests.helpers import only, raises
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)

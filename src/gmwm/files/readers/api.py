@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from gmwm.base.errors import ReadError
-from gmwm.files.readers.axis_units import time_unit
+from gmwm.files.clock.clock import rows_between
+from gmwm.files.columns.axis_units import time_unit
+from gmwm.files.columns.columns import choose
 from gmwm.files.readers.builder import SampleBuilder, collected
-from gmwm.files.readers.clock import rows_between
-from gmwm.files.readers.columns import choose
 from gmwm.files.readers.interpretation import Interpretation, RowSource, require_time, understand
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import Source, found_reader, source_words

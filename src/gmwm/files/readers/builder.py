@@ -16,10 +16,10 @@ from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, beyond_sensors
-from gmwm.files.readers.base import Rows
+from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, sift
+from gmwm.files.clock.running_clock import KnownClock, RunningClock, Settled
+from gmwm.files.contract import Rows
 from gmwm.files.readers.interpretation import TEMPERATURE, Interpretation, RowSource
-from gmwm.files.readers.lost_samples import about_lost, as_floats, gaps_of, sift
-from gmwm.files.readers.running_clock import KnownClock, RunningClock, Settled
 from gmwm.files.readers.temperature import with_temperature
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import Imu, Signal

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
+from gmwm.files.columns.column_names import named_unit, unit_of
+from gmwm.files.columns.columns import Choice, choose
+from gmwm.files.contract import Layout
+from gmwm.files.formats.arrays import Array, chunks_of, fields_of, layouts_of, part_of
 from gmwm.files.readers.api import recording_of
-from gmwm.files.readers.arrays import Array, chunks_of, fields_of, layouts_of, part_of
-from gmwm.files.readers.base import Layout
-from gmwm.files.readers.column_names import named_unit, unit_of
-from gmwm.files.readers.columns import Choice, choose
 from gmwm.files.readers.interpretation import require_time, understand
 from gmwm.files.readers.reading_warnings import warn
 from gmwm.files.readers.streams import HeldRows

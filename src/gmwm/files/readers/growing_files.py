@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from gmwm.base.errors import ReadError
-from gmwm.files.readers.base import Layout, Rows, registered
-from gmwm.files.readers.byte_sources import FileSource
-from gmwm.files.readers.columns import Choice, choose
+from gmwm.files.columns.columns import Choice, choose
+from gmwm.files.contract import Layout, Rows, without_guests
+from gmwm.files.formats.byte_sources import FileSource
+from gmwm.files.formats.text import TextReader
 from gmwm.files.readers.interpretation import require_time, understand
 from gmwm.files.readers.reading_warnings import warn
 from gmwm.files.readers.streams import Stream, first_rows
-from gmwm.files.readers.text import TextReader
 from gmwm.recording.options import ReadOptions
 
 POLL = 0.2
@@ -286,7 +286,7 @@ def _first_lines(lines: Lines, patience: float) -> bytes:
 
 def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
     """Return the reader for the text dialect of the first lines, and their columns."""
-    readers = [reader for reader in registered() if isinstance(reader, TextReader)]
+    readers = [reader for reader in without_guests() if isinstance(reader, TextReader)]
     best = max(readers, key=lambda reader: reader.sniff(path, head))
     if best.sniff(path, head) <= 0:
         raise ReadError(

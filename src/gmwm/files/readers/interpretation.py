@@ -15,16 +15,16 @@ from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
-from gmwm.files.readers.axis_units import resolve, time_unit
-from gmwm.files.readers.base import Layout, Rows
-from gmwm.files.readers.clock import clock_of
-from gmwm.files.readers.columns import Choice, described
-from gmwm.files.readers.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
+from gmwm.files.clock.clock import clock_of
+from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
+from gmwm.files.clock.running_clock import Pace
+from gmwm.files.clock.text_stamps import holds_stamps, require_readable
+from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, unstamped
+from gmwm.files.columns.axis_units import resolve, time_unit
+from gmwm.files.columns.columns import Choice, described
+from gmwm.files.columns.scale_factors import multiply
+from gmwm.files.contract import Layout, Rows
 from gmwm.files.readers.reading_warnings import STAMPS, of_file
-from gmwm.files.readers.running_clock import Pace
-from gmwm.files.readers.scale_factors import multiply
-from gmwm.files.readers.text_stamps import holds_stamps, require_readable
-from gmwm.files.readers.time_stamps import Timing, as_stamps, beside_stated, unstamped
 from gmwm.recording.options import ReadOptions
 from gmwm.recording.signals import MINIMUM_SAMPLES
 

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.files.readers.base import Layout, Mark, Reader, existing_file, find_reader
+from gmwm.files.clock.lost_samples import Sifted, sift
+from gmwm.files.contract import Layout, Mark, Reader, existing_file, find_reader
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation
-from gmwm.files.readers.lost_samples import Sifted, sift
 from gmwm.files.readers.several_files import SeveralFiles
 from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.files.readers.topics import one_layout

@@ -19,8 +19,8 @@ import numpy as np
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import printable
-from gmwm.files.readers.base import Layout, Reader, Rows, existing_file, find_reader
-from gmwm.files.readers.lost_samples import CUT
+from gmwm.files.clock.lost_samples import CUT
+from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
 
 Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 """A file, a pattern, or a sequence of files."""

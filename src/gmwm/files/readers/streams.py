@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from gmwm.base.remarks import Remark
+from gmwm.files.clock.lost_samples import CUT, as_floats
+from gmwm.files.columns.columns import Choice
+from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.files.readers import interpretation
-from gmwm.files.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
-from gmwm.files.readers.columns import Choice
 from gmwm.files.readers.interpretation import Interpretation, RowSource
-from gmwm.files.readers.lost_samples import CUT, as_floats
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import SeveralFiles, files_of, source_words
 from gmwm.files.readers.topics import one_layout

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.files.readers.base import Rows
-from gmwm.files.readers.lost_samples import is_missing
+from gmwm.files.clock.lost_samples import is_missing
+from gmwm.files.contract import Rows
 
 LONGEST = 1 << 20
 """Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most this number of rows wait

@@ -10,7 +10,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted, duration_text
-from gmwm.files.readers.base import Layout, Reader
+from gmwm.files.contract import Layout, Reader
 from gmwm.files.readers.several_files import Source, found_reader
 
 

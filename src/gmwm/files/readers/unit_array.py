@@ -11,9 +11,9 @@ from typing import Any
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
+from gmwm.files.columns.column_names import recognise
+from gmwm.files.contract import Layout
 from gmwm.files.readers.api import read_file
-from gmwm.files.readers.base import Layout
-from gmwm.files.readers.column_names import recognise
 from gmwm.files.readers.several_files import found_reader
 from gmwm.files.readers.topics import inertial_topics, one_layout
 from gmwm.recording.options import ReadOptions

@@ -1,0 +1,183 @@
+"""Read the files of ROS recordings: list the topics in a file, and yield the bytes of the messages of one topic.
+
+The formats are the bag of ROS 1, and the SQLite database and the MCAP file of ROS 2. Each has a subclass of `Storage`.
+"""
+
+from __future__ import annotations
+
+import zlib
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from gmwm.base.errors import ReadError
+from gmwm.files.formats.byte_sources import ZSTD, zstd_library
+
+Batch = tuple[list[int], list[bytes]]
+"""A list of the times of recording (ns) of messages, in ascending order, and a list of the bytes of each message."""
+
+BATCH_BYTES = 2 << 20
+"""Approximate size of the messages in a batch (bytes)."""
+
+CHUNK_LIMIT = 256 << 20
+"""Largest size of a decompressed chunk (bytes); recorders write 0.8 to 16 MB."""
+
+MESSAGE_LIMIT = 1 << 20
+"""Largest size of a decompressed message (bytes); messages of inertial sensors have a few hundred bytes."""
+
+TEXT_LIMIT = 1 << 20
+"""Largest length of a message definition (characters), and of a record that contains one (bytes)."""
+
+TOPIC_LIMIT = 10_000
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A stream of messages of one type.
+
+    Parameters
+    ----------
+    name : str
+        Name of the topic, for example "/imu/data".
+    type : str
+        Type of the messages, for example "sensor_msgs/msg/Imu", also for ROS 1.
+    encoding : str
+        Serialisation of the messages: "cdr", "ros1", or another one, which cannot be read.
+    text, language : str
+        Definition of the type and its language: "ros1msg", "ros2msg", "ros2idl", or "" for none.
+    ids : tuple of int
+        Identifiers of the topic in the file; there is one for each publisher.
+    count : int or None
+        Number of messages; None if the file does not state it.
+    """
+
+    name: str
+    type: str
+    encoding: str
+    text: str = ""
+    language: str = ""
+    ids: tuple[int, ...] = ()
+    count: int | None = None
+
+
+class Storage(ABC):
+    """One file of a ROS recording."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @abstractmethod
+    def topics(self) -> tuple[Topic, ...]:
+        """Return the recorded topics."""
+
+    @abstractmethod
+    def batches(self, topic: Topic) -> Iterator[Batch]:
+        """Yield the messages of a topic, in batches."""
+
+
+def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
+    """Decompress a chunk, and check that it has the size that the file states.
+
+    Parameters
+    ----------
+    data : bytes
+        The bytes in the file.
+    compression : str
+        "", "none", "lz4", "bz2" or "zstd".
+    size : int
+        Expected size after decompression (bytes).
+
+    Raises
+    ------
+    ReadError
+        If the chunk is damaged, has a different size, is too large, or has another compression.
+    """
+    if size > CHUNK_LIMIT:
+        raise ReadError(
+            f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",
+            code="too-large",
+            advice="Record with smaller chunks, or export the topic as CSV.",
+        )
+    if compression in ("", "none"):
+        content = data
+    elif compression in ("lz4", "bz2", "zstd"):
+        try:
+            # One byte more than expected is enough to detect that the chunk is too large.
+            content = _decompressor(compression).decompress(data, max_length=size + 1)
+        except Exception as error:  # three libraries can raise any error on invalid data
+            raise ReadError(
+                f"{path}: a chunk is damaged ({error})", code="chunk-damaged", advice="Copy the file again."
+            ) from error
+    else:
+        raise ReadError(
+            f"{path}: its chunks have the compression {compression!r}, but gmwm reads only lz4, bz2, zstd and none",
+            code="unsupported",
+            advice="Compress the recording in one of these formats.",
+        )
+    if len(content) != size:
+        raise ReadError(
+            f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}",
+            code="chunk-damaged",
+            advice="Copy the file again.",
+        )
+    return bytes(content)
+
+
+def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
+    """Decompress messages that were compressed one by one, and return other messages unchanged. The two can be
+    distinguished, because a CDR message cannot begin with the magic bytes of Zstandard."""
+    if not messages[0].startswith(ZSTD):
+        return messages
+    try:
+        found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
+    except Exception as error:  # a library can raise any error on invalid data
+        raise ReadError(
+            f"{path}: a compressed message is damaged ({error})", code="chunk-damaged", advice="Copy the file again."
+        ) from error
+    if sum(map(len, found)) > CHUNK_LIMIT:
+        raise ReadError(
+            f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them",
+            code="too-large",
+            advice="Copy the file again, or export the topic as CSV.",
+        )
+    return found
+
+
+def require_checksum(content: bytes, checksum: int, path: Path) -> None:
+    """Raise an error if a chunk does not match its checksum."""
+    if checksum and zlib.crc32(content) != checksum:
+        raise ReadError(
+            f"{path}: a chunk is damaged: its checksum is wrong", code="checksum-wrong", advice="Copy the file again."
+        )
+
+
+def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
+    """Merge topics of the same name, because the messages of several publishers of a topic form one recording."""
+    found: dict[tuple[str, str, str], Topic] = {}
+    for topic in topics:
+        key = (topic.name, topic.type, topic.encoding)
+        other = found.get(key, Topic(*key))
+        count = None if topic.count is None else topic.count + (other.count or 0)
+        text, language = (topic.text, topic.language) if topic.text else (other.text, other.language)
+        found[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
+        if len(found) > TOPIC_LIMIT:
+            raise ReadError(
+                f"more than {TOPIC_LIMIT} topics",
+                code="too-many",
+                advice="Copy the topics of the sensor to another recording.",
+            )
+    return tuple(found.values())
+
+
+def _decompressor(compression: str) -> Any:
+    if compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+
+        return LZ4FrameDecompressor()
+    if compression == "bz2":
+        from bz2 import BZ2Decompressor
+
+        return BZ2Decompressor()
+    return zstd_library().ZstdDecompressor()
