@@ -38,8 +38,7 @@ COARSE, COARSEST = 0.4, 0.54
 At the first level of white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the
 first share, the ratio of the level depends by up to 15 % on the position of the mean between two steps. Above the
 second share, this holds for every level, because the mean drifts from step to step. The false alarms with these values
-are in docs/validation/contamination-test.md.
-"""
+are in docs/validation/contamination-test.md."""
 TOLERANCE = 0.02
 """Default of the relative excess that is not reported as outliers."""
 FELT = 4
