@@ -63,7 +63,8 @@ class AxisStatistics:
         return [(first, np.concatenate(medians)) for first, medians in self._levels]
 
     def means(self) -> list[tuple[int, Vector]]:
-        """Return the first sample and the block means, without outliers, of each range that has at least five blocks."""
+        """Return the first sample and the block means, without outliers, of each range that has at least five
+        blocks."""
         return [(first, np.concatenate(means)) for first, means in self._means]
 
     def runs(self) -> list[Vector]:

@@ -75,7 +75,8 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
 
 
 def of_stuck(still: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
-    """Yield remarks on axes whose output stops changing, with the first such time (s) and the share of the recording."""
+    """Yield remarks on axes whose output stops changing, with the first such time (s) and the share of the
+    recording."""
     for axis, found in still.items():
         if found is not None:
             yield Remark.of("axis-stuck", axis, time=Quantity(found[0], "s"), share=found[1])

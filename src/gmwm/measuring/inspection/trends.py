@@ -187,7 +187,8 @@ class TrendTest:
         return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
     def until(self) -> float | None:
-        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise, or None."""
+        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise, or
+        None."""
         n, profile = self._means.size, self._profile()
         if self.kind != "exponential" or self.tau > n:
             return None
@@ -220,7 +221,8 @@ class TrendTest:
         return np.asarray(line * at / n + curve * (at / n) ** 2)
 
     def _decays(self, times: Vector) -> tuple[Profile, Matrix]:
-        """Return the profile likelihoods with an exponential of each time constant, and the transformed exponentials."""
+        """Return the profile likelihoods with an exponential of each time constant, and the transformed
+        exponentials."""
         at = np.arange(self._means.size) + 0.5
         courses = self._likelihood.transformed(np.exp(-at / times[:, None]))
         return self._likelihood.with_one(courses), courses

@@ -84,7 +84,8 @@ def _markov(transform: Matrix, time: float) -> Vector:
 
 
 def _crossing(walks: Vector, excess: Vector) -> float:
-    """Return the largest γ² at which `excess` is still zero or negative, interpolated between neighbours on the grid."""
+    """Return the largest γ² at which `excess` is still zero or negative, interpolated between neighbours on the
+    grid."""
     inside = excess <= 0
     largest = float(np.max(walks[inside]))
     # The walk grows from model to model, and starts again at zero for the next Gauss-Markov process.

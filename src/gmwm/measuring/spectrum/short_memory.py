@@ -168,7 +168,8 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
 
 
 def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
-    """Return the optimum with more roots: a few steps from all starting points, then all steps from the best of them."""
+    """Return the optimum with more roots: a few steps from all starting points, then all steps from the best of
+    them."""
     # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
     # at the same frequency.
     distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
@@ -333,7 +334,8 @@ def _scatter(point: _Point, data: _Data) -> Matrix:
 
 
 def _bend(data: _Data, point: _Point) -> float:
-    """Return the logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the data."""
+    """Return the logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
+    data."""
     below, above = (abs(data.polynomial(tail)[0]) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b))
     return 2 * math.log(below / above)
 

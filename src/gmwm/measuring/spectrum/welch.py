@@ -66,7 +66,8 @@ class Periodograms(NamedTuple):
 
 @lru_cache(maxsize=16)
 def band_edges(length: int) -> NDArray[np.int64]:
-    """Return the first bin of each band: the bins 2 to 31, then octaves. The bins 0 and 1 contain a part of the mean."""
+    """Return the first bin of each band: the bins 2 to 31, then octaves. The bins 0 and 1 contain a part of the
+    mean."""
     octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
     return np.array([min(2, length // 2), *octaves], dtype=np.int64)
 

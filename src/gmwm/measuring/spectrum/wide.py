@@ -210,7 +210,8 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
 
 
 def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
-    """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the same."""
+    """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the
+    same."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
     return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
 
